@@ -1,0 +1,166 @@
+"""Finds a C compiler: ``DUALWINCH_CC``, ``CC``, gcc, clang, cc, then the `ziglang` package."""
+
+import hashlib
+import importlib.util
+import os
+import platform
+import re
+import shlex
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from codegen.errors import CompileError, CompilerNotFoundError
+
+OPTIMISE = (
+    "-std=c99",
+    "-O3",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-ffinite-math-only",  # without it fmin and fmax are library calls; the driver tests for non-finite by bits
+    "-fno-signed-zeros",
+    "-ffp-contract=off",  # the same bits from every compiler
+)
+"""Flags of every build; nothing here lets a compiler reorder sums or contract products."""
+
+SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
+
+NO_COMPILER = (
+    "no C compiler found; either install gcc or clang (e.g. the system package 'gcc'), "
+    "or run: pip install 'dualwinch[zig]'"
+)
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler on this machine.
+
+    Attributes:
+        name: ``gcc``, ``clang``, ``zig`` or the name it was given by.
+        command: how it is called.
+        version: the first line it says of itself.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    version: str
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Flags of a shared library for this machine's processor."""
+        native = () if self.name == "zig" or not _takes_native() else ("-march=native",)
+        return OPTIMISE + native + SHARED
+
+    @property
+    def identity(self) -> str:
+        """Everything that makes two builds of one source differ: compiler, version, flags, processor."""
+        return "\n".join((*self.command, self.version, *self.flags, processor()))
+
+    def build(self, source: str, target: Path, extra_flags: tuple[str, ...] = ()) -> None:
+        """Compile C source to a shared library.
+
+        Args:
+            source: one translation unit.
+            target: file to write.
+            extra_flags: appended to `flags`.
+
+        Raises:
+            CompileError: the compiler cannot be started or fails; the message carries its first complaint.
+        """
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-") as folder:
+            unit = Path(folder) / "unit.c"
+            unit.write_text(source)
+            command = [*self.command, *self.flags, *extra_flags, unit.name, "-o", str(target.resolve()), "-lm"]
+            try:
+                done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+            except OSError as error:
+                raise CompileError(f"cannot run the C compiler {self.command[0]}: {error.strerror}") from error
+        if done.returncode != 0:
+            complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
+            raise CompileError(f"{' '.join(self.command)} failed with exit code {done.returncode}: {complaint}")
+
+
+def _takes_native() -> bool:
+    return platform.machine().lower() in {"x86_64", "amd64", "aarch64", "arm64"}
+
+
+@cache
+def processor() -> str:
+    """Model and instruction sets of this machine's processor."""
+    facts = [platform.system(), platform.machine(), platform.processor()]
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        text = cpuinfo.read_text(errors="replace")
+        for field in ("model name", "flags", "Features", "CPU part"):
+            found = re.search(rf"^{field}\s*:\s*(.*)$", text, re.MULTILINE)
+            if found:
+                facts.append(found.group(1))
+    return " ".join(facts)
+
+
+def vector_features() -> tuple[str, ...]:
+    """The vector instruction sets of this machine's processor, widest first."""
+    words = set(processor().split())
+    return tuple(name for name in ("avx512f", "avx2", "fma", "sse4_2", "asimd", "neon") if name in words)
+
+
+def _ask_version(command: tuple[str, ...]) -> str | None:
+    try:
+        said = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=30, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return said.stdout.splitlines()[0].strip() if said.returncode == 0 and said.stdout else None
+
+
+def _zig() -> Compiler | None:
+    found = importlib.util.find_spec("ziglang")
+    if found is None or not found.submodule_search_locations:
+        return None
+    zig = Path(found.submodule_search_locations[0]) / ("zig.exe" if os.name == "nt" else "zig")
+    try:
+        return Compiler("zig", (str(zig), "cc"), f"ziglang {version('ziglang')}")
+    except PackageNotFoundError:
+        return None
+
+
+def find_compiler(wanted: str | None = None) -> Compiler:
+    """The C compiler to use.
+
+    Args:
+        wanted: a command, or ``zig``; by default the environment's ``DUALWINCH_CC`` or ``CC``, else the first of
+            gcc, clang, cc and zig.
+
+    Raises:
+        CompilerNotFoundError: there is none, or the one asked for is none.
+    """
+    wanted = wanted or os.environ.get("DUALWINCH_CC") or os.environ.get("CC")
+    return _find(wanted, os.environ.get("PATH", ""))
+
+
+@cache
+def _find(wanted: str | None, path: str) -> Compiler:
+    if wanted:
+        command = tuple(shlex.split(wanted))
+        said = None if wanted == "zig" else _ask_version(command)
+        found = _zig() if wanted == "zig" else Compiler(Path(command[0]).stem, command, said) if said else None
+        if found is None:
+            raise CompilerNotFoundError(f"{wanted!r} is no working C compiler (DUALWINCH_CC or CC); {NO_COMPILER}")
+        return found
+    for name in ("gcc", "clang", "cc"):
+        where = shutil.which(name, path=path)
+        said = _ask_version((where,)) if where else None
+        if where and said:
+            return Compiler(name, (where,), said)
+    zig = _zig()
+    if zig is None:
+        raise CompilerNotFoundError(NO_COMPILER)
+    return zig
+
+
+def fingerprint(*parts: str) -> str:
+    """Hexadecimal digest of some texts."""
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]

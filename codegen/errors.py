@@ -1,0 +1,21 @@
+"""The family of errors; every message is one line that says what was wrong and what would help."""
+
+
+class DualwinchError(Exception):
+    """Base of every error this project raises on purpose."""
+
+
+class CodegenError(DualwinchError):
+    """CasADi cannot generate C for a function."""
+
+
+class CompilerNotFoundError(DualwinchError):
+    """No C compiler on this machine."""
+
+
+class CompileError(DualwinchError):
+    """The C compiler failed."""
+
+
+class CacheError(DualwinchError):
+    """The folder of compiled libraries cannot be used."""

@@ -1,0 +1,127 @@
+"""A whole rollout in compiled C: the generated step and a driver loop in one translation unit."""
+
+import ctypes
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.c_source import c_source
+from codegen.cache import library
+from codegen.compiler import Compiler, find_compiler
+
+COMPLETED, DIVERGED, LEFT = 0, 1, 2
+"""Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
+
+
+def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
+    """Split a step so that what depends on the parameters alone is computed once a rollout.
+
+    Args:
+        step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
+
+    Returns:
+        ``derive(parameters) -> derived`` and
+        ``step(state, exogenous, parameters, derived) -> (next_state, row, margin)``.
+    """
+    inputs = {name: ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()}
+    outputs = step.call(list(inputs.values()))
+    sizes = np.cumsum([0, *(output.numel() for output in outputs)])
+    parameters = inputs["parameters"]
+    rest, symbols, expressions = ca.extract_parametric(ca.vertcat(*outputs), parameters)
+    derived = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+    parts = ca.vertsplit(ca.densify(ca.cse(rest)), [int(size) for size in sizes])
+    derive = ca.Function("derive", [parameters], [ca.vertcat(*expressions)], ["parameters"], ["derived"])
+    lean = ca.Function("step", [*inputs.values(), derived], parts, [*inputs, "derived"], step.name_out())
+    return derive, lean
+
+
+def rollout_source(step: ca.Function) -> str:
+    """C99 translation unit that runs a step for many samples.
+
+    Args:
+        step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
+    """
+    derive, lean = hoisted(step)
+    sizes = {
+        "STATES": lean.numel_in("state"),
+        "EXOGENOUS": lean.numel_in("exogenous"),
+        "PARAMETERS": lean.numel_in("parameters"),
+        "DERIVED": lean.numel_in("derived"),
+        "COLUMNS": lean.numel_out("row"),
+    }
+    lines = [f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};"]
+    driver = (files("codegen") / "rollout.c").read_text()
+    return "\n".join([*lines, c_source([derive, lean]), driver])
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """A compiled rollout.
+
+    Attributes:
+        columns: number of values in a row.
+        path: the library it was loaded from.
+    """
+
+    columns: int
+    path: Path
+    _call: "ctypes._NamedFuncPointer"
+
+    def __call__(
+        self,
+        parameters: NDArray[np.float64],
+        exogenous: NDArray[np.float64],
+        state: NDArray[np.float64],
+        stride: int = 1,
+    ) -> tuple[int, int, NDArray[np.float64]]:
+        """Run until `exogenous` is used up or the run ends early; Python's lock is released meanwhile.
+
+        Args:
+            parameters: (parameters,) float64.
+            exogenous: (samples, exogenous) float64, C-contiguous.
+            state: (states,) float64; overwritten with the final state.
+            stride: every how many samples a row is kept; 0 keeps none.
+
+        Returns:
+            Outcome, number of samples stepped, rows (kept rows, columns).
+        """
+        samples = exogenous.shape[0]
+        kept = -(-samples // stride) if stride else 0
+        rows = np.empty((kept, self.columns))
+        done = ctypes.c_int64()
+        outcome = self._call(
+            parameters.ctypes.data,
+            exogenous.ctypes.data,
+            state.ctypes.data,
+            samples,
+            max(stride, 1),
+            rows.ctypes.data if stride else None,
+            ctypes.byref(done),
+        )
+        return outcome, done.value, rows[: -(-done.value // stride) if stride else 0]
+
+
+@cache
+def compile_rollout(step: ca.Function, compiler: Compiler | None = None) -> Rollout:
+    """Compile (or find in the cache) and load the rollout of a step.
+
+    Args:
+        step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
+        compiler: by default the one `find_compiler` finds.
+
+    Raises:
+        CompilerNotFoundError: there is no C compiler.
+        CompileError: it failed.
+        CacheError: the cache folder cannot be used.
+    """
+    path = library(rollout_source(step), compiler or find_compiler())
+    call = ctypes.CDLL(str(path)).rollout
+    call.restype = ctypes.c_int
+    pointer, count = ctypes.c_void_p, ctypes.c_int64
+    call.argtypes = [pointer, pointer, pointer, count, count, pointer, ctypes.POINTER(count)]
+    return Rollout(step.numel_out("row"), path, call)

@@ -1,0 +1,169 @@
+"""The whole controller: speed filter, position law, coordination, two winch laws (paper Section 3, Figure 4)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal
+
+import annotated_types as at
+import casadi as ca
+
+from controllers.auxiliary import AuxiliaryGains
+from controllers.differential_tension import Coordination, tension_commands
+from controllers.fando_nftsm import FandoNftsmState, fando_nftsm_step
+from controllers.nftsm import NftsmGains, NftsmState, nftsm_step
+from controllers.nominal import Nominal
+from controllers.observer import ObserverGains
+from controllers.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
+from controllers.signals import ControllerOutput, Measurement, PositionOutput
+from controllers.speed_filter import SpeedFilterState, filter_speed
+from controllers.winch_pid import WinchGains, WinchState, winch_step
+from model.plant import Plant
+from model.quantity import Quantity, leaves, with_leaves
+from model.reference import Setpoint
+from model.scalar import Scalar, either
+
+
+@dataclass(frozen=True)
+class PositionLaw:
+    """A position law: its initial state and one sample of it, ``(state, ...) -> (state, PositionOutput)``."""
+
+    initial_state: Any
+    step: Callable[..., tuple[Any, PositionOutput]]
+
+
+POSITION_LAWS = {
+    "fando-nftsm": PositionLaw(FandoNftsmState(), fando_nftsm_step),
+    "nftsm": PositionLaw(NftsmState(), nftsm_step),
+    "pid-cascade": PositionLaw(PidCascadeState(), pid_cascade_step),
+}
+"""Every position law by its name; a new law is a new file and one line here."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Choice of the position law and all gains."""
+
+    kind: Annotated[
+        Literal["fando-nftsm", "nftsm", "pid-cascade"], Quantity("", "position law", "paper Table 2")
+    ] = "fando-nftsm"
+    speed_filter_time: Annotated[
+        float, at.Ge(0), Quantity("s", "low-pass on the measured speed; 0: none", "SPEC 4")
+    ] = 0.0
+    nominal: Nominal = field(default_factory=Nominal)
+    nftsm: NftsmGains = field(default_factory=NftsmGains)
+    observer: ObserverGains = field(default_factory=ObserverGains)
+    auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)
+    pid_cascade: PidCascadeGains = field(default_factory=PidCascadeGains)
+    coordination: Coordination = field(default_factory=Coordination)
+    winch_1: WinchGains = field(default_factory=WinchGains)
+    winch_2: WinchGains = field(default_factory=WinchGains)
+
+
+@dataclass(frozen=True)
+class ControllerState:
+    """State of the whole controller; `position` is the state of the chosen position law."""
+
+    position: Any
+    speed_filter: SpeedFilterState = field(default_factory=SpeedFilterState)
+    winch_1: WinchState = field(default_factory=WinchState)
+    winch_2: WinchState = field(default_factory=WinchState)
+
+
+def initial_controller_state(controller: Controller) -> ControllerState:
+    """State before the first sample."""
+    return ControllerState(position=POSITION_LAWS[controller.kind].initial_state)
+
+
+def controller_step(
+    state: ControllerState,
+    measurement: Measurement,
+    setpoint: Setpoint,
+    controller: Controller,
+    nominal: Plant,
+    sample_time: Scalar,
+) -> tuple[ControllerState, ControllerOutput]:
+    """One sample of the whole controller.
+
+    Args:
+        state: the controller's state.
+        measurement: this sample's sensor values.
+        setpoint: this sample's reference.
+        controller: position law and gains.
+        nominal: the plant as the controller believes it to be.
+        sample_time: in s.
+
+    Returns:
+        The next state and this sample's torques, commands and inner signals.
+    """
+    speed_filter = filter_speed(state.speed_filter, measurement.v, controller.speed_filter_time, sample_time)
+    filtered = replace(measurement, v=speed_filter.v)
+    law = POSITION_LAWS[controller.kind]
+    position, output = law.step(state.position, filtered, setpoint, controller, nominal, sample_time)
+    F1_cmd, F2_cmd = tension_commands(output.u_sat, controller.coordination)
+    winch_1, torque_1 = winch_step(
+        state.winch_1,
+        F1_cmd,
+        measurement.F1,
+        setpoint.a / nominal.winch_1.drum_radius,
+        nominal.winch_1,
+        controller.winch_1,
+        controller.coordination,
+        sample_time,
+    )
+    winch_2, torque_2 = winch_step(
+        state.winch_2,
+        F2_cmd,
+        measurement.F2,
+        -setpoint.a / nominal.winch_2.drum_radius,
+        nominal.winch_2,
+        controller.winch_2,
+        controller.coordination,
+        sample_time,
+    )
+    said = ControllerOutput(
+        position=output,
+        F1_cmd=F1_cmd,
+        F2_cmd=F2_cmd,
+        tau1=torque_1.torque,
+        tau2=torque_2.torque,
+        saturated=output.u_sat != output.u,
+        torque_saturated=either(torque_1.saturated, torque_2.saturated),
+    )
+    return ControllerState(position, speed_filter, winch_1, winch_2), said
+
+
+def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
+    """The controller as a named CasADi function to call, print, differentiate or generate code from.
+
+    Args:
+        controller: the position law and the values of the gains.
+        nominal: the plant as the controller believes it to be.
+
+    Returns:
+        ``fando_nftsm(state, measurement, setpoint, sample_time) -> (next_state, torques, commands)`` (named after
+        the law), with the state in the order of ``leaves(initial_controller_state(controller))``, the fields of
+        `Measurement` and `Setpoint`, the motor torques (2) in N m and the tension commands (2) in N.
+    """
+    start = initial_controller_state(controller)
+    state = ca.SX.sym("state", len(leaves(start)))
+    measurement, setpoint = ca.SX.sym("measurement", 6), ca.SX.sym("setpoint", 3)
+    sample_time = ca.SX.sym("sample_time")
+    next_state, said = controller_step(
+        with_leaves(start, dict(zip(leaves(start), ca.vertsplit(state), strict=True))),
+        Measurement(*ca.vertsplit(measurement)),
+        Setpoint(*ca.vertsplit(setpoint)),
+        controller,
+        nominal,
+        sample_time,
+    )
+    return ca.Function(
+        controller.kind.replace("-", "_"),
+        [state, measurement, setpoint, sample_time],
+        [
+            ca.vertcat(*leaves(next_state).values()),
+            ca.vertcat(said.tau1, said.tau2),
+            ca.vertcat(said.F1_cmd, said.F2_cmd),
+        ],
+        ["state", "measurement", "setpoint", "sample_time"],
+        ["next_state", "torques", "commands"],
+    )

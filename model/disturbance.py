@@ -1,0 +1,69 @@
+"""What the sea does to the vehicle: vortex shedding, ambient current, changing load on the rail."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import annotated_types as at
+
+from model.quantity import Quantity
+from model.scalar import Scalar, sin
+from model.vehicle import Vehicle, drag
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """Disturbances of a scenario; a standard deviation of zero switches a random one off."""
+
+    vortex: Annotated[bool, Quantity("", "vortex shedding on", "paper Section 4.3")] = False
+    vortex_amplitude: Annotated[
+        float, at.Ge(0), Quantity("1", "amplitude of the vortex force over the drag", "paper Section 4.3")
+    ] = 0.2
+    strouhal: Annotated[
+        float, at.Ge(0), Quantity("1", "Strouhal number of the vortex frequency", "paper Section 4.3")
+    ] = 0.2
+    integrated_phase: Annotated[
+        bool, Quantity("", "integrate the vortex frequency instead of multiplying it by the time", "E4")
+    ] = False
+    current_sigma: Annotated[
+        float, at.Ge(0), Quantity("m/s", "standard deviation of the ambient current; 0: none", "Assumption 1")
+    ] = 0.0
+    current_time: Annotated[
+        float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption")
+    ] = 20.0
+    current_limit: Annotated[
+        float, at.Ge(0), Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1")
+    ] = 0.154
+    normal_force_sigma: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("1", "standard deviation of the rail load over its mean; 0: none", "paper Section 2.3"),
+    ] = 0.0
+    normal_force_time: Annotated[
+        float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption")
+    ] = 5.0
+    seed: Annotated[
+        int, at.Ge(0), Quantity("", "seed of every random signal of the scenario", "")
+    ] = 0
+
+
+def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
+    """Angular shedding frequency in rad/s at the speed v in m/s, from the Strouhal number (paper Section 4.3)."""
+    return 2 * math.pi * disturbance.strouhal * v / vehicle.diameter
+
+
+def vortex_force(
+    t: Scalar, v: Scalar, phase: Scalar, disturbance: Disturbance, vehicle: Vehicle
+) -> Scalar:
+    """Vortex force D in N along the track, added to the vehicle's equation (paper Section 4.3, E4).
+
+    Args:
+        t: time in s.
+        v: speed in m/s.
+        phase: integral of `vortex_frequency` in rad; used where ``integrated_phase`` is set.
+        disturbance: switches and coefficients. The two switches may be numbers between 0 and 1.
+        vehicle: gives drag and diameter.
+    """
+    paper_phase = vortex_frequency(v, disturbance, vehicle) * t
+    angle = paper_phase + disturbance.integrated_phase * (phase - paper_phase)
+    return disturbance.vortex * disturbance.vortex_amplitude * drag(v, vehicle) * sin(angle)

@@ -1,0 +1,152 @@
+"""The coupled plant: vehicle, two ropes, two winches (paper Section 2, SPEC of the signs in E1–E3)."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import casadi as ca
+
+from model.quantity import Quantity, leaves, numbers, with_leaves
+from model.rope import Rope, Track, rope_lengths, stiffness, tension
+from model.scalar import Scalar
+from model.vehicle import Vehicle, drag, friction, inertia
+from model.winch import Winch, drum_acceleration
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Everything the plant is made of."""
+
+    rope_slack: Annotated[
+        bool, Quantity("", "ropes go slack and never push; false: the paper's two-sided rope", "A2")
+    ] = True
+    vehicle: Vehicle = field(default_factory=Vehicle)
+    track: Track = field(default_factory=Track)
+    rope_1: Rope = field(default_factory=Rope)
+    rope_2: Rope = field(default_factory=Rope)
+    winch_1: Winch = field(default_factory=Winch)
+    winch_2: Winch = field(default_factory=Winch)
+
+
+@dataclass(frozen=True)
+class PlantState:
+    """State of the plant; angles and speeds are positive when rope is retrieved (E1)."""
+
+    x: Annotated[Scalar, Quantity("m", "position of the vehicle along the track")]
+    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle")]
+    theta_1: Annotated[Scalar, Quantity("rad", "angle of drum 1")]
+    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1")]
+    theta_2: Annotated[Scalar, Quantity("rad", "angle of drum 2")]
+    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2")]
+
+
+@dataclass(frozen=True)
+class Torques:
+    """Motor torques, the plant's inputs."""
+
+    tau_1: Annotated[Scalar, Quantity("N m", "motor torque of winch 1")]
+    tau_2: Annotated[Scalar, Quantity("N m", "motor torque of winch 2")]
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What acts on the vehicle from outside."""
+
+    force: Annotated[Scalar, Quantity("N", "disturbance force along the track")] = 0.0
+    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")] = 0.0
+    normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
+
+
+def tensions(state: PlantState, plant: Plant) -> tuple[Scalar, Scalar]:
+    """Tensions F_1 and F_2 in N of the two ropes (paper Section 2.2, E1, A1, A2)."""
+    length_1, length_2 = rope_lengths(state.x, plant.track)
+    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    force_1 = tension(
+        radius_1 * state.theta_1 - state.x,
+        radius_1 * state.omega_1 - state.v,
+        length_1,
+        plant.rope_1,
+        slack=plant.rope_slack,
+    )
+    force_2 = tension(
+        radius_2 * state.theta_2 + state.x,
+        radius_2 * state.omega_2 + state.v,
+        length_2,
+        plant.rope_2,
+        slack=plant.rope_slack,
+    )
+    return force_1, force_2
+
+
+def vehicle_acceleration(
+    v: Scalar, pull: Scalar, environment: Environment, vehicle: Vehicle
+) -> Scalar:
+    """Acceleration of the vehicle in m/s² under the net rope force F_1 − F_2 in N (paper Section 2.3)."""
+    resistance = friction(v, vehicle, environment.normal_force_variation)
+    resistance += drag(v - environment.current, vehicle)
+    return (pull - resistance + environment.force) / inertia(vehicle)
+
+
+def derivative(
+    state: PlantState, torques: Torques, environment: Environment, plant: Plant
+) -> PlantState:
+    """Time derivative of the state (paper Section 2.5 with E1–E3)."""
+    force_1, force_2 = tensions(state, plant)
+    return PlantState(
+        x=state.v,
+        v=vehicle_acceleration(state.v, force_1 - force_2, environment, plant.vehicle),
+        theta_1=state.omega_1,
+        omega_1=drum_acceleration(state.omega_1, force_1, torques.tau_1, plant.winch_1),
+        theta_2=state.omega_2,
+        omega_2=drum_acceleration(state.omega_2, force_2, torques.tau_2, plant.winch_2),
+    )
+
+
+def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
+    """At rest at x in m with both ropes at tension preload/2 in N: the initial state of every run."""
+    length_1, length_2 = rope_lengths(x, plant.track)
+    stretch_1 = preload / 2 / stiffness(length_1, plant.rope_1)
+    stretch_2 = preload / 2 / stiffness(length_2, plant.rope_2)
+    return PlantState(
+        x=x,
+        v=0.0,
+        theta_1=(stretch_1 + x) / plant.winch_1.drum_radius,
+        omega_1=0.0,
+        theta_2=(stretch_2 - x) / plant.winch_2.drum_radius,
+        omega_2=0.0,
+    )
+
+
+def holding_torques(preload: Scalar, plant: Plant) -> Torques:
+    """Motor torques that hold both ropes at tension preload/2 in N with the vehicle at rest."""
+    winch_1, winch_2 = plant.winch_1, plant.winch_2
+    return Torques(
+        tau_1=winch_1.drum_radius / winch_1.gear_ratio * preload / 2,
+        tau_2=winch_2.drum_radius / winch_2.gear_ratio * preload / 2,
+    )
+
+
+def plant(values: Plant | None = None) -> ca.Function:
+    """The plant as a named CasADi function to call, print, differentiate or generate code from.
+
+    Args:
+        values: the structure (``rope_slack``) and, if given, the values of the parameters. Without it the
+            parameters are an input.
+
+    Returns:
+        ``plant(x, u, w, p) -> (dx, F)`` with the state x (6, fields of `PlantState`), the torques u (2), the
+        environment w (3, fields of `Environment`) and the parameters p (in the order of
+        ``numbers(Plant())``); dx (6) is the time derivative and F (2) are the tensions in N. With `values`
+        there is no p.
+    """
+    structure = values or Plant()
+    names = list(numbers(structure))
+    p = ca.SX.sym("p", len(names))
+    parameters = structure if values else with_leaves(structure, dict(zip(names, ca.vertsplit(p), strict=True)))
+    x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
+    state = PlantState(*ca.vertsplit(x))
+    torques = Torques(*ca.vertsplit(u))
+    environment = Environment(*ca.vertsplit(w))
+    dx = derivative(state, torques, environment, parameters)
+    inputs = {"x": x, "u": u, "w": w} | ({} if values else {"p": p})
+    outputs = [ca.vertcat(*leaves(dx).values()), ca.vertcat(*tensions(state, parameters))]
+    return ca.Function("plant", list(inputs.values()), outputs, list(inputs), ["dx", "F"])

@@ -1,0 +1,72 @@
+"""Scalars: the laws of this project are written over floats and CasADi symbols alike.
+
+Use these functions instead of `math` or `numpy` in a law. They return a float for floats and a symbol for symbols.
+"""
+
+from typing import Any, TypeAlias
+
+import casadi as ca
+
+Scalar: TypeAlias = Any
+"""A float, or a 1×1 `casadi.SX` or `casadi.MX`."""
+
+
+def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
+    """`value` where the condition holds, else `otherwise` (both are evaluated)."""
+    chosen = ca.if_else(condition, value, otherwise)
+    return float(chosen) if isinstance(chosen, ca.DM) else chosen
+
+
+def both(first: Scalar, second: Scalar) -> Scalar:
+    """Whether both conditions hold."""
+    return ca.logic_and(first, second)
+
+
+def either(first: Scalar, second: Scalar) -> Scalar:
+    """Whether one condition or the other holds."""
+    return ca.logic_or(first, second)
+
+
+def maximum(first: Scalar, second: Scalar) -> Scalar:
+    """The larger of two scalars."""
+    return ca.fmax(first, second)
+
+
+def minimum(first: Scalar, second: Scalar) -> Scalar:
+    """The smaller of two scalars."""
+    return ca.fmin(first, second)
+
+
+def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
+    """The value, limited to [lower, upper]."""
+    return ca.fmin(ca.fmax(value, lower), upper)
+
+
+def absolute(value: Scalar) -> Scalar:
+    """|value|."""
+    return ca.fabs(value)
+
+
+def tanh(value: Scalar) -> Scalar:
+    """Hyperbolic tangent."""
+    return ca.tanh(value)
+
+
+def sin(value: Scalar) -> Scalar:
+    """Sine of an angle in rad."""
+    return ca.sin(value)
+
+
+def exp(value: Scalar) -> Scalar:
+    """Exponential."""
+    return ca.exp(value)
+
+
+def power(base: Scalar, exponent: Scalar) -> Scalar:
+    """`base` to the `exponent`, for base >= 0."""
+    return base**exponent
+
+
+def rounded(value: Scalar) -> Scalar:
+    """Nearest integer, halves upwards."""
+    return ca.floor(value + 0.5)

@@ -1,0 +1,66 @@
+"""Rules between the values of an experiment (rules for one value stand beside the value)."""
+
+import numpy as np
+
+from simulation.environment import reference_signal
+from simulation.errors import ConfigurationError
+from simulation.experiment import Experiment
+
+LONGEST = 10**9
+"""Samples of the longest run."""
+
+
+def check(experiment: Experiment) -> None:
+    """Raise `ConfigurationError` where the values of an experiment do not fit together."""
+    _check_powers(experiment)
+    _check_coordination(experiment)
+    _check_time(experiment)
+    _check_reference(experiment)
+
+
+def _check_powers(experiment: Experiment) -> None:
+    p, q = experiment.controller.nftsm.p, experiment.controller.nftsm.q
+    for key, value in (("p", p), ("q", q)):
+        if value % 2 == 0:
+            raise ConfigurationError(f"controller.nftsm.{key} = {value}: must be odd")
+    if p <= q:
+        raise ConfigurationError(f"controller.nftsm.p = {p}: must be > controller.nftsm.q = {q}")
+
+
+def _check_coordination(experiment: Experiment) -> None:
+    values = experiment.controller.coordination
+    if not values.tension_min < values.tension_max:
+        raise ConfigurationError(
+            f"controller.coordination.tension_min = {values.tension_min:g}: "
+            f"must be < controller.coordination.tension_max = {values.tension_max:g} N"
+        )
+    if not 2 * values.tension_min < values.preload < 2 * values.tension_max:
+        raise ConfigurationError(
+            f"controller.coordination.preload = {values.preload:g}: must be > {2 * values.tension_min:g} "
+            f"and < {2 * values.tension_max:g} N (twice tension_min and twice tension_max)"
+        )
+
+
+def _check_time(experiment: Experiment) -> None:
+    if not 1 <= experiment.samples <= LONGEST:
+        raise ConfigurationError(
+            f"simulation.duration = {experiment.duration:g}: must be one to {LONGEST:g} sample times "
+            f"of {experiment.simulation.sample_time:g} s"
+        )
+
+
+def _check_reference(experiment: Experiment) -> None:
+    reference, track = experiment.reference, experiment.plant.track
+    if reference.kind == "profile":
+        times = (reference.accelerate_until, reference.cruise_until, reference.brake_until)
+        if not times[0] <= times[1] < times[2]:
+            raise ConfigurationError(
+                "reference.accelerate_until, cruise_until, brake_until = "
+                f"{times[0]:g}, {times[1]:g}, {times[2]:g}: must be in ascending order"
+            )
+    end = float(reference_signal(np.array([experiment.duration]), reference).x[0])
+    if end > track.length:
+        raise ConfigurationError(
+            f"reference.speed, simulation.duration: the reference ends at {end:g} m, "
+            f"must be <= plant.track.length = {track.length:g} m"
+        )

@@ -1,0 +1,60 @@
+"""One experiment: plant, controller, reference, disturbances, sensors and how to simulate them."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import annotated_types as at
+
+from controllers.controller import Controller
+from model.disturbance import Disturbance
+from model.plant import Plant
+from model.quantity import Quantity
+from model.reference import PAPER_DURATION, Reference, steady_window
+from simulation.sensors import Sensors
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How to simulate."""
+
+    sample_time: Annotated[
+        float, at.Gt(0), at.Le(0.1), Quantity("s", "sampling period of the controller", "SPEC 4")
+    ] = 1e-3
+    duration: Annotated[
+        float | None, at.Gt(0), Quantity("s", "length of the run (default: uniform 25, profile 50)", "paper 4.1")
+    ] = None
+    delay_samples: Annotated[
+        int, at.Ge(0), at.Le(100), Quantity("1", "samples a torque is late at the motor", "SPEC 2")
+    ] = 0
+    integrator: Annotated[Literal["rk4"], Quantity("", "method between two samples", "")] = "rk4"
+    substeps: Annotated[
+        int, at.Ge(1), at.Le(256), Quantity("1", "steps of the integrator in a sample", "")
+    ] = 4
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Everything that determines a run; the defaults are the paper's Case 2."""
+
+    plant: Plant = field(default_factory=Plant)
+    controller: Controller = field(default_factory=Controller)
+    reference: Reference = field(default_factory=Reference)
+    disturbance: Disturbance = field(default_factory=Disturbance)
+    sensors: Sensors = field(default_factory=Sensors)
+    simulation: Simulation = field(default_factory=Simulation)
+
+    @property
+    def duration(self) -> float:
+        """Length of the run in s: the given one, else the reference's own."""
+        given = self.simulation.duration
+        return PAPER_DURATION[self.reference.kind] if given is None else given
+
+    @property
+    def samples(self) -> int:
+        """Number of control samples of the run."""
+        return round(self.duration / self.simulation.sample_time)
+
+    @property
+    def steady_window(self) -> tuple[float, float]:
+        """First and last time in s of the steady state (A13)."""
+        return steady_window(self.reference, self.duration)

@@ -1,0 +1,52 @@
+"""What an integrator has to solve: the plant between two samples, torques and environment held."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from model.disturbance import Disturbance, vortex_force, vortex_frequency
+from model.plant import Environment, Plant, PlantState, Torques, derivative
+from model.quantity import Quantity
+from model.scalar import Scalar
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What moves between two samples: the plant, and the phase of the vortex shedding."""
+
+    plant: PlantState
+    phase: Annotated[Scalar, Quantity("rad", "integral of the vortex frequency")] = 0.0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The plant over one sample.
+
+    Attributes:
+        t: time of the sample's beginning in s.
+        duration: length of the sample in s.
+        torques: motor torques, held.
+        environment: current and rail load, held; its force is added to the vortex force.
+        disturbance: the vortex shedding.
+        plant: parameters.
+    """
+
+    t: Scalar
+    duration: Scalar
+    torques: Torques
+    environment: Environment
+    disturbance: Disturbance
+    plant: Plant
+
+    def environment_at(self, t: Scalar, v: Scalar, phase: Scalar) -> Environment:
+        """The environment with the vortex force at the time t in s and the speed v in m/s."""
+        vortex = vortex_force(t, v, phase, self.disturbance, self.plant.vehicle)
+        return replace(self.environment, force=self.environment.force + vortex)
+
+    def derivative(self, t: Scalar, motion: Motion) -> Motion:
+        """Time derivative of the motion at the time t in s."""
+        state = motion.plant
+        environment = self.environment_at(t, state.v, motion.phase)
+        return Motion(
+            plant=derivative(state, self.torques, environment, self.plant),
+            phase=vortex_frequency(state.v, self.disturbance, self.plant.vehicle),
+        )

@@ -1,0 +1,118 @@
+"""Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from model.quantity import Quantity
+from model.scalar import Scalar, absolute, either, maximum, minimum, where
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Figures of merit; NaN where a run ended before there was anything to measure."""
+
+    mae: Annotated[float, Quantity("m", "mean |e|, whole run")]
+    max_abs_error: Annotated[float, Quantity("m", "largest |e|, whole run")]
+    mse: Annotated[float, Quantity("m^2", "mean e^2, whole run")]
+    steady_mae: Annotated[float, Quantity("m", "mean |e|, steady state")]
+    steady_max_abs_error: Annotated[float, Quantity("m", "largest |e|, steady state")]
+    steady_mse: Annotated[float, Quantity("m^2", "mean e^2, steady state")]
+    saturated_share: Annotated[float, Quantity("1", "share of samples with the force command beyond its limit")]
+    torque_saturated_share: Annotated[float, Quantity("1", "share of samples with a motor torque at its limit")]
+    slack_share: Annotated[float, Quantity("1", "share of samples with a rope at zero tension")]
+    peak_tension: Annotated[float, Quantity("N", "largest tension of both ropes, at the samples")]
+    min_tension: Annotated[float, Quantity("N", "smallest tension of both ropes, at the samples")]
+    chatter: Annotated[float, Quantity("N", "mean |change of tension| from sample to sample, of both ropes")]
+    energy: Annotated[float, Quantity("J", "work of both motors, braking counted like driving")]
+
+
+@dataclass(frozen=True)
+class Accumulators:
+    """Running sums and extremes behind `Metrics`."""
+
+    samples: Annotated[Scalar, Quantity("1", "samples so far")] = 0.0
+    sum_abs: Annotated[Scalar, Quantity("m", "sum of |e|")] = 0.0
+    max_abs: Annotated[Scalar, Quantity("m", "largest |e|")] = 0.0
+    sum_square: Annotated[Scalar, Quantity("m^2", "sum of e^2")] = 0.0
+    steady_samples: Annotated[Scalar, Quantity("1", "samples in the steady state")] = 0.0
+    steady_sum_abs: Annotated[Scalar, Quantity("m", "sum of |e| in the steady state")] = 0.0
+    steady_max_abs: Annotated[Scalar, Quantity("m", "largest |e| in the steady state")] = 0.0
+    steady_sum_square: Annotated[Scalar, Quantity("m^2", "sum of e^2 in the steady state")] = 0.0
+    saturated: Annotated[Scalar, Quantity("1", "samples with the force command beyond its limit")] = 0.0
+    torque_saturated: Annotated[Scalar, Quantity("1", "samples with a motor torque at its limit")] = 0.0
+    slack: Annotated[Scalar, Quantity("1", "samples with a rope at zero tension")] = 0.0
+    peak: Annotated[Scalar, Quantity("N", "largest tension")] = 0.0
+    least: Annotated[Scalar, Quantity("N", "smallest tension")] = 1e300
+    sum_change: Annotated[Scalar, Quantity("N", "sum of |change of tension| of both ropes")] = 0.0
+    F1_previous: Annotated[Scalar, Quantity("N", "tension 1 of the last sample")] = 0.0
+    F2_previous: Annotated[Scalar, Quantity("N", "tension 2 of the last sample")] = 0.0
+    work: Annotated[Scalar, Quantity("J", "work of both motors")] = 0.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What one sample contributes: error in m, tensions in N, motor power in W, and three flags."""
+
+    error: Scalar
+    F1: Scalar
+    F2: Scalar
+    power: Scalar
+    saturated: Scalar
+    torque_saturated: Scalar
+    steady: Scalar
+
+
+def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Accumulators:
+    """The accumulators with one sample more; `sample_time` in s."""
+    size, square = absolute(sample.error), sample.error**2
+    seen = so_far.samples > 0
+    change = absolute(sample.F1 - so_far.F1_previous) + absolute(sample.F2 - so_far.F2_previous)
+    return Accumulators(
+        samples=so_far.samples + 1,
+        sum_abs=so_far.sum_abs + size,
+        max_abs=maximum(so_far.max_abs, size),
+        sum_square=so_far.sum_square + square,
+        steady_samples=so_far.steady_samples + sample.steady,
+        steady_sum_abs=so_far.steady_sum_abs + sample.steady * size,
+        steady_max_abs=maximum(so_far.steady_max_abs, sample.steady * size),
+        steady_sum_square=so_far.steady_sum_square + sample.steady * square,
+        saturated=so_far.saturated + sample.saturated,
+        torque_saturated=so_far.torque_saturated + sample.torque_saturated,
+        slack=so_far.slack + where(either(sample.F1 <= 0, sample.F2 <= 0), 1.0, 0.0),
+        peak=maximum(so_far.peak, maximum(sample.F1, sample.F2)),
+        least=minimum(so_far.least, minimum(sample.F1, sample.F2)),
+        sum_change=so_far.sum_change + where(seen, change, 0.0),
+        F1_previous=sample.F1,
+        F2_previous=sample.F2,
+        work=so_far.work + sample_time * absolute(sample.power),
+    )
+
+
+def finish(sums: Mapping[str, float]) -> Metrics:
+    """The metrics from the final `Accumulators`, given by field name."""
+    samples, steady = sums["samples"], sums["steady_samples"]
+
+    def mean(total: float, count: float) -> float:
+        return total / count if count > 0 else np.nan
+
+    def measured(value: float, count: float) -> float:
+        return value if count > 0 else np.nan
+
+    return Metrics(
+        mae=mean(sums["sum_abs"], samples),
+        max_abs_error=measured(sums["max_abs"], samples),
+        mse=mean(sums["sum_square"], samples),
+        steady_mae=mean(sums["steady_sum_abs"], steady),
+        steady_max_abs_error=measured(sums["steady_max_abs"], steady),
+        steady_mse=mean(sums["steady_sum_square"], steady),
+        saturated_share=mean(sums["saturated"], samples),
+        torque_saturated_share=mean(sums["torque_saturated"], samples),
+        slack_share=mean(sums["slack"], samples),
+        peak_tension=measured(sums["peak"], samples),
+        min_tension=measured(sums["least"], samples),
+        chatter=mean(sums["sum_change"], 2 * (samples - 1)),
+        energy=measured(sums["work"], samples),
+    )

@@ -1,0 +1,55 @@
+"""Run one experiment."""
+
+import numpy as np
+
+from simulation.check import check
+from simulation.closed_loop import (
+    COLUMNS,
+    closed_loop,
+    initial_state_of,
+    parameters_of,
+    structure_of,
+)
+from simulation.engine import EngineName, engine
+from simulation.environment import exogenous_signals
+from simulation.experiment import Experiment
+from simulation.metrics import finish
+from simulation.result import Result
+
+OUTCOMES = ("completed", "diverged", "left_track")
+"""Names of the outcomes of `codegen.rollout`."""
+
+
+def simulate(experiment: Experiment, *, stride: int = 1, engine_name: EngineName = "compiled") -> Result:
+    """Run one experiment.
+
+    Args:
+        experiment: plant, controller, reference, disturbances, sensors, simulation.
+        stride: every how many samples a row is kept; 0 keeps none (the metrics count every sample all the same).
+        engine_name: ``compiled`` (C) or ``interpreter`` (CasADi's, some hundred times slower, same answer).
+
+    Returns:
+        The result; a run that diverges or leaves the track is one too, with its outcome.
+
+    Raises:
+        ConfigurationError: the experiment's values do not fit together.
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+    check(experiment)
+    loop = closed_loop(structure_of(experiment))
+    run = engine(loop.step, engine_name)
+    parameters = np.array(list(parameters_of(experiment).values()))
+    state = np.array(list(initial_state_of(experiment).values()))
+    outcome, done, rows = run(parameters, exogenous_signals(experiment), state, stride)
+    columns = {name: np.full(len(rows), np.nan) for name in COLUMNS}
+    columns |= {name: rows[:, place].copy() for place, name in enumerate(loop.columns)}
+    final = dict(zip(loop.states, state.tolist(), strict=True))
+    sums = {key.removeprefix("metrics."): value for key, value in final.items() if key.startswith("metrics.")}
+    return Result(
+        columns=columns,
+        metrics=finish(sums),
+        outcome=OUTCOMES[outcome],
+        end_time=done * experiment.simulation.sample_time,
+        final_state=final,
+        experiment=experiment,
+    )
