@@ -6,10 +6,13 @@ import casadi as ca
 
 from codegen.errors import CodegenError
 
-HELPER = re.compile(r"^static inline casadi_real casadi_\w+\([^)]*\) \{(?:[^\n]*|\n.*?^)\}$", re.M | re.S)
+HELPER = re.compile(r"^static inline casadi_real casadi_\w+\([^)]*\) \{(?:[^\n]*|\n.*?^)\}$", re.MULTILINE | re.DOTALL)
 """A helper that CasADi writes beside the functions, such as ``casadi_fmin``."""
 
-BODY = re.compile(r"^static int casadi_f\d+\(const casadi_real\*\* arg[^)]*\) \{\n(.*?)^  return 0;\n\}$", re.M | re.S)
+BODY = re.compile(
+    r"^static int casadi_f\d+\(const casadi_real\*\* arg[^)]*\) \{\n(.*?)^  return 0;\n\}$",
+    re.MULTILINE | re.DOTALL,
+)
 """The statements of one generated function, in the order the functions were added."""
 
 
@@ -53,4 +56,3 @@ def _definition(function: ca.Function, body: str) -> str:
     )
     unused = "".join(f"  (void){name};\n" for name in inputs if not re.search(rf"\b{name}\[", body))
     return f"static inline void {function.name()}(\n    {arguments}) {{\n{body}{unused}}}"
-

@@ -74,7 +74,15 @@ class Compiler:
         with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-") as folder:
             unit = Path(folder) / "unit.c"
             unit.write_text(source)
-            command = [*self.command, *self.flags, *extra_flags, unit.name, "-o", str(target.resolve()), "-lm"]
+            command = [
+                *self.command,
+                *self.flags,
+                *extra_flags,
+                unit.name,
+                "-o",
+                str(target.resolve()),
+                "-lm",
+            ]
             try:
                 done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             except OSError as error:
@@ -89,17 +97,20 @@ def _takes_native() -> bool:
 
 
 @cache
+def _cpuinfo() -> dict[str, str]:
+    file = Path("/proc/cpuinfo")
+    text = file.read_text(errors="replace") if file.exists() else ""
+    return dict(re.findall(r"^(model name|flags|Features|CPU part)\s*:\s*(.*)$", text, re.MULTILINE))
+
+
+def processor_name() -> str:
+    """Model of this machine's processor, as far as it says."""
+    return _cpuinfo().get("model name") or platform.processor() or platform.machine()
+
+
 def processor() -> str:
     """Model and instruction sets of this machine's processor."""
-    facts = [platform.system(), platform.machine(), platform.processor()]
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        text = cpuinfo.read_text(errors="replace")
-        for field in ("model name", "flags", "Features", "CPU part"):
-            found = re.search(rf"^{field}\s*:\s*(.*)$", text, re.MULTILINE)
-            if found:
-                facts.append(found.group(1))
-    return " ".join(facts)
+    return " ".join((platform.system(), platform.machine(), processor_name(), *sorted(_cpuinfo().values())))
 
 
 def vector_features() -> tuple[str, ...]:

@@ -1,7 +1,10 @@
 /* Runs a sampled system for many samples. Comes after the definitions of
-     derive(parameters, derived)
+     derive_step(parameters, derived)
      step(state, exogenous, parameters, derived, next_state, row, margin)
-   and of STATES, EXOGENOUS, PARAMETERS, DERIVED, COLUMNS. */
+   and of STATES, EXOGENOUS, PARAMETERS, STEP_DERIVED, COLUMNS; where HAS_SHORTCUT is 1 also of
+     derive_shortcut(parameters, derived)
+     shortcut(state, exogenous, parameters, derived, next_state, row, margin, valid)
+   and of SHORTCUT_DERIVED: a cheaper step that gives the same numbers wherever valid > 0. */
 
 #include <stdint.h>
 #include <string.h>
@@ -32,11 +35,15 @@ static inline int all_finite(const double *values, int count) {
    Returns the outcome; *done is the number of samples stepped. */
 EXPORT int rollout(const double *parameters, const double *exogenous, double *state,
                    int64_t samples, int64_t stride, double *rows, int64_t *done) {
-  double derived[DERIVED + 1], buffer[STATES], margin = 0;
+  double derived[STEP_DERIVED + 1], buffer[STATES], margin = 0;
   double *now = state, *next = buffer;
   int outcome = COMPLETED;
   int64_t k = 0, until_row = 0;
-  derive(parameters, derived);
+  derive_step(parameters, derived);
+#if HAS_SHORTCUT
+  double shortcut_derived[SHORTCUT_DERIVED + 1], valid = 0;
+  derive_shortcut(parameters, shortcut_derived);
+#endif
   while (k < samples && outcome == COMPLETED) {
     double *row = 0;
     if (rows && until_row == 0) {
@@ -45,7 +52,11 @@ EXPORT int rollout(const double *parameters, const double *exogenous, double *st
       until_row = stride;
     }
     --until_row;
-    step(now, exogenous, parameters, derived, next, row, &margin);
+#if HAS_SHORTCUT
+    shortcut(now, exogenous, parameters, shortcut_derived, next, row, &margin, &valid);
+    if (!(valid > 0))
+#endif
+      step(now, exogenous, parameters, derived, next, row, &margin);
     if (!all_finite(next, STATES)) outcome = DIVERGED;
     else if (margin < 0) outcome = LEFT;
     double *last = now;

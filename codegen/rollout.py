@@ -19,44 +19,49 @@ COMPLETED, DIVERGED, LEFT = 0, 1, 2
 
 
 def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
-    """Split a step so that what depends on the parameters alone is computed once a rollout.
+    """Split a function so that what depends on its parameters alone is computed once a rollout.
 
     Args:
-        step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
+        step: a function of SX expressions with an input ``parameters``.
 
     Returns:
-        ``derive(parameters) -> derived`` and
-        ``step(state, exogenous, parameters, derived) -> (next_state, row, margin)``.
+        ``derive_NAME(parameters) -> derived``, and the function again with ``derived`` as its last input.
     """
     inputs = {name: ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()}
     outputs = step.call(list(inputs.values()))
-    sizes = np.cumsum([0, *(output.numel() for output in outputs)])
+    ends = np.cumsum([0, *(output.numel() for output in outputs)])
     parameters = inputs["parameters"]
     rest, symbols, expressions = ca.extract_parametric(ca.vertcat(*outputs), parameters)
     derived = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
-    parts = ca.vertsplit(ca.densify(ca.cse(rest)), [int(size) for size in sizes])
-    derive = ca.Function("derive", [parameters], [ca.vertcat(*expressions)], ["parameters"], ["derived"])
-    lean = ca.Function("step", [*inputs.values(), derived], parts, [*inputs, "derived"], step.name_out())
+    parts = ca.vertsplit(ca.densify(ca.cse(rest)), [int(end) for end in ends])
+    derive = ca.Function(f"derive_{step.name()}", [parameters], [ca.vertcat(*expressions)], ["parameters"], ["derived"])
+    lean = ca.Function(step.name(), [*inputs.values(), derived], parts, [*inputs, "derived"], step.name_out())
     return derive, lean
 
 
-def rollout_source(step: ca.Function) -> str:
+def rollout_source(step: ca.Function, shortcut: ca.Function | None = None) -> str:
     """C99 translation unit that runs a step for many samples.
 
     Args:
         step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
+        shortcut: ``shortcut(state, exogenous, parameters) -> (next_state, row, margin, valid)``, a cheaper step
+            that gives the same numbers wherever ``valid > 0``; the step is then left out.
     """
-    derive, lean = hoisted(step)
+    functions = hoisted(step)
     sizes = {
-        "STATES": lean.numel_in("state"),
-        "EXOGENOUS": lean.numel_in("exogenous"),
-        "PARAMETERS": lean.numel_in("parameters"),
-        "DERIVED": lean.numel_in("derived"),
-        "COLUMNS": lean.numel_out("row"),
+        "STATES": step.numel_in("state"),
+        "EXOGENOUS": step.numel_in("exogenous"),
+        "PARAMETERS": step.numel_in("parameters"),
+        "COLUMNS": step.numel_out("row"),
+        "STEP_DERIVED": functions[0].numel_out("derived"),
     }
-    lines = [f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};"]
-    driver = (files("codegen") / "rollout.c").read_text()
-    return "\n".join([*lines, c_source([derive, lean]), driver])
+    if shortcut is not None:
+        functions += hoisted(shortcut)
+        sizes["SHORTCUT_DERIVED"] = functions[2].numel_out("derived")
+    sizes["HAS_SHORTCUT"] = int(shortcut is not None)
+    lines = [f"#define {name} {size}" for name, size in sizes.items()]
+    driver = (files("codegen") / "rollout.c").read_text(encoding="utf-8")
+    return "\n".join([*lines, c_source(list(functions)), driver])
 
 
 @dataclass(frozen=True)
@@ -107,11 +112,14 @@ class Rollout:
 
 
 @cache
-def compile_rollout(step: ca.Function, compiler: Compiler | None = None) -> Rollout:
+def compile_rollout(
+    step: ca.Function, shortcut: ca.Function | None = None, compiler: Compiler | None = None
+) -> Rollout:
     """Compile (or find in the cache) and load the rollout of a step.
 
     Args:
         step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
+        shortcut: a cheaper step for where it is valid; see `rollout_source`.
         compiler: by default the one `find_compiler` finds.
 
     Raises:
@@ -119,7 +127,7 @@ def compile_rollout(step: ca.Function, compiler: Compiler | None = None) -> Roll
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
     """
-    path = library(rollout_source(step), compiler or find_compiler())
+    path = library(rollout_source(step, shortcut), compiler or find_compiler())
     call = ctypes.CDLL(str(path)).rollout
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64

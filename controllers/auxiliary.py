@@ -13,15 +13,11 @@ from model.scalar import Scalar
 class AuxiliaryGains:
     """Gains of the anti-saturation system; the paper's one gamma cannot have both units (E8)."""
 
-    gamma: Annotated[
-        float, at.Ge(0), Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10")
-    ] = 1e-5
+    gamma: Annotated[float, at.Ge(0), Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10")] = 1e-5
     gamma_force: Annotated[float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10")] = 1e-5
     k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10")] = 1.0
 
 
-def auxiliary_update(
-    Z_a: Scalar, excess: Scalar, gains: AuxiliaryGains, sample_time: Scalar
-) -> Scalar:
+def auxiliary_update(Z_a: Scalar, excess: Scalar, gains: AuxiliaryGains, sample_time: Scalar) -> Scalar:
     """Z_a in N s at the next sample, driven by the force `excess` = u − u_sat in N that was cut off."""
     return Z_a + sample_time * (-gains.k_a * Z_a + excess)

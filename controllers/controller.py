@@ -43,11 +43,11 @@ POSITION_LAWS = {
 class Controller:
     """Choice of the position law and all gains."""
 
-    kind: Annotated[
-        Literal["fando-nftsm", "nftsm", "pid-cascade"], Quantity("", "position law", "paper Table 2")
-    ] = "fando-nftsm"
+    kind: Annotated[Literal["fando-nftsm", "nftsm", "pid-cascade"], Quantity("", "position law", "paper Table 2")] = (
+        "fando-nftsm"
+    )
     speed_filter_time: Annotated[
-        float, at.Ge(0), Quantity("s", "low-pass on the measured speed; 0: none", "SPEC 4")
+        float, at.Ge(0), Quantity("s", "low-pass on the measured speed; 0: none", "assumption")
     ] = 0.0
     nominal: Nominal = field(default_factory=Nominal)
     nftsm: NftsmGains = field(default_factory=NftsmGains)

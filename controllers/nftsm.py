@@ -84,11 +84,7 @@ def nftsm_control(
     s = e1 + odd_power(e2 + auxiliary.gamma * Z_a, ratio, gains.smoothing) / gains.beta
     terminal = gains.beta / ratio * odd_power(e2, 2 - ratio, gains.smoothing)
     reaching = gains.eta * s + gains.k * clip(s / gains.phi, -1.0, 1.0)
-    u = (
-        forces.mass * (setpoint.a - terminal - reaching - d_hat)
-        + forces.resistance
-        - auxiliary.gamma_force * Z_a
-    )
+    u = forces.mass * (setpoint.a - terminal - reaching - d_hat) + forces.resistance - auxiliary.gamma_force * Z_a
     limit = force_limit(controller.coordination)
     return u, clip(u, -limit, limit), s
 

@@ -20,9 +20,7 @@ class ObserverGains:
 
     l0: Annotated[float, at.Ge(0), Quantity("1/s", "constant part of the observer gain, L_0", "A9")] = 5.0
     kf: Annotated[float, at.Ge(0), Quantity("1/s", "fuzzy part of the observer gain, K_f", "A9")] = 5.0
-    error_scale: Annotated[
-        float, at.Gt(0), Quantity("m/s^2", "estimation error that counts as big", "A8")
-    ] = 0.1
+    error_scale: Annotated[float, at.Gt(0), Quantity("m/s^2", "estimation error that counts as big", "A8")] = 0.1
     rate_scale: Annotated[
         float, at.Gt(0), Quantity("m/s^3", "rate of the estimation error that counts as big", "A8")
     ] = 0.5

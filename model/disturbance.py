@@ -28,23 +28,19 @@ class Disturbance:
     current_sigma: Annotated[
         float, at.Ge(0), Quantity("m/s", "standard deviation of the ambient current; 0: none", "Assumption 1")
     ] = 0.0
-    current_time: Annotated[
-        float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption")
-    ] = 20.0
-    current_limit: Annotated[
-        float, at.Ge(0), Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1")
-    ] = 0.154
+    current_time: Annotated[float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption")] = 20.0
+    current_limit: Annotated[float, at.Ge(0), Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1")] = (
+        0.154
+    )
     normal_force_sigma: Annotated[
         float,
         at.Ge(0),
         Quantity("1", "standard deviation of the rail load over its mean; 0: none", "paper Section 2.3"),
     ] = 0.0
-    normal_force_time: Annotated[
-        float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption")
-    ] = 5.0
-    seed: Annotated[
-        int, at.Ge(0), Quantity("", "seed of every random signal of the scenario", "")
-    ] = 0
+    normal_force_time: Annotated[float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption")] = (
+        5.0
+    )
+    seed: Annotated[int, at.Ge(0), Quantity("", "seed of every random signal of the scenario", "")] = 0
 
 
 def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
@@ -52,9 +48,7 @@ def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> S
     return 2 * math.pi * disturbance.strouhal * v / vehicle.diameter
 
 
-def vortex_force(
-    t: Scalar, v: Scalar, phase: Scalar, disturbance: Disturbance, vehicle: Vehicle
-) -> Scalar:
+def vortex_force(t: Scalar, v: Scalar, phase: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
     """Vortex force D in N along the track, added to the vehicle's equation (paper Section 4.3, E4).
 
     Args:

@@ -1,4 +1,4 @@
-"""The coupled plant: vehicle, two ropes, two winches (paper Section 2, SPEC of the signs in E1–E3)."""
+"""The coupled plant: vehicle, two ropes, two winches (paper Section 2; signs as in E1–E3)."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -77,18 +77,14 @@ def tensions(state: PlantState, plant: Plant) -> tuple[Scalar, Scalar]:
     return force_1, force_2
 
 
-def vehicle_acceleration(
-    v: Scalar, pull: Scalar, environment: Environment, vehicle: Vehicle
-) -> Scalar:
+def vehicle_acceleration(v: Scalar, pull: Scalar, environment: Environment, vehicle: Vehicle) -> Scalar:
     """Acceleration of the vehicle in m/s² under the net rope force F_1 − F_2 in N (paper Section 2.3)."""
     resistance = friction(v, vehicle, environment.normal_force_variation)
     resistance += drag(v - environment.current, vehicle)
     return (pull - resistance + environment.force) / inertia(vehicle)
 
 
-def derivative(
-    state: PlantState, torques: Torques, environment: Environment, plant: Plant
-) -> PlantState:
+def derivative(state: PlantState, torques: Torques, environment: Environment, plant: Plant) -> PlantState:
     """Time derivative of the state (paper Section 2.5 with E1–E3)."""
     force_1, force_2 = tensions(state, plant)
     return PlantState(

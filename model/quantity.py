@@ -158,8 +158,4 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
 def numbers(group: Any, prefix: str = "") -> dict[str, float]:
     """The scalars of a dataclass that are numbers at run time: what a compiled function takes as parameters."""
     kinds = describe(type(group))
-    return {
-        prefix + key: value
-        for key, value in leaves(group).items()
-        if kinds[key].is_number and value is not None
-    }
+    return {prefix + key: value for key, value in leaves(group).items() if kinds[key].is_number and value is not None}

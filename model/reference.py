@@ -18,7 +18,9 @@ class Reference:
         Quantity("", "constant speed from the start, or speed up, cruise and brake", "paper Section 4.1"),
     ] = "profile"
     speed: Annotated[
-        float | None, at.Gt(0), Quantity("m/s", "constant speed (uniform: 1.5, profile: 1.8)", "paper Section 4.1")
+        float | None,
+        at.Gt(0),
+        Quantity("m/s", "constant speed (uniform: 1.5, profile: 1.8)", "paper Section 4.1"),
     ] = None
     accelerate_until: Annotated[
         float, at.Gt(0), Quantity("s", "profile: end of the acceleration", "paper Section 4.1")

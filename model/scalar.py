@@ -1,11 +1,13 @@
 """Scalars: the laws of this project are written over floats and CasADi symbols alike.
 
-Use these functions instead of `math` or `numpy` in a law. They return a float for floats and a symbol for symbols.
+Use these functions instead of `math` or `numpy` in a law. They return a float for floats and a symbol for symbols;
+`where` takes NumPy arrays too, so that laws of the time alone can be evaluated for many times at once.
 """
 
 from typing import Any, TypeAlias
 
 import casadi as ca
+import numpy as np
 
 Scalar: TypeAlias = Any
 """A float, or a 1×1 `casadi.SX` or `casadi.MX`."""
@@ -13,6 +15,8 @@ Scalar: TypeAlias = Any
 
 def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
     """`value` where the condition holds, else `otherwise` (both are evaluated)."""
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, value, otherwise)
     chosen = ca.if_else(condition, value, otherwise)
     return float(chosen) if isinstance(chosen, ca.DM) else chosen
 
@@ -60,6 +64,11 @@ def sin(value: Scalar) -> Scalar:
 def exp(value: Scalar) -> Scalar:
     """Exponential."""
     return ca.exp(value)
+
+
+def sqrt(value: Scalar) -> Scalar:
+    """Square root."""
+    return ca.sqrt(value)
 
 
 def power(base: Scalar, exponent: Scalar) -> Scalar:

@@ -17,9 +17,7 @@ class Winch:
     drum_radius: Annotated[float, at.Gt(0), Quantity("m", "radius of the drum", "Table 1")] = 0.8
     gear_ratio: Annotated[float, at.Gt(0), Quantity("1", "motor turns a drum turn", "Table 1")] = 36.0
     coulomb_friction: Annotated[float, at.Ge(0), Quantity("N m", "Coulomb friction at the drum", "A5")] = 0.0
-    viscous_friction: Annotated[
-        float, at.Ge(0), Quantity("N m s", "viscous friction at the drum", "A5")
-    ] = 0.0
+    viscous_friction: Annotated[float, at.Ge(0), Quantity("N m s", "viscous friction at the drum", "A5")] = 0.0
 
 
 FRICTION_SPEED = 0.01
@@ -29,6 +27,12 @@ FRICTION_SPEED = 0.01
 def friction_torque(omega: Scalar, winch: Winch) -> Scalar:
     """Friction torque tau_f in N m at the drum speed omega in rad/s (A5)."""
     return winch.coulomb_friction * tanh(omega / FRICTION_SPEED) + winch.viscous_friction * omega
+
+
+def friction_slope(omega: Scalar, winch: Winch) -> Scalar:
+    """Slope of `friction_torque` over the drum speed in N m s."""
+    steepness = 1 - tanh(omega / FRICTION_SPEED) ** 2
+    return winch.coulomb_friction / FRICTION_SPEED * steepness + winch.viscous_friction
 
 
 def drum_acceleration(omega: Scalar, tension: Scalar, torque: Scalar, winch: Winch) -> Scalar:

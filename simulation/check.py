@@ -1,8 +1,6 @@
 """Rules between the values of an experiment (rules for one value stand beside the value)."""
 
-import numpy as np
-
-from simulation.environment import reference_signal
+from model.reference import setpoint
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
@@ -58,7 +56,7 @@ def _check_reference(experiment: Experiment) -> None:
                 "reference.accelerate_until, cruise_until, brake_until = "
                 f"{times[0]:g}, {times[1]:g}, {times[2]:g}: must be in ascending order"
             )
-    end = float(reference_signal(np.array([experiment.duration]), reference).x[0])
+    end = float(setpoint(experiment.duration, reference).x)
     if end > track.length:
         raise ConfigurationError(
             f"reference.speed, simulation.duration: the reference ends at {end:g} m, "

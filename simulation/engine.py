@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.rollout import COMPLETED, DIVERGED, LEFT, compile_rollout
+from simulation.closed_loop import ClosedLoop
 
 EngineName: TypeAlias = Literal["compiled", "interpreter"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)
@@ -22,15 +23,18 @@ def interpreter(step: ca.Function) -> Engine:
     """Run a step in CasADi's interpreter, one call a sample, with the outcomes of the compiled rollout."""
 
     def run(
-        parameters: NDArray[np.float64], exogenous: NDArray[np.float64], state: NDArray[np.float64], stride: int
+        parameters: NDArray[np.float64],
+        exogenous: NDArray[np.float64],
+        state: NDArray[np.float64],
+        stride: int,
     ) -> tuple[int, int, NDArray[np.float64]]:
         buffer, evaluate = step.buffer()
         now, given = state.copy(), np.empty(exogenous.shape[1])
         following, row, margin = np.empty_like(state), np.empty(step.numel_out("row")), np.empty(1)
         for place, array in enumerate((now, given, parameters)):
-            buffer.set_arg(place, memoryview(array))
+            buffer.set_arg(place, memoryview(array.data))
         for place, array in enumerate((following, row, margin)):
-            buffer.set_res(place, memoryview(array))
+            buffer.set_res(place, memoryview(array.data))
         rows: list[NDArray[np.float64]] = []
         outcome, done = COMPLETED, 0
         for outside in exogenous:
@@ -52,10 +56,10 @@ def interpreter(step: ca.Function) -> Engine:
     return run
 
 
-def engine(step: ca.Function, name: EngineName = "compiled") -> Engine:
-    """The engine of a name for a step.
+def engine(loop: ClosedLoop, name: EngineName = "compiled") -> Engine:
+    """The engine of a name for a closed loop.
 
     Raises:
         DualwinchError: the compiled engine finds no compiler, or no usable cache folder.
     """
-    return compile_rollout(step) if name == "compiled" else interpreter(step)
+    return compile_rollout(loop.step, loop.shortcut) if name == "compiled" else interpreter(loop.step)

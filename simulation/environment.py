@@ -1,17 +1,22 @@
 """Signals a run receives from outside, drawn sample by sample ahead of it: reference, sea, sensor noise."""
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from model.quantity import leaves
-from model.reference import Reference, Setpoint, setpoint
+from model.reference import setpoint
 from simulation.closed_loop import Exogenous
 from simulation.experiment import Experiment
 from simulation.sensors import Noise
 
-CHANNELS = ("current", "normal force", "position noise", "speed noise", "tension 1 noise", "tension 2 noise")
+CHANNELS: tuple[str, ...] = (
+    "current",
+    "normal force",
+    "position noise",
+    "speed noise",
+    "tension 1 noise",
+    "tension 2 noise",
+)
 """Random signals; each has a stream of its own, so that switching one on leaves the others as they are."""
 
 
@@ -27,19 +32,12 @@ def gauss_markov(
         correlation_time: in s; the autocorrelation decays by 1/e over it.
         generator: source of the draws.
     """
+    from scipy.signal import lfilter
+
     draws = generator.standard_normal(samples)
     decay = np.exp(-sample_time / correlation_time)
     draws[1:] *= np.sqrt(1 - decay**2)
-    return sigma * lfilter([1.0], [1.0, -decay], draws)
-
-
-def reference_signal(t: NDArray[np.float64], reference: Reference) -> Setpoint:
-    """Reference position, speed and acceleration at the times t (n,) in s, each (n,)."""
-    time = ca.SX.sym("t")
-    point = setpoint(time, reference)
-    function = ca.Function("reference", [time], [point.x, point.v, point.a])
-    x, v, a = (np.array(signal).ravel() for signal in function.call([ca.DM(t).T]))
-    return Setpoint(x, v, a)
+    return sigma * np.asarray(lfilter([1.0], [1.0, -decay], draws))
 
 
 def exogenous_signals(experiment: Experiment) -> NDArray[np.float64]:
@@ -67,7 +65,7 @@ def exogenous_signals(experiment: Experiment) -> NDArray[np.float64]:
     first, last = experiment.steady_window
     half = sample_time / 2
     signals = Exogenous(
-        reference=reference_signal(t, experiment.reference),
+        reference=setpoint(t, experiment.reference),
         noise=Noise(
             position=noise("position noise", sensors.position_noise),
             speed=noise("speed noise", sensors.speed_noise),

@@ -18,18 +18,18 @@ class Simulation:
     """How to simulate."""
 
     sample_time: Annotated[
-        float, at.Gt(0), at.Le(0.1), Quantity("s", "sampling period of the controller", "SPEC 4")
+        float, at.Gt(0), at.Le(0.1), Quantity("s", "sampling period of the controller", "assumption")
     ] = 1e-3
     duration: Annotated[
-        float | None, at.Gt(0), Quantity("s", "length of the run (default: uniform 25, profile 50)", "paper 4.1")
+        float | None,
+        at.Gt(0),
+        Quantity("s", "length of the run (default: uniform 25, profile 50)", "paper 4.1"),
     ] = None
     delay_samples: Annotated[
-        int, at.Ge(0), at.Le(100), Quantity("1", "samples a torque is late at the motor", "SPEC 2")
+        int, at.Ge(0), at.Le(100), Quantity("1", "samples a torque is late at the motor", "assumption")
     ] = 0
-    integrator: Annotated[Literal["rk4"], Quantity("", "method between two samples", "")] = "rk4"
-    substeps: Annotated[
-        int, at.Ge(1), at.Le(256), Quantity("1", "steps of the integrator in a sample", "")
-    ] = 4
+    integrator: Annotated[Literal["exponential", "rk4"], Quantity("", "method between two samples", "")] = "exponential"
+    substeps: Annotated[int, at.Ge(1), at.Le(256), Quantity("1", "steps of the integrator in a sample", "")] = 4
 
 
 @dataclass(frozen=True)

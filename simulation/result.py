@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.closed_loop import COLUMNS
 from simulation.experiment import Experiment
 from simulation.metrics import Metrics
+from simulation.row import COLUMNS
 
 UNITS = {name: quantity.unit for name, quantity in COLUMNS.items()}
 """Column name → unit."""

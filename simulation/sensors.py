@@ -16,14 +16,12 @@ from model.scalar import Scalar, maximum, rounded, where
 class Sensors:
     """Errors of the sensors; 0 is a perfect one."""
 
-    position_noise: Annotated[float, at.Ge(0), Quantity("m", "white noise of the position", "SPEC 2")] = 0.0
-    position_resolution: Annotated[
-        float, at.Ge(0), Quantity("m", "step of the position reading", "SPEC 2")
-    ] = 0.0
-    speed_noise: Annotated[float, at.Ge(0), Quantity("m/s", "white noise of the speed", "SPEC 2")] = 0.0
-    tension_noise: Annotated[float, at.Ge(0), Quantity("N", "white noise of both tensions", "SPEC 2")] = 0.0
+    position_noise: Annotated[float, at.Ge(0), Quantity("m", "white noise of the position", "assumption")] = 0.0
+    position_resolution: Annotated[float, at.Ge(0), Quantity("m", "step of the position reading", "assumption")] = 0.0
+    speed_noise: Annotated[float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption")] = 0.0
+    tension_noise: Annotated[float, at.Ge(0), Quantity("N", "white noise of both tensions", "assumption")] = 0.0
     encoder_counts: Annotated[
-        int, at.Ge(0), Quantity("1", "drum encoder counts a motor turn; 0: perfect", "SPEC 2")
+        int, at.Ge(0), Quantity("1", "drum encoder counts a motor turn; 0: perfect", "assumption")
     ] = 0
 
 

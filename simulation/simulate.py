@@ -3,18 +3,14 @@
 import numpy as np
 
 from simulation.check import check
-from simulation.closed_loop import (
-    COLUMNS,
-    closed_loop,
-    initial_state_of,
-    parameters_of,
-    structure_of,
-)
+from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.engine import EngineName, engine
 from simulation.environment import exogenous_signals
 from simulation.experiment import Experiment
 from simulation.metrics import finish
 from simulation.result import Result
+from simulation.row import COLUMNS
+from simulation.structure import parameters_of, structure_of
 
 OUTCOMES = ("completed", "diverged", "left_track")
 """Names of the outcomes of `codegen.rollout`."""
@@ -37,7 +33,7 @@ def simulate(experiment: Experiment, *, stride: int = 1, engine_name: EngineName
     """
     check(experiment)
     loop = closed_loop(structure_of(experiment))
-    run = engine(loop.step, engine_name)
+    run = engine(loop, engine_name)
     parameters = np.array(list(parameters_of(experiment).values()))
     state = np.array(list(initial_state_of(experiment).values()))
     outcome, done, rows = run(parameters, exogenous_signals(experiment), state, stride)

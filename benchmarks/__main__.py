@@ -1,0 +1,41 @@
+"""``python -m benchmarks``: times one Case-4 rollout by every peer and prints the table."""
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def main() -> int:
+    """Run the command line; 0 done, 1 where a peer's answer differs or dualwinch cannot run."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="5 rounds instead of 21, slow peers in 1 of them")
+    parser.add_argument("--rounds", type=int, metavar="N", help="number of interleaved rounds")
+    parser.add_argument("--duration", type=float, default=50.0, metavar="S", help="simulated time (50 s)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every measured time to a file")
+    chosen = parser.parse_args()
+    rounds = chosen.rounds or (5 if chosen.quick else 21)
+    if rounds < 1 or not chosen.duration > 0:
+        parser.error("--rounds must be >= 1 and --duration > 0")
+
+    from rich.console import Console
+
+    from benchmarks.measure import DisagreementError, measure
+    from benchmarks.peers import peers
+    from benchmarks.peers.peer import UnavailableError
+    from benchmarks.report import show, write_json
+    from codegen import DualwinchError
+
+    try:
+        with Console(stderr=True).status("preparing") as status:
+            timings = measure(peers(chosen.duration), rounds, 1 if chosen.quick else 3, status.update)
+        show(timings, chosen.duration)
+        if chosen.json:
+            write_json(chosen.json, timings, chosen.duration)
+    except (DisagreementError, UnavailableError, DualwinchError, OSError) as error:
+        print(f"no table: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,41 @@
+"""A hand-written C loop of the same algorithm, ``hand_loop.c``: the limit."""
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.by_hand.control import NOTHING, Sums
+from benchmarks.by_hand.parameters import parameters_from
+from benchmarks.case import Case
+from benchmarks.peers import gcc
+from benchmarks.peers.peer import Answer, Run
+from simulation.metrics import finish
+
+SOURCE = Path(__file__).parent.parent / "hand_loop.c"
+
+
+def prepare(case: Case) -> Run:
+    """Compile the loop; each run is one call."""
+    loop = ctypes.CDLL(str(gcc.build(SOURCE))).hand_loop
+    loop.restype = None
+    pointer, count = ctypes.c_void_p, ctypes.c_long
+    loop.argtypes = [pointer, pointer, count, count, pointer, pointer, pointer]
+    parameters = np.array(parameters_from(case.named_parameters))
+    reference, start, substeps = case.reference, case.start[:6], case.substeps
+
+    def run(*, keep: bool = False) -> Answer:
+        positions = np.empty(len(reference)) if keep else None
+        motion, sums = start.copy(), np.empty(len(NOTHING))
+        loop(
+            parameters.ctypes.data,
+            reference.ctypes.data,
+            len(reference),
+            substeps,
+            motion.ctypes.data,
+            sums.ctypes.data,
+            None if positions is None else positions.ctypes.data,
+        )
+        return Answer(float(motion[0]), finish(Sums(*sums.tolist())._asdict()), positions)
+
+    return run

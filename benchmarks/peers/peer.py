@@ -1,0 +1,65 @@
+"""What a peer is."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.case import Case
+from simulation.metrics import Metrics, finish
+
+
+class UnavailableError(Exception):
+    """This machine lacks what a peer needs; the message says what."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a rollout ends with.
+
+    Attributes:
+        x: final position in m.
+        metrics: figures of merit.
+        positions: position in m after each sample (samples,), or ``None`` where it was not kept.
+    """
+
+    x: float
+    metrics: Metrics
+    positions: NDArray[np.float64] | None = None
+
+
+class Run(Protocol):
+    """One rollout, ready to be timed."""
+
+    def __call__(self, *, keep: bool = False) -> Answer:
+        """Roll out, keeping the positions or not."""
+        ...
+
+
+@dataclass(frozen=True)
+class Peer:
+    """One row of the table.
+
+    Attributes:
+        key: short name.
+        title: what it is, in the table's words.
+        prepare: everything that is done once and not timed; raises `UnavailableError`.
+        case: what it runs.
+    """
+
+    key: str
+    title: str
+    prepare: Callable[[Case], Run]
+    case: Case
+
+
+def closed_loop_answer(case: Case, state: NDArray[np.float64], positions: NDArray[np.float64] | None = None) -> Answer:
+    """The answer in a final state of the symbolic closed loop."""
+    final = dict(zip(case.loop.states, state.tolist(), strict=True))
+    return Answer(final["motion.plant.x"], finish(_sums(final)), positions)
+
+
+def _sums(state: Mapping[str, float]) -> dict[str, float]:
+    return {key.removeprefix("metrics."): value for key, value in state.items() if key.startswith("metrics.")}

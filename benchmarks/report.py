@@ -1,0 +1,106 @@
+"""The table and its JSON."""
+
+import json
+import platform
+import re
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.measure import TOLERANCE, Timing
+from benchmarks.peers import LIMIT, OURS, gcc
+from benchmarks.peers.peer import UnavailableError
+from codegen import find_compiler
+
+NARROWEST = 110
+"""Columns the table takes where the output is no terminal."""
+
+
+def machine() -> dict[str, str]:
+    """Processor, compilers and versions."""
+    cpuinfo = Path("/proc/cpuinfo")
+    text = cpuinfo.read_text() if cpuinfo.exists() else ""
+    found = re.search(r"^model name\s*:\s*(.*)$", text, re.MULTILINE)
+    try:
+        gcc_version = gcc.version()
+    except UnavailableError:
+        gcc_version = "none"
+    facts = {
+        "processor": found.group(1) if found else platform.processor() or platform.machine(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "dualwinch's compiler": find_compiler().version,
+        "gcc": gcc_version,
+        "Python": platform.python_version(),
+    }
+    for package in ("casadi", "numpy", "scipy", "numba"):
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            facts[package] = "none"
+    return facts
+
+
+def as_json(timings: list[Timing], duration: float) -> dict[str, Any]:
+    """Everything that was measured."""
+    return {
+        "rollout": {"case": 4, "controller": "fando-nftsm", "duration_s": duration, "tolerance_m": TOLERANCE},
+        "machine": machine(),
+        "peers": [
+            {
+                "key": timing.peer.key,
+                "title": timing.peer.title,
+                "integrator": timing.peer.case.integrator,
+                "substeps": timing.peer.case.substeps,
+                "missing": timing.missing,
+                "median_s": timing.middle if timing.seconds else None,
+                "seconds": timing.seconds,
+                "deviation_m": None if timing.missing else timing.deviation,
+            }
+            for timing in timings
+        ],
+    }
+
+
+def write_json(file: Path, timings: list[Timing], duration: float) -> None:
+    """Write `as_json` to a file."""
+    file.write_text(json.dumps(as_json(timings, duration), indent=2) + "\n")
+
+
+def show(timings: list[Timing], duration: float) -> None:
+    """Print the table."""
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=NARROWEST)
+    by_key = {timing.peer.key: timing for timing in timings if timing.seconds}
+    limit, ours = by_key.get(LIMIT), by_key[OURS]
+    table = Table(
+        title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz, RK4 with 4 sub-steps",
+        caption=(
+            "median over n interleaved rounds; spread from fastest to slowest; "
+            f"every peer's positions equal dualwinch's within {TOLERANCE:g} m over the whole run"
+        ),
+    )
+    table.add_column("peer")
+    for heading in ("median", "spread", "n", "time over\nhand C", "dualwinch is\nfaster by"):
+        table.add_column(heading, justify="right")
+    for timing in timings:
+        if not timing.seconds:
+            table.add_row(timing.peer.title, f"missing: {timing.missing}")
+            continue
+        table.add_row(
+            timing.peer.title,
+            _duration(timing.middle),
+            f"{_duration(min(timing.seconds))} – {_duration(max(timing.seconds))}",
+            str(len(timing.seconds)),
+            f"{timing.middle / limit.middle:.3g}" if limit else "–",
+            f"{timing.middle / ours.middle:.3g} ×",
+        )
+    console.print(" · ".join(f"{name} {value}" for name, value in machine().items()), highlight=False)
+    console.print(table)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds >= 1 else f"{seconds * 1e3:.1f} ms"

@@ -1,0 +1,80 @@
+"""dualwinch: control of rope-towed machines, from one symbolic model to compiled closed loops.
+
+The names below are imported when first used, so that ``import dualwinch`` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from codegen.errors import DualwinchError
+    from controllers.controller import Controller, controller_function
+    from dualwinch.config import load, override, to_toml
+    from model.disturbance import Disturbance
+    from model.plant import Plant, plant
+    from model.reference import Reference
+    from simulation.errors import ConfigurationError
+    from simulation.experiment import Experiment, Simulation
+    from simulation.metrics import Metrics
+    from simulation.paper import case
+    from simulation.result import Result
+    from simulation.sensors import Sensors
+    from simulation.simulate import simulate
+    from simulation.storage import save
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "ConfigurationError": "simulation.errors",
+    "Controller": "controllers.controller",
+    "Disturbance": "model.disturbance",
+    "DualwinchError": "codegen.errors",
+    "Experiment": "simulation.experiment",
+    "Metrics": "simulation.metrics",
+    "Plant": "model.plant",
+    "Reference": "model.reference",
+    "Result": "simulation.result",
+    "Sensors": "simulation.sensors",
+    "Simulation": "simulation.experiment",
+    "case": "simulation.paper",
+    "controller_function": "controllers.controller",
+    "load": "dualwinch.config",
+    "override": "dualwinch.config",
+    "plant": "model.plant",
+    "save": "simulation.storage",
+    "simulate": "simulation.simulate",
+    "to_toml": "dualwinch.config",
+}
+
+__all__ = [
+    "ConfigurationError",
+    "Controller",
+    "Disturbance",
+    "DualwinchError",
+    "Experiment",
+    "Metrics",
+    "Plant",
+    "Reference",
+    "Result",
+    "Sensors",
+    "Simulation",
+    "__version__",
+    "case",
+    "controller_function",
+    "load",
+    "override",
+    "plant",
+    "save",
+    "simulate",
+    "to_toml",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'dualwinch' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

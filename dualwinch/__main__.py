@@ -1,0 +1,5 @@
+"""``python -m dualwinch``."""
+
+from dualwinch.cli import main
+
+main()

@@ -1,0 +1,147 @@
+"""The command line. Heavy imports stand inside the commands, so that ``--help`` answers at once."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated, Literal, NoReturn
+
+from cyclopts import App, CycloptsError, Parameter
+
+from dualwinch import __version__
+
+DONE, FAILED, WRONG_INPUT = 0, 1, 2
+"""Exit codes."""
+
+app = App(
+    name="dualwinch",
+    help="""Control of a vehicle towed by two winches: simulate, reproduce the paper, generate compiled code.
+
+Start with `dualwinch reproduce`, or look at one run:
+
+    dualwinch simulate --case 4 --plot run.png
+    dualwinch simulate --case 4 --set controller.observer.l0=20 --out run.csv
+    dualwinch config --case 4 > my.toml && dualwinch simulate --config my.toml
+""",
+    help_format="markdown",
+    version=__version__,
+    version_flags=["--version"],
+)
+
+ControllerName = Literal["fando-nftsm", "nftsm", "pid-cascade"]
+Case = Annotated[int | None, Parameter(help="Case 1 to 4 of the paper.")]
+
+
+@app.command
+def reproduce(
+    *,
+    out: Annotated[Path, Parameter(help="Folder for figures, data, metrics and the report.")] = Path("results"),
+    cases: Annotated[str, Parameter(help="Cases to run, separated by commas.")] = "1,2,3,4",
+    controllers: Annotated[
+        str, Parameter(help="Controllers to compare, separated by commas.")
+    ] = "fando-nftsm,nftsm,pid-cascade",
+) -> None:
+    """Run the paper's cases and controllers, and write every figure, the data and one report.
+
+    Prints the figures of merit and, where Case 4 runs with both sliding-mode controllers, the reductions of
+    Figure 21 beside the paper's.
+
+    Examples:
+        dualwinch reproduce
+        dualwinch reproduce --cases 4 --controllers fando-nftsm,nftsm --out case4
+    """
+    from dualwinch.reproduce import reproduce as run
+
+    run(out, cases.split(","), controllers.split(","))
+
+
+@app.command
+def simulate(
+    *,
+    case: Case = None,
+    config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None,
+    controller: Annotated[ControllerName | None, Parameter(help="Position law.")] = None,
+    set_: Annotated[
+        list[str] | None,
+        Parameter(name="--set", help="key=value, any key of `dualwinch config`; may be repeated.", negative=""),
+    ] = None,
+    out: Annotated[Path | None, Parameter(help="File for the data: .csv, .parquet, .npz or .mat.")] = None,
+    plot: Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")] = None,
+    stride: Annotated[int, Parameter(help="Keep every n-th sample in the data.")] = 1,
+    engine: Annotated[
+        Literal["compiled", "interpreter"], Parameter(help="Compiled C, or CasADi's interpreter (slow).")
+    ] = "compiled",
+) -> None:
+    """Simulate one experiment and print its figures of merit.
+
+    Without --case or --config the defaults of every key are used (the paper's Case 2).
+
+    Examples:
+        dualwinch simulate --case 4
+        dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
+        dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
+    """
+    from dualwinch.simulate import simulate as run
+
+    run(case, config, controller, set_ or [], out, plot, stride, engine)
+
+
+@app.command(name="config")
+def config_(
+    *,
+    case: Case = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set", help="key=value; may be repeated.", negative="")] = None,
+) -> None:
+    """Print the complete configuration as TOML, each key with unit, meaning, range and source.
+
+    Examples:
+        dualwinch config > my.toml
+        dualwinch config --case 4 --set controller.kind=nftsm
+    """
+    from dualwinch.config import to_toml
+    from dualwinch.simulate import experiment
+
+    sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))
+
+
+@app.command
+def doctor() -> None:
+    """Say which compiler, cache folder, processor features and optional parts are in use."""
+    from dualwinch.doctor import doctor as run
+
+    run()
+
+
+def _fail(message: object, code: int) -> NoReturn:
+    text = " ".join(str(message).split())
+    sys.stderr.write(f"dualwinch: error: {text}\n")
+    sys.stderr.flush()
+    raise SystemExit(code)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; every failure is one line on standard error.
+
+    Args:
+        arguments: default: those of the process.
+    """
+    try:
+        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+    except CycloptsError as error:
+        _fail(str(error), WRONG_INPUT)
+    except KeyboardInterrupt:
+        _fail("interrupted; files already written are complete", FAILED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(128 + signal.SIGPIPE) from None
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        _fail(f"{where}{error.strerror or error}", FAILED)
+    except Exception as error:
+        from codegen.errors import DualwinchError
+        from simulation.errors import ConfigurationError
+
+        if not isinstance(error, DualwinchError):
+            raise
+        _fail(error, WRONG_INPUT if isinstance(error, ConfigurationError) else FAILED)

@@ -1,0 +1,109 @@
+"""``dualwinch simulate``: one run, its figures of merit, its data and its figure."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from dualwinch.config import load, override, parse_assignment, to_toml
+from dualwinch.doctor import versions
+from model.quantity import describe
+from simulation.engine import EngineName
+from simulation.errors import ConfigurationError
+from simulation.experiment import Experiment
+from simulation.metrics import Metrics
+from simulation.paper import case as paper_case
+from simulation.result import Result
+from simulation.simulate import simulate as run
+from simulation.storage import save, writer
+
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def experiment(case: int | None, config: Path | None, controller: str | None, assignments: list[str]) -> Experiment:
+    """The experiment a command line asks for.
+
+    Raises:
+        ConfigurationError: both a case and a file, or anything wrong with a key or value.
+    """
+    if case is not None and config is not None:
+        raise ConfigurationError("--case and --config: give one of them")
+    base = paper_case(case) if case is not None else load(config) if config else Experiment()
+    if controller is not None:
+        base = replace(base, controller=replace(base.controller, kind=controller))
+    values: dict[str, Any] = dict(map(parse_assignment, assignments))
+    return override(base, values)
+
+
+def simulate(
+    case: int | None,
+    config: Path | None,
+    controller: str | None,
+    assignments: list[str],
+    out: Path | None,
+    plot: Path | None,
+    stride: int,
+    engine: EngineName,
+) -> None:
+    """Run, print, write. Everything that can be wrong with the files is found before the run."""
+    asked = experiment(case, config, controller, assignments)
+    if stride < 1:
+        raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
+    if out:
+        writer(out)
+        check_folder(out.parent)
+    if plot:
+        if plot.suffix.lower() not in PLOT_SUFFIXES:
+            raise ConfigurationError(
+                f"{plot.name}: unknown suffix {plot.suffix!r}; must be one of {', '.join(PLOT_SUFFIXES)}"
+            )
+        check_folder(plot.parent)
+    console = Console(stderr=True)
+    with console.status("simulating"):
+        result = run(asked, stride=stride, engine_name=engine)
+    print_result(result)
+    notes = {"configuration": to_toml(asked), **{f"version of {k}": v for k, v in versions().items()}}
+    if out:
+        with console.status(f"writing {out}"):
+            save(result, out, notes)
+        console.print(f"wrote {out}")
+    if plot:
+        with console.status(f"drawing {plot}"):
+            from simulation.plots import overview
+            from simulation.plots import save as save_figure
+
+            save_figure(overview(result), plot)
+        console.print(f"wrote {plot}")
+
+
+def check_folder(folder: Path) -> None:
+    """Raise an error early where a folder is missing or not writable.
+
+    Raises:
+        ConfigurationError: the folder does not exist or is none.
+        OSError: it cannot be written to.
+    """
+    import tempfile
+
+    if not folder.is_dir():
+        raise ConfigurationError(f"{folder}: no such folder")
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
+
+def print_result(result: Result) -> None:
+    """Print outcome and figures of merit of a run."""
+    console = Console()
+    kind = result.experiment.controller.kind
+    console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s")
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(justify="right")
+    table.add_column()
+    table.add_column(style="dim")
+    for name, leaf in describe(Metrics).items():
+        unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
+        table.add_row(name, f"{getattr(result.metrics, name):.6g}", unit, leaf.quantity.meaning)
+    console.print(table)

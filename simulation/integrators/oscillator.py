@@ -1,0 +1,183 @@
+"""One rope and its drum over a sub-step: a damped oscillator while taut, free flight while slack."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from model.scalar import Scalar, absolute, both, clip, exp, maximum, minimum, sqrt, where
+
+SERIES_ORDER = 8
+"""Order of the power series that carries a taut rope over a part of a sub-step."""
+
+DOUBLINGS = 3
+"""Doublings of the angle behind `cosine_and_sine`; its series is then exact to rounding up to two oscillations."""
+
+
+def cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
+    """cos(r) and sin(r)/r from r², which may be negative (then cosh and sinh); made of products only."""
+    part = square / 4**DOUBLINGS
+    cosine, sine = 1.0, 1.0
+    for order in range(8, 0, -1):
+        cosine = 1 - part / ((2 * order - 1) * 2 * order) * cosine
+        sine = 1 - part / (2 * order * (2 * order + 1)) * sine
+    for _ in range(DOUBLINGS):
+        cosine, sine = 2 * cosine**2 - 1, sine * cosine
+    return cosine, sine
+
+
+def crossing(start: Scalar, slope: Scalar, end: Scalar, h: Scalar) -> Scalar:
+    """Time in [0, h] at which the parabola with this start, slope at the start and end changes its sign."""
+    bend = 2 * (end - start - slope * h) / h**2
+    root = sqrt(maximum(slope**2 - 2 * bend * start, 0.0))
+    towards_zero = where(start > 0, -slope, slope)
+    return clip(2 * absolute(start) / maximum(towards_zero + root, 1e-300), 0.0, h)
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Linear flow over a time: stretch and rate at its end from those at its beginning and a constant drive g."""
+
+    stretch_stretch: Scalar
+    stretch_rate: Scalar
+    rate_stretch: Scalar
+    rate_rate: Scalar
+    stretch_drive: Scalar
+    rate_drive: Scalar
+
+    def __call__(self, stretch: Scalar, rate: Scalar, g: Scalar) -> tuple[Scalar, Scalar]:
+        """Stretch and rate at the end."""
+        return (
+            self.stretch_stretch * stretch + self.stretch_rate * rate + self.stretch_drive * g,
+            self.rate_stretch * stretch + self.rate_rate * rate + self.rate_drive * g,
+        )
+
+
+def taut_flow(kappa: Scalar, damping: Scalar, drag: Scalar, h: Scalar) -> Flow:
+    """Flow of s'' = g − kappa s − (damping + drag) s' over h in s."""
+    delta = damping + drag
+    cosine, sine = cosine_and_sine((kappa - delta**2 / 4) * h**2)
+    decay = exp(-damping * h / 2) * free_flow(drag, h / 2).rate_rate
+    even, odd = decay * cosine, decay * sine * h
+    first = even + delta / 2 * odd
+    return Flow(first, odd, -kappa * odd, even - delta / 2 * odd, (1 - first) / kappa, odd)
+
+
+def free_flow(drag: Scalar, h: Scalar) -> Flow:
+    """Flow of s'' = g − drag s' over h in s, with the (2, 3) Padé form of exp(−drag h), 1 for drag = 0."""
+    z = drag * h
+    scale = 1 / (60 + z * (36 + z * (9 + z)))
+    gained = h * (60 + z * (6 + z)) * scale
+    return Flow(1.0, gained, 0.0, (60 + z * (3 * z - 24)) * scale, h**2 * (30 + z * (8 + z)) * scale, gained)
+
+
+@dataclass(frozen=True)
+class Oscillator:
+    """stretch'' = drive + lever a − mobility F − drag stretch', F = spring stretch + damper stretch' while taut.
+
+    Attributes:
+        stretch, rate: stretch in m and its rate in m/s at the beginning.
+        drive: acceleration in m/s² by motor and friction.
+        lever: weight of the vehicle's acceleration a.
+        spring, damper: of the rope, in N/m and N s/m.
+        mobility: radius²/inertia of the drum in 1/kg.
+        drag: slope of the winch friction over the inertia in 1/s.
+        h: length of the sub-step in s.
+        slack: whether the rope can go slack.
+    """
+
+    stretch: Scalar
+    rate: Scalar
+    drive: Scalar
+    lever: Scalar
+    spring: Scalar
+    damper: Scalar
+    mobility: Scalar
+    drag: Scalar
+    h: Scalar
+    slack: bool
+
+    @cached_property
+    def _taut_flow(self) -> Flow:
+        return taut_flow(self.mobility * self.spring, self.mobility * self.damper, self.drag, self.h)
+
+    def clearance(self, a: Scalar) -> Scalar:
+        """Positive where the rope is taut at the beginning and at the end, with the acceleration a in m/s²."""
+        end = self._taut_flow(self.stretch, self.rate, self.drive + self.lever * a)
+        at_beginning = minimum(self.stretch, self._pull(self.stretch, self.rate))
+        return minimum(at_beginning, minimum(end[0], self._pull(*end)))
+
+    @cached_property
+    def _taut(self) -> Scalar:
+        return both(self.stretch > 0, self._pull(self.stretch, self.rate) > 0)
+
+    def _pull(self, stretch: Scalar, rate: Scalar) -> Scalar:
+        return self.spring * stretch + self.damper * rate
+
+    def _impulse_of(self, g: Scalar, stretch: Scalar, rate: Scalar) -> Scalar:
+        gained = rate - self.rate + self.drag * (stretch - self.stretch)
+        return (g * self.h - gained) / self.mobility
+
+    def impulse(self) -> tuple[Scalar, Scalar]:
+        """Rope impulse in N s as (at a = 0, slope over a), if the rope stays as it is."""
+        flow = self._taut_flow
+        fixed = self._impulse_of(self.drive, *flow(self.stretch, self.rate, self.drive))
+        slope = self.lever * (self.h - self.drag * flow.stretch_drive - flow.rate_drive) / self.mobility
+        if not self.slack:
+            return fixed, slope
+        return where(self._taut, fixed, 0.0), where(self._taut, slope, 0.0)
+
+    def end(self, a: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+        """Stretch in m, its rate in m/s and the rope impulse in N s at the end, with the acceleration a in m/s²."""
+        g = self.drive + self.lever * a
+        stretch, rate = self._taut_flow(self.stretch, self.rate, g)
+        if self.slack:
+            stretch, rate = self._with_slack(g, stretch, rate)
+        return stretch, rate, self._impulse_of(g, stretch, rate)
+
+    def _with_slack(self, g: Scalar, taut_stretch: Scalar, taut_rate: Scalar) -> tuple[Scalar, Scalar]:
+        taut = self._taut
+        free_stretch, free_rate = free_flow(self.drag, self.h)(self.stretch, self.rate, g)
+        stretch, rate = where(taut, taut_stretch, free_stretch), where(taut, taut_rate, free_rate)
+        taut_at_end = both(stretch > 0, self._pull(stretch, rate) > 0)
+        switched_stretch, switched_rate = self._switched(g, stretch, rate)
+        switches = taut != taut_at_end
+        return where(switches, switched_stretch, stretch), where(switches, switched_rate, rate)
+
+    def _switched(self, g: Scalar, stretch: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
+        """Stretch and rate at the end where the rope goes slack or tight on the way.
+
+        Args:
+            g: drive.
+            stretch, rate: those at the end if the rope stayed as it was.
+        """
+        taut, h = self._taut, self.h
+        pull = self._pull(self.stretch, self.rate)
+        acceleration = g - self.drag * self.rate - where(taut, self.mobility * pull, 0.0)
+        slope = self.spring * self.rate + self.damper * acceleration
+        when_pull = crossing(pull, slope, self._pull(stretch, rate), h)
+        when_stretch = crossing(self.stretch, self.rate, stretch, h)
+        tightens = maximum(where(self.stretch > 0, 0.0, when_stretch), where(pull > 0, 0.0, when_pull))
+        when = where(taut, when_pull, tightens)
+
+        # the taut part: first if the rope goes slack, last if it tightens
+        flown = free_flow(self.drag, when)(self.stretch, self.rate, g)
+        start = where(taut, self.stretch, flown[0]), where(taut, self.rate, flown[1])
+        stretch, rate = self._taut_series(*start, g, where(taut, when, h - when))
+
+        # going slack: move the moment to where the pull is zero, then fly
+        curve = g - self.mobility * self._pull(stretch, rate) - self.drag * rate
+        fall = self.spring * rate + self.damper * curve
+        missed = clip(-self._pull(stretch, rate) / where(fall < 0, fall, -1e300), -when, h - when)
+        late_stretch = stretch + missed * (rate + missed * curve / 2)
+        landed = free_flow(self.drag, h - when - missed)(late_stretch, rate + missed * curve, g)
+        return where(taut, landed[0], stretch), where(taut, landed[1], rate)
+
+    def _taut_series(self, stretch: Scalar, rate: Scalar, g: Scalar, t: Scalar) -> tuple[Scalar, Scalar]:
+        kappa, delta = self.mobility * self.spring, self.mobility * self.damper + self.drag
+        first, second = rate, g - kappa * stretch - delta * rate
+        moved_stretch, moved_rate, power = stretch + t * rate, rate, t
+        for order in range(2, SERIES_ORDER + 1):
+            moved_rate = moved_rate + second * power
+            power = power * t / order
+            moved_stretch = moved_stretch + second * power
+            first, second = second, -kappa * first - delta * second
+        return moved_stretch, moved_rate

@@ -1,0 +1,12 @@
+"""Figures of runs: the paper's Figures 5 to 21 and an overview of one run.
+
+Every function returns a `matplotlib.figure.Figure` of its own; nothing here touches pyplot or global settings.
+"""
+
+from simulation.plots.bars import steady_state_bars
+from simulation.plots.files import encode, save
+from simulation.plots.motion import error, trajectory
+from simulation.plots.overview import overview
+from simulation.plots.ropes import commands, tensions
+
+__all__ = ["commands", "encode", "error", "overview", "save", "steady_state_bars", "tensions", "trajectory"]

@@ -1,0 +1,191 @@
+"""The house style of every figure: colours, sizes, headings, legends."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import matplotlib as mpl
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from simulation.errors import ConfigurationError
+from simulation.experiment import Experiment
+from simulation.paper import CASES, CONTROLLERS, FIGURES, case
+from simulation.result import Result
+
+WIDTH = 7.0
+"""Width of every figure in inches: a page, or half a screen."""
+
+BLUE, VERMILION, GREEN, GOLD, WINE = "#0072B2", "#D55E00", "#009E73", "#A87900", "#882255"
+INK, GREY, LIGHT, SHADE = "#1A1A1A", "#6B6B6B", "#D9D9D9", "#F0F0F0"
+
+COLOURS = {"fando-nftsm": BLUE, "nftsm": VERMILION, "pid-cascade": GREEN}
+"""One colour a controller in every figure, told apart by colour-blind readers (Okabe and Ito)."""
+
+DASHES = {"fando-nftsm": "-", "nftsm": (0, (5, 2)), "pid-cascade": (0, (5, 1.5, 1, 1.5))}
+"""One line style a controller, so that lines lying on each other are both seen, also in print."""
+
+ROPE_COLOURS = (WINE, GOLD)
+"""Rope 1 and rope 2, where one panel shows both."""
+
+LEGEND_WIDTH, LEGEND_HANDLE = 105, 7
+"""Characters a legend below a figure has room for, and those its line samples take."""
+
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 8.5,
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK,
+    "axes.labelsize": 8.5,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.prop_cycle": cycler(color=[BLUE, VERMILION, GREEN, GOLD, WINE]),
+    "axes.formatter.useoffset": False,
+    "grid.color": LIGHT,
+    "grid.linewidth": 0.5,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "lines.linewidth": 1.2,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "text.color": INK,
+    "figure.facecolor": "white",
+    "figure.dpi": 100,
+    "savefig.facecolor": "white",
+    "svg.hashsalt": "dualwinch",
+    "svg.fonttype": "path",
+}
+"""Matplotlib settings, applied while a figure is made and while it is written, never for the whole process."""
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Matplotlib's defaults with `STYLE`, whatever the user's own settings are."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def new_figure(height: float, title: str, subtitle: str) -> Figure:
+    """An empty figure with its heading; panels and legend are laid out without overlaps.
+
+    Args:
+        height: in inches.
+        title: first line, bold.
+        subtitle: second line.
+    """
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.06, h_pad=0.05, hspace=0.04, wspace=0.03)  # pyright: ignore
+    left = 0.06 / WIDTH
+    # the heading's room is reserved by an invisible suptitle of two lines, its text drawn over it in two weights
+    figure.suptitle(" \n ", x=left, ha="left", fontsize=10, linespacing=1.35)
+    figure.text(left, 1 - 0.06 / height, title, ha="left", va="top", fontsize=10.5, fontweight="bold")
+    figure.text(left, 1 - 0.25 / height, subtitle, ha="left", va="top", fontsize=8.5, color=GREY)
+    return figure
+
+
+def ordered(results: Mapping[str, Result]) -> dict[str, Result]:
+    """The results in the paper's order of controllers.
+
+    Raises:
+        ConfigurationError: there is none, or one keeps no rows.
+    """
+    if not results:
+        raise ConfigurationError("a figure needs at least one result")
+    for kind, result in results.items():
+        if not len(result["t"]):
+            raise ConfigurationError(f"the result of {kind} keeps no rows: simulate with stride >= 1")
+    return {kind: results[kind] for kind in CONTROLLERS if kind in results}
+
+
+def case_number(experiment: Experiment) -> int | None:
+    """The paper's case whose reference and disturbance an experiment has; ``None`` for another."""
+    for number in CASES:
+        paper = case(number)
+        if (paper.reference, paper.disturbance) == (experiment.reference, experiment.disturbance):
+            return number
+    return None
+
+
+def scenario(experiment: Experiment) -> str:
+    """Reference and disturbances in words."""
+    number = case_number(experiment)
+    if number is not None:
+        return CASES[number]
+    disturbance = experiment.disturbance
+    sources = {
+        "vortex shedding": disturbance.vortex,
+        "current": disturbance.current_sigma > 0,
+        "varying rail load": disturbance.normal_force_sigma > 0,
+    }
+    words = [name for name, present in sources.items() if present]
+    reference = {"uniform": "uniform speed", "profile": "profile"}[experiment.reference.kind]
+    return ", ".join([reference, *(words or ["no disturbance"])])
+
+
+def headings(results: Mapping[str, Result], content: str, words: str) -> tuple[str, str]:
+    """Title and subtitle of a figure of a case.
+
+    Args:
+        results: controller → result.
+        content: one of `simulation.paper.CONTENTS`.
+        words: what is drawn, for the title.
+    """
+    experiment = next(iter(results.values())).experiment
+    number = case_number(experiment)
+    figure = next((entry for entry in FIGURES if (entry.case, entry.content) == (number, content)), None)
+    title = f"Figure {figure.number} · Case {number}: {words}" if figure else words[0].upper() + words[1:]
+    return title, scenario(experiment).capitalize()
+
+
+def label(kind: str, result: Result) -> str:
+    """Name of a controller in a legend, with the run's end where it ended early."""
+    if result.outcome == "completed":
+        return CONTROLLERS[kind]
+    return f"{CONTROLLERS[kind]} ({result.outcome.replace('_', ' ')} at {result.end_time:.3g} s)"
+
+
+def controller_handles(results: Mapping[str, Result]) -> list[Line2D]:
+    """Legend entries of the controllers."""
+    return [
+        Line2D([], [], color=COLOURS[kind], linestyle=DASHES[kind], label=label(kind, result))
+        for kind, result in results.items()
+    ]
+
+
+def legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:
+    """One legend for all panels, below them, where it covers nothing."""
+    width = sum(len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles)
+    columns = -(-len(handles) // -(-width // LEGEND_WIDTH))
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6, columnspacing=1.6)
+
+
+def steady_handle() -> Patch:
+    """Legend entry of the shaded steady-state window."""
+    return Patch(facecolor=SHADE, edgecolor=LIGHT, label="steady state")
+
+
+def shade(axes: Axes, experiment: Experiment) -> None:
+    """Shade the steady-state window on a time axis in s."""
+    start, end = experiment.steady_window
+    axes.axvspan(start, min(end, experiment.duration), color=SHADE, linewidth=0, zorder=0)
+
+
+def time_axis(axes: Axes, experiment: Experiment, *, named: bool = True) -> None:
+    """Limit an axis to the run's duration in s and name it."""
+    axes.set_xlim(0, experiment.duration)
+    if named:
+        axes.set_xlabel("time (s)")

@@ -1,0 +1,53 @@
+"""What of an experiment shapes the compiled code, and what are numbers it takes at run time."""
+
+from dataclasses import dataclass
+
+from controllers.nominal import nominal_plant
+from model.quantity import numbers
+from simulation.experiment import Experiment
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What shapes the compiled code; everything else is a number it takes at run time."""
+
+    kind: str
+    rope_slack: bool
+    integrator: str
+    substeps: int
+    delay_samples: int
+
+
+SWITCHES = ("vortex", "integrated_phase")
+"""Switches of the disturbance that are numbers (0 or 1) at run time."""
+
+
+def structure_of(experiment: Experiment) -> Structure:
+    """The part of an experiment that shapes the compiled code."""
+    simulation = experiment.simulation
+    return Structure(
+        kind=experiment.controller.kind,
+        rope_slack=experiment.plant.rope_slack,
+        integrator=simulation.integrator,
+        substeps=simulation.substeps,
+        delay_samples=simulation.delay_samples,
+    )
+
+
+def parameters_of(experiment: Experiment) -> dict[str, float]:
+    """Every number of an experiment that the closed loop takes at run time, by its key.
+
+    ``plant.*`` is the simulated plant, ``nominal.*`` the plant as the controller believes it to be.
+    """
+    disturbance = experiment.disturbance
+    gains = numbers(experiment.controller, "controller.")
+    values = (
+        numbers(experiment.plant, "plant.")
+        | numbers(nominal_plant(experiment.controller.nominal, experiment.plant), "nominal.")
+        | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
+        | {f"disturbance.{key}": float(getattr(disturbance, key)) for key in SWITCHES}
+        | {f"disturbance.{key}": getattr(disturbance, key) for key in ("vortex_amplitude", "strouhal")}
+        | numbers(experiment.sensors, "sensors.")
+        | {"simulation.sample_time": experiment.simulation.sample_time}
+    )
+    return {key: float(value) for key, value in values.items()}

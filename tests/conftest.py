@@ -1,0 +1,42 @@
+"""Settings of the property tests, and the runs that several tests look at, each done once."""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import settings
+from numpy.typing import NDArray
+
+from simulation.paper import case
+from simulation.result import Result
+from simulation.simulate import simulate
+from tests.oracle.sampled import Scenario, run
+
+settings.register_profile("dualwinch", derandomize=True, deadline=None, database=None)
+settings.load_profile("dualwinch")
+
+PaperRun = Callable[[int, str], Result]
+OracleRun = Callable[[int, str], dict[str, NDArray[np.float64]]]
+
+
+@pytest.fixture(scope="session")
+def paper_run() -> PaperRun:
+    """``paper_run(case, controller)``: a paper case as the product runs it by default."""
+
+    @cache
+    def result(number: int, kind: str) -> Result:
+        return simulate(case(number, kind))
+
+    return result
+
+
+@pytest.fixture(scope="session")
+def oracle_run() -> OracleRun:
+    """``oracle_run(case, controller)``: columns of a paper case as the independent implementation runs it."""
+
+    @cache
+    def columns(number: int, kind: str) -> dict[str, NDArray[np.float64]]:
+        return run(Scenario(kind, number), 25_000 if number in {1, 3} else 50_000)
+
+    return columns

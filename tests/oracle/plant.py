@@ -1,0 +1,143 @@
+"""Right-hand side of the plant in floats, written per rope mode so that a stiff solver sees a smooth function."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi, sin, tanh
+from types import SimpleNamespace
+
+from tests.oracle.values import Values, group
+
+Triple = tuple[float, float, float]
+"""Vehicle, drum 1, drum 2: positions (m, rad, rad), speeds or accelerations."""
+
+Taut = tuple[bool, bool]
+"""Whether rope 1 and rope 2 pull."""
+
+Gates = tuple[float, float]
+"""One number a rope: positive where it should be taut."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """What stays constant between two samples: motor torques (N m), current (m/s), rail-load change (N)."""
+
+    tau_1: float
+    tau_2: float
+    current: float = 0.0
+    load: float = 0.0
+
+
+class Plant:
+    """Vehicle, two ropes, two winches.
+
+    ``motion(t, position, speed, held, taut)`` gives the accelerations with the ropes' modes held, and the gates.
+    """
+
+    def __init__(self, values: Values) -> None:
+        self.vehicle = group(values, "plant.vehicle.")
+        self.track = group(values, "plant.track.")
+        self.rope_1, self.rope_2 = group(values, "plant.rope_1."), group(values, "plant.rope_2.")
+        self.winch_1, self.winch_2 = group(values, "plant.winch_1."), group(values, "plant.winch_2.")
+        self.vortex = group(values, "disturbance.")
+        self.slack = bool(values["plant.rope_slack"])
+        self.motion = _motion(self)
+
+    def lengths(self, x: float) -> tuple[float, float]:
+        """Free lengths of both ropes."""
+        offset = self.track.rope_offset
+        return max(self.track.length - x + offset, 0.05), max(x + offset, 0.05)
+
+    def stiffnesses(self, x: float) -> tuple[float, float]:
+        """Spring rates of both ropes."""
+        length_1, length_2 = self.lengths(x)
+        return (
+            self.rope_1.modulus * self.rope_1.area / length_1,
+            self.rope_2.modulus * self.rope_2.area / length_2,
+        )
+
+    def tensions(self, position: Triple, speed: Triple) -> tuple[float, float]:
+        """Tensions that two-sided ropes would have, cut where the ropes hang loose."""
+        k_1, k_2 = self.stiffnesses(position[0])
+        stretch_1, stretch_2 = _stretches(self, position)
+        rate_1, rate_2 = _stretches(self, speed)
+        pull_1 = k_1 * stretch_1 + self.rope_1.damping * rate_1
+        pull_2 = k_2 * stretch_2 + self.rope_2.damping * rate_2
+        if self.slack:
+            pull_1 = pull_1 if stretch_1 > 0 and pull_1 > 0 else 0.0
+            pull_2 = pull_2 if stretch_2 > 0 and pull_2 > 0 else 0.0
+        return pull_1, pull_2
+
+    def taut(self, position: Triple, speed: Triple) -> Taut:
+        """The ropes' modes."""
+        tension_1, tension_2 = self.tensions(position, speed)
+        return not self.slack or tension_1 > 0, not self.slack or tension_2 > 0
+
+    def at_rest(self, preload: float) -> tuple[Triple, Triple]:
+        """Position and speed at x = 0 with both ropes at tension preload/2."""
+        k_1, k_2 = self.stiffnesses(0.0)
+        theta_1 = preload / 2 / k_1 / self.winch_1.drum_radius
+        theta_2 = preload / 2 / k_2 / self.winch_2.drum_radius
+        return (0.0, theta_1, theta_2), (0.0, 0.0, 0.0)
+
+    def on_track(self, x: float) -> bool:
+        """Whether the vehicle has not left the track."""
+        overrun = self.track.rope_offset / 2
+        return -overrun <= x <= self.track.length + overrun
+
+
+def _stretches(plant: Plant, place: Triple) -> tuple[float, float]:
+    x, theta_1, theta_2 = place
+    return plant.winch_1.drum_radius * theta_1 - x, plant.winch_2.drum_radius * theta_2 + x
+
+
+def _winch(winch: SimpleNamespace) -> Callable[[float, float, float], float]:
+    inertia, radius, ratio = winch.inertia, winch.drum_radius, winch.gear_ratio
+    coulomb, viscous = winch.coulomb_friction, winch.viscous_friction
+
+    def acceleration(torque: float, force: float, omega: float) -> float:
+        return (ratio * torque - radius * force - coulomb * tanh(omega / 0.01) - viscous * omega) / inertia
+
+    return acceleration
+
+
+def _resistance(vehicle: SimpleNamespace, vortex: SimpleNamespace) -> Callable[..., float]:
+    drag_factor = 0.5 * vehicle.drag_coefficient * vehicle.water_density * vehicle.drag_area
+    friction, load_0, scale = vehicle.friction_coefficient, vehicle.normal_force, vehicle.friction_velocity
+    shedding, share = bool(vortex.vortex), vortex.vortex_amplitude
+    by_way, wave = bool(vortex.integrated_phase), 2 * pi * vortex.strouhal / vehicle.diameter
+
+    def force(t: float, x: float, v: float, current: float, load: float) -> float:
+        through_water = v - current
+        total = friction * (load_0 + load) * tanh(v / scale) + drag_factor * through_water * abs(through_water)
+        if shedding:  # the integral of the shedding frequency grows with the way: no state is needed
+            total -= share * drag_factor * v * abs(v) * sin(wave * (x if by_way else v * t))
+        return total
+
+    return force
+
+
+def _motion(plant: Plant) -> Callable[[float, Triple, Triple, Held, Taut], tuple[Triple, Gates]]:
+    mass = plant.vehicle.mass + plant.vehicle.added_mass
+    resistance = _resistance(plant.vehicle, plant.vortex)
+    winch_1, winch_2 = _winch(plant.winch_1), _winch(plant.winch_2)
+    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    damping_1, damping_2 = plant.rope_1.damping, plant.rope_2.damping
+    stiffnesses = plant.stiffnesses
+
+    def motion(t: float, position: Triple, speed: Triple, held: Held, taut: Taut) -> tuple[Triple, Gates]:
+        x, theta_1, theta_2 = position
+        v, omega_1, omega_2 = speed
+        k_1, k_2 = stiffnesses(x)
+        stretch_1, stretch_2 = radius_1 * theta_1 - x, radius_2 * theta_2 + x
+        pull_1 = k_1 * stretch_1 + damping_1 * (radius_1 * omega_1 - v)
+        pull_2 = k_2 * stretch_2 + damping_2 * (radius_2 * omega_2 + v)
+        force_1, force_2 = pull_1 if taut[0] else 0.0, pull_2 if taut[1] else 0.0
+        net = force_1 - force_2 - resistance(t, x, v, held.current, held.load)
+        accelerations = (
+            net / mass,
+            winch_1(held.tau_1, force_1, omega_1),
+            winch_2(held.tau_2, force_2, omega_2),
+        )
+        return accelerations, (min(stretch_1, pull_1), min(stretch_2, pull_2))
+
+    return motion

@@ -1,0 +1,137 @@
+"""The sampled closed loop: sense, control, hold the torques while the plant moves on."""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import floor
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.oracle.collocation import Collocation
+from tests.oracle.laws import LAWS, Seen, WinchPid, tension_commands
+from tests.oracle.plant import Held, Plant, Triple
+from tests.oracle.values import DEFAULTS, Values
+
+Column = NDArray[np.float64]
+
+COLUMNS = (
+    *("t", "x", "v", "theta_1", "omega_1", "theta_2", "omega_2", "x_ref", "v_ref", "a_ref", "e", "F1", "F2"),
+    *("F1_cmd", "F2_cmd", "u", "u_sat", "d_hat", "L1", "Z_a", "s", "tau1", "tau2"),
+)
+
+
+class Solver(Protocol):
+    """Moves the plant from one sample to the next."""
+
+    def advance(
+        self, t: float, duration: float, position: Triple, speed: Triple, held: Held
+    ) -> tuple[Triple, Triple]: ...
+
+
+def uniform(t: float) -> Triple:
+    """Position, speed and acceleration of Cases 1 and 3."""
+    return 1.5 * t, 1.5, 0.0
+
+
+def profile(t: float) -> Triple:
+    """Position, speed and acceleration of Cases 2 and 4; at a joint, of the piece before it."""
+    if t <= 18:
+        return 0.05 * t**2, 0.1 * t, 0.1
+    if t <= 29:
+        return 1.8 * t - 16.2, 1.8, 0.0
+    if t <= 41:
+        return -0.075 * t**2 + 6.15 * t - 79.275, -0.15 * t + 6.15, -0.15
+    return 46.8, 0.0, 0.0
+
+
+REFERENCES = {1: uniform, 2: profile, 3: uniform, 4: profile}
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What a run is: controller, reference case, values that differ from the defaults, signals by sample.
+
+    Signals, all optional, each (samples,): current (m/s), load (N), and the noise added to x, v, F1, F2.
+    """
+
+    kind: str
+    case: int
+    changes: Mapping[str, float] = field(default_factory=dict)
+    signals: Mapping[str, Column] = field(default_factory=dict)
+    position_resolution: float = 0.0
+
+    @property
+    def values(self) -> Values:
+        return {**DEFAULTS, "disturbance.vortex": self.case in {3, 4}, **self.changes}
+
+
+def quantise(value: float, step: float) -> float:
+    return step * floor(value / step + 0.5) if step > 0 else value
+
+
+def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[str, Column]:
+    """Columns of a run, one row a sample at its beginning; stops early where the vehicle leaves the track."""
+    values = scenario.values
+    plant = Plant(values)
+    solver = solver or Collocation(plant)
+    law = LAWS[scenario.kind](values)
+    winch_1, winch_2 = WinchPid(values, 1), WinchPid(values, 2)
+    preload, lower, upper = (
+        values[f"controller.coordination.{name}"] for name in ("preload", "tension_min", "tension_max")
+    )
+    Ts, filter_time = values["simulation.sample_time"], values["controller.speed_filter_time"]
+    levers = [winch.drum_radius / winch.gear_ratio for winch in (plant.winch_1, plant.winch_2)]
+    queue = deque([(levers[0] * preload / 2, levers[1] * preload / 2)] * int(values["simulation.delay_samples"]))
+    position, speed = plant.at_rest(preload)
+    filtered_v = 0.0
+    rows: list[tuple[float, ...]] = []
+
+    def signal(name: str, sample: int) -> float:
+        return float(scenario.signals[name][sample]) if name in scenario.signals else 0.0
+
+    for k in range(samples):
+        t, x, v = k * Ts, position[0], speed[0]
+        F1, F2 = plant.tensions(position, speed)
+        x_ref, v_ref, a_ref = REFERENCES[scenario.case](t)
+        filtered_v += Ts / (filter_time + Ts) * (v + signal("v", k) - filtered_v)
+        seen = Seen(
+            x=quantise(x + signal("x", k), scenario.position_resolution),
+            v=filtered_v if filter_time else v + signal("v", k),
+            F1=F1 + signal("F1", k),
+            F2=F2 + signal("F2", k),
+            x_ref=x_ref,
+            v_ref=v_ref,
+            a_ref=a_ref,
+        )
+        said = law.step(seen)
+        F1_cmd, F2_cmd = tension_commands(said.u_sat, preload, lower, upper)
+        tau1 = winch_1.step(F1_cmd, seen.F1, a_ref / plant.winch_1.drum_radius)
+        tau2 = winch_2.step(F2_cmd, seen.F2, -a_ref / plant.winch_2.drum_radius)
+        queue.append((tau1, tau2))
+        rows.append(
+            (
+                *(
+                    t,
+                    x,
+                    v,
+                    position[1],
+                    speed[1],
+                    position[2],
+                    speed[2],
+                    x_ref,
+                    v_ref,
+                    a_ref,
+                    x - x_ref,
+                    F1,
+                    F2,
+                ),
+                *(F1_cmd, F2_cmd, said.u, said.u_sat, said.d_hat, said.L1, said.Z_a, said.s, tau1, tau2),
+            )
+        )
+        held = Held(*queue.popleft(), current=signal("current", k), load=signal("load", k))
+        position, speed = solver.advance(t, Ts, position, speed, held)
+        if not plant.on_track(position[0]):
+            break
+    return dict(zip(COLUMNS, np.array(rows).T, strict=True))
