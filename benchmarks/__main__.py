@@ -13,9 +13,13 @@ def main() -> int:
     parser.add_argument("--duration", type=float, default=50.0, metavar="S", help="simulated time (50 s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every measured time to a file")
     chosen = parser.parse_args()
-    rounds = chosen.rounds or (5 if chosen.quick else 21)
-    if rounds < 1 or not chosen.duration > 0:
-        parser.error("--rounds must be >= 1 and --duration > 0")
+    rounds = chosen.rounds if chosen.rounds is not None else 5 if chosen.quick else 21
+    if rounds < 1:
+        parser.error(f"--rounds {rounds}: must be >= 1")
+    if not 0.01 <= chosen.duration <= 1000:
+        parser.error(f"--duration {chosen.duration:g}: must be 0.01 to 1000 s")
+    if chosen.json and not chosen.json.parent.is_dir():
+        parser.error(f"--json {chosen.json}: there is no such folder")
 
     from rich.console import Console
 
@@ -32,7 +36,7 @@ def main() -> int:
         if chosen.json:
             write_json(chosen.json, timings, chosen.duration)
     except (DisagreementError, UnavailableError, DualwinchError, OSError) as error:
-        print(f"no table: {error}", file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
 

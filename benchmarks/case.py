@@ -6,10 +6,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.closed_loop import ClosedLoop, closed_loop, initial_state_of, parameters_of, structure_of
+from simulation.closed_loop import ClosedLoop, closed_loop, initial_state_of
 from simulation.environment import exogenous_signals
 from simulation.experiment import Experiment, Simulation
 from simulation.paper import case
+from simulation.structure import parameters_of, structure_of
 
 REFERENCE = ("reference.x", "reference.v", "reference.a", "steady")
 """Columns of `Case.reference`."""

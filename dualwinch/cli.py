@@ -26,13 +26,20 @@ Start with `dualwinch reproduce`, or look at one run:
     help_format="markdown",
     version=__version__,
     version_flags=["--version"],
+    suppress_keyboard_interrupt=False,
 )
 
 ControllerName = Literal["fando-nftsm", "nftsm", "pid-cascade"]
 Case = Annotated[int | None, Parameter(help="Case 1 to 4 of the paper.")]
 
 
-@app.command
+@app.command(
+    help_epilogue="""Examples:
+
+    dualwinch reproduce
+    dualwinch reproduce --cases 4 --controllers fando-nftsm,nftsm --out case4
+"""
+)
 def reproduce(
     *,
     out: Annotated[Path, Parameter(help="Folder for figures, data, metrics and the report.")] = Path("results"),
@@ -45,17 +52,20 @@ def reproduce(
 
     Prints the figures of merit and, where Case 4 runs with both sliding-mode controllers, the reductions of
     Figure 21 beside the paper's.
-
-    Examples:
-        dualwinch reproduce
-        dualwinch reproduce --cases 4 --controllers fando-nftsm,nftsm --out case4
     """
     from dualwinch.reproduce import reproduce as run
 
     run(out, cases.split(","), controllers.split(","))
 
 
-@app.command
+@app.command(
+    help_epilogue="""Examples:
+
+    dualwinch simulate --case 4
+    dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
+    dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
+"""
+)
 def simulate(
     *,
     case: Case = None,
@@ -75,29 +85,26 @@ def simulate(
     """Simulate one experiment and print its figures of merit.
 
     Without --case or --config the defaults of every key are used (the paper's Case 2).
-
-    Examples:
-        dualwinch simulate --case 4
-        dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
-        dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
     """
     from dualwinch.simulate import simulate as run
 
     run(case, config, controller, set_ or [], out, plot, stride, engine)
 
 
-@app.command(name="config")
+@app.command(
+    name="config",
+    help_epilogue="""Examples:
+
+    dualwinch config > my.toml
+    dualwinch config --case 4 --set controller.kind=nftsm
+""",
+)
 def config_(
     *,
     case: Case = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", help="key=value; may be repeated.", negative="")] = None,
 ) -> None:
-    """Print the complete configuration as TOML, each key with unit, meaning, range and source.
-
-    Examples:
-        dualwinch config > my.toml
-        dualwinch config --case 4 --set controller.kind=nftsm
-    """
+    """Print the complete configuration as TOML, each key with unit, meaning, range and source."""
     from dualwinch.config import to_toml
     from dualwinch.simulate import experiment
 

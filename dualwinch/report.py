@@ -168,13 +168,16 @@ def summary(runs: Mapping[tuple[int, str], Result]) -> str:
     kinds = [CONTROLLERS[kind] for kind in CONTROLLERS if any(run == kind for _number, run in runs)]
     cases = f"Case{'s' * (len(numbers) > 1)} {_listing([str(number) for number in numbers])}"
     plural = "s" * (len(runs) != 1)
-    first = f"This report shows {len(runs)} simulated run{plural} of the paper's {cases}, controlled by {_listing(kinds)}."
+    first = (
+        f"This report shows {len(runs)} simulated run{plural} of the paper's {cases}, controlled by {_listing(kinds)}."
+    )
     change = reductions(runs)
     if change is None:
         return first + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
     here = _listing([f"{METRIC_NAMES[metric]} by {percent(change[metric])}" for metric in REDUCTIONS])
     paper = _listing([percent(value, "+g") for value in REDUCTIONS.values()])
-    return f"{first} In the steady state of Case 4 the disturbance observer changes {here}; the paper reports {paper}."
+    second = f"In the steady state of Case 4 the disturbance observer changes {here}; the paper reports {paper}."
+    return f"{first} {second}".replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 def number_text(value: float) -> Markup:
@@ -186,7 +189,7 @@ def number_text(value: float) -> Markup:
     mantissa, exponent = f"{value:.2e}".split("e")
     if 1e-2 <= abs(value) < 1e5:
         rounded = float(f"{mantissa}e{exponent}")
-        return Markup(escape(f"{rounded:.{max(0, 2 - int(exponent))}f}".replace("-", "−")))
+        return escape(f"{rounded:.{max(0, 2 - int(exponent))}f}".replace("-", "−"))
     power = str(int(exponent)).replace("-", "−")
     return Markup("{}·10<sup>{}</sup>").format(mantissa.replace("-", "−"), power)
 
@@ -232,9 +235,7 @@ def _best(results: Mapping[str, Result], column: Column) -> str | None:
     return number_text(max(finite) if column.high_is_good else min(finite))
 
 
-def _pictures(
-    number: int, runs: Mapping[tuple[int, str], Result], figures: Mapping[int, bytes]
-) -> list[Picture]:
+def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapping[int, bytes]) -> list[Picture]:
     reference = next(run for (case, _kind), run in runs.items() if case == number).experiment.reference.kind
     pictures: list[Picture] = []
     for figure in FIGURES:

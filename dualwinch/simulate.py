@@ -9,6 +9,7 @@ from rich.table import Table
 
 from dualwinch.config import load, override, parse_assignment, to_toml
 from dualwinch.doctor import versions
+from dualwinch.folders import check_folder
 from model.quantity import describe
 from simulation.engine import EngineName
 from simulation.errors import ConfigurationError
@@ -64,7 +65,7 @@ def simulate(
     with console.status("simulating"):
         result = run(asked, stride=stride, engine_name=engine)
     print_result(result)
-    notes = {"configuration": to_toml(asked), **{f"version of {k}": v for k, v in versions().items()}}
+    notes = {"configuration": to_toml(asked), **{f"version_{k}": v for k, v in versions().items()}}
     if out:
         with console.status(f"writing {out}"):
             save(result, out, notes)
@@ -76,21 +77,6 @@ def simulate(
 
             save_figure(overview(result), plot)
         console.print(f"wrote {plot}")
-
-
-def check_folder(folder: Path) -> None:
-    """Raise an error early where a folder is missing or not writable.
-
-    Raises:
-        ConfigurationError: the folder does not exist or is none.
-        OSError: it cannot be written to.
-    """
-    import tempfile
-
-    if not folder.is_dir():
-        raise ConfigurationError(f"{folder}: no such folder")
-    with tempfile.TemporaryFile(dir=folder):
-        pass
 
 
 def print_result(result: Result) -> None:

@@ -55,8 +55,7 @@ def steady_state_bars(results: Mapping[str, Result]) -> Figure:
     title = f"Figure 21 · Case {number}: {title}" if number == 4 else title[0].upper() + title[1:]
     subtitle = f"{scenario(experiment).capitalize()}; steady state from {start:g} to {end:g} s"
     with house_style():
-        figure = new_figure(5.0, title, subtitle)
-        figure.get_layout_engine().set(h_pad=0.07)  # pyright: ignore
+        figure = new_figure(5.0, title, subtitle, gap=0.07)
         panels = figure.subplot_mosaic([list(NAMES), ["change"] * 3], height_ratios=(1.25, 1))
         for metric in NAMES:
             _errors(panels[metric], pair, metric)

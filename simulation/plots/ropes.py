@@ -36,6 +36,9 @@ START_UP = 0.06
 BRAKING = (-0.03, 0.12)
 """Seconds around the start of a profile's braking that are shown enlarged: its acceleration jumps there."""
 
+SMALLEST_SPAN = 0.4
+"""Smallest height in kN of an enlarged panel, so that fractions of a newton do not look like an event."""
+
 OVERSHOOT = 1.02
 """A tension this many times its limit is worth a word."""
 
@@ -140,8 +143,9 @@ def _enlarged_run(axes: Axes, results: Mapping[str, Result], column: str) -> Non
         axes.plot((t - origin) * 1e3, force, color=COLOURS[kind], linestyle=DASHES[kind], label=CONTROLLERS[kind])
     axes.set_xlim((start - origin) * 1e3, (min(end, experiment.duration) - origin) * 1e3)
     bottom, top = axes.get_ylim()
+    spare = max(SMALLEST_SPAN - (top - bottom), 0.0) / 2
     draw_limits(axes, experiment)
-    axes.set_ylim(bottom, top)
+    axes.set_ylim(bottom - spare, top + spare)
 
 
 def _extremes(results: Mapping[str, Result], column: str) -> str:

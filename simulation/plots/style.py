@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib as mpl
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -75,20 +77,22 @@ def house_style() -> Iterator[None]:
     """Matplotlib's defaults with `STYLE`, whatever the user's own settings are."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(STYLE)
+        settings: Any = mpl.rcParams
+        settings.update(STYLE)
         yield
 
 
-def new_figure(height: float, title: str, subtitle: str) -> Figure:
+def new_figure(height: float, title: str, subtitle: str, gap: float = 0.05) -> Figure:
     """An empty figure with its heading; panels and legend are laid out without overlaps.
 
     Args:
         height: in inches.
         title: first line, bold.
         subtitle: second line.
+        gap: half the vertical space between two panels, in inches.
     """
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.06, h_pad=0.05, hspace=0.04, wspace=0.03)  # pyright: ignore
+    engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=gap, hspace=0.04, wspace=0.03)
+    figure = Figure(figsize=(WIDTH, height), layout=engine)
     left = 0.06 / WIDTH
     # the heading's room is reserved by an invisible suptitle of two lines, its text drawn over it in two weights
     figure.suptitle(" \n ", x=left, ha="left", fontsize=10, linespacing=1.35)

@@ -41,9 +41,7 @@ def test_saturated_force_is_within_the_limit(x: float, v: float, Z_a: float, d_h
 
 
 @given(st.floats(-1, 1), st.floats(-2, 2), st.floats(-0.2, 0.2))
-def test_an_estimated_disturbance_is_taken_off_as_mass_times_its_acceleration(
-    x: float, v: float, d_hat: float
-) -> None:
+def test_an_estimated_disturbance_is_taken_off_as_mass_times_its_acceleration(x: float, v: float, d_hat: float) -> None:
     assert control(x, v)[0] - control(x, v, d_hat=d_hat)[0] == pytest.approx(1e4 * d_hat, abs=1e-6)
 
 

@@ -34,9 +34,7 @@ def test_too_little_tension_gives_more_torque() -> None:
 
 
 @given(tensions, tensions, st.floats(-1e5, 1e5))
-def test_integral_is_kept_only_while_the_torque_is_not_clipped(
-    command: float, tension: float, integral: float
-) -> None:
+def test_integral_is_kept_only_while_the_torque_is_not_clipped(command: float, tension: float, integral: float) -> None:
     after, said = step(WinchState(integral=integral), command, tension)
     grown = integral + 1e-3 * (command - tension)
     assert after.integral == (integral if said.saturated else grown)

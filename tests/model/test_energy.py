@@ -71,9 +71,7 @@ def states(draw: st.DrawFn, plant: Plant) -> PlantState:
     pulls, slips = draw(st.tuples(*2 * [st.floats(-500, 8000)])), draw(st.tuples(*2 * [st.floats(-1, 1)]))
     length_1, length_2 = rope_lengths(x, plant.track)
     stretch_1, stretch_2 = pulls[0] / stiffness(length_1, plant.rope_1), pulls[1] / stiffness(length_2, plant.rope_2)
-    return PlantState(
-        x, v, (stretch_1 + x) / 0.8, (v + slips[0]) / 0.8, (stretch_2 - x) / 0.8, (slips[1] - v) / 0.8
-    )
+    return PlantState(x, v, (stretch_1 + x) / 0.8, (v + slips[0]) / 0.8, (stretch_2 - x) / 0.8, (slips[1] - v) / 0.8)
 
 
 @given(states(PLANT))

@@ -35,9 +35,7 @@ def states(draw: st.DrawFn) -> PlantState:
     k_1, k_2 = ORACLE.stiffnesses(x)
     stretch_1, stretch_2 = draw(st.floats(-1000, 8000)) / k_1, draw(st.floats(-1000, 8000)) / k_2
     slip_1, slip_2 = draw(st.floats(-0.5, 0.5)), draw(st.floats(-0.5, 0.5))
-    return PlantState(
-        x, v, (stretch_1 + x) / 0.8, (v + slip_1) / 0.8, (stretch_2 - x) / 0.8, (slip_2 - v) / 0.8
-    )
+    return PlantState(x, v, (stretch_1 + x) / 0.8, (v + slip_1) / 0.8, (stretch_2 - x) / 0.8, (slip_2 - v) / 0.8)
 
 
 torques = st.builds(Torques, st.floats(0, 140), st.floats(0, 140))
@@ -60,16 +58,12 @@ def test_equations_of_motion_equal_the_independent_ones(
 
 @given(states())
 def test_tensions_equal_the_independent_ones(state: PlantState) -> None:
-    theirs = ORACLE.tensions(
-        (state.x, state.theta_1, state.theta_2), (state.v, state.omega_1, state.omega_2)
-    )
+    theirs = ORACLE.tensions((state.x, state.theta_1, state.theta_2), (state.v, state.omega_1, state.omega_2))
     assert tensions(state, PLANT) == pytest.approx(theirs, rel=1e-9, abs=1e-5)
 
 
 @given(states(), torques, environments)
-def test_the_named_function_equals_the_law_on_floats(
-    state: PlantState, motors: Torques, around: Environment
-) -> None:
+def test_the_named_function_equals_the_law_on_floats(state: PlantState, motors: Torques, around: Environment) -> None:
     inputs = {
         name: np.array(list(leaves(group).values())) for name, group in zip("xuw", (state, motors, around), strict=True)
     }

@@ -1,0 +1,116 @@
+import ctypes
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from codegen import cache
+from codegen.cache import cache_folder, library
+from codegen.compiler import Compiler, find_compiler
+from codegen.errors import CacheError, CompileError
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="permission bits")
+
+
+def answering(number: int) -> str:
+    return f'__attribute__((visibility("default"))) int answer(void) {{ return {number}; }}\n'
+
+
+def answer(path: Path) -> int:
+    return ctypes.CDLL(str(path)).answer()
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def builds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Sources that were compiled, in order."""
+    seen: list[str] = []
+    build = Compiler.build
+
+    def noted(self: Compiler, source: str, target: Path) -> None:
+        seen.append(source)
+        build(self, source, target)
+
+    monkeypatch.setattr(Compiler, "build", noted)
+    return seen
+
+
+def test_a_second_look_compiles_nothing(builds: list[str]) -> None:
+    first, second = (library(answering(1), find_compiler()) for _ in range(2))
+    assert first == second
+    assert len(builds) == 1
+    assert answer(first) == 1
+
+
+def test_another_source_or_compiler_is_another_library(builds: list[str]) -> None:
+    gcc = find_compiler()
+    other = Compiler(gcc.name, gcc.command, gcc.version + " (another build)")
+    paths = {library(answering(1), gcc), library(answering(2), gcc), library(answering(1), other)}
+    assert len(paths) == len(builds) == 3
+
+
+@POSIX
+def test_the_folder_is_the_users_own() -> None:
+    assert cache_folder().stat().st_mode & 0o777 == 0o700
+    cache_folder().chmod(0o755)
+    assert cache_folder().stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("damage", [b"", b"half a library", None])
+def test_a_damaged_file_is_built_again(damage: bytes | None, builds: list[str]) -> None:
+    path = library(answering(3), find_compiler())
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2] if damage is None else damage)
+    assert answer(library(answering(3), find_compiler())) == 3
+    assert len(builds) == 2
+
+
+def test_a_failed_compile_leaves_nothing_behind() -> None:
+    with pytest.raises(CompileError):
+        library("int answer(void) { return nothing; }\n", find_compiler())
+    assert list(cache_folder().iterdir()) == []
+
+
+def test_a_killed_compile_is_swept_away_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = cache_folder()
+    (folder / "unfinished-1-dead.so").write_bytes(b"half")
+    (folder / "build-dead").mkdir()
+    (folder / "build-dead" / "unit.c").write_text("half")
+    path = library(answering(4), find_compiler())
+    assert answer(path) == 4
+    assert (folder / "build-dead").exists()
+    monkeypatch.setattr(cache, "ABANDONED_AFTER", -1.0)
+    other = library(answering(5), find_compiler())
+    assert set(folder.iterdir()) == {path, other}
+
+
+def test_old_libraries_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache, "KEPT", 2)
+    paths = [library(answering(number), find_compiler()) for number in (6, 7, 8)]
+    os.utime(paths[1], (1, 1))
+    newest = library(answering(9), find_compiler())
+    assert set(cache_folder().iterdir()) == {paths[2], newest}
+
+
+def test_two_processes_at_once_both_end_well() -> None:
+    program = (
+        "import ctypes; from codegen.cache import library; from codegen.compiler import find_compiler\n"
+        f"print(ctypes.CDLL(str(library({answering(10)!r}, find_compiler()))).answer())"
+    )
+    running = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    said = [process.communicate()[0].strip() for process in running]
+    assert said == ["10"] * 4
+    assert answer(library(answering(10), find_compiler())) == 10
+
+
+def test_a_folder_that_cannot_be_is_one_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    with pytest.raises(CacheError, match="DUALWINCH_CACHE_DIR"):
+        cache_folder()

@@ -1,0 +1,54 @@
+from pathlib import Path
+
+import pytest
+
+from codegen.compiler import find_compiler, vector_features
+from codegen.errors import CompileError, CompilerNotFoundError
+
+ANSWER = "int answer(void) { return 42; }\n"
+
+
+def test_a_compiler_is_found_and_says_its_version() -> None:
+    compiler = find_compiler()
+    assert any(character.isdigit() for character in compiler.version)
+
+
+def test_zig_serves_where_there_is_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("ziglang")
+    monkeypatch.setenv("PATH", "/nonexistent")
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.delenv("DUALWINCH_CC", raising=False)
+    assert find_compiler().name == "zig"
+
+
+def test_without_any_the_error_names_two_things_that_help(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "/nonexistent/too")
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.delenv("DUALWINCH_CC", raising=False)
+    monkeypatch.setattr("codegen.compiler._zig", lambda: None)
+    with pytest.raises(CompilerNotFoundError, match=r"install gcc or clang.*pip install 'dualwinch\[zig\]'"):
+        find_compiler()
+
+
+def test_a_wrong_wish_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DUALWINCH_CC", "no-such-compiler")
+    with pytest.raises(CompilerNotFoundError, match="no-such-compiler"):
+        find_compiler()
+
+
+def test_a_complaint_of_the_compiler_is_passed_on(tmp_path: Path) -> None:
+    with pytest.raises(CompileError, match="error"):
+        find_compiler().build("int answer(void) { return nothing; }\n", tmp_path / "broken.so")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_build_leaves_nothing_but_the_library(tmp_path: Path) -> None:
+    find_compiler().build(ANSWER, tmp_path / "answer.so")
+    assert [file.name for file in tmp_path.iterdir()] == ["answer.so"]
+
+
+def test_identity_names_compiler_flags_and_processor() -> None:
+    compiler = find_compiler()
+    assert compiler.version in compiler.identity
+    assert "-O3" in compiler.identity
+    assert all(feature in compiler.identity for feature in vector_features())

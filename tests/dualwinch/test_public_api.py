@@ -1,0 +1,26 @@
+import subprocess
+import sys
+
+import pytest
+
+import dualwinch
+
+
+@pytest.mark.parametrize("name", dualwinch.__all__)
+def test_every_public_name_is_there_and_documented(name: str) -> None:
+    thing = getattr(dualwinch, name)
+    assert name == "__version__" or thing.__doc__
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="nothing_here"):
+        _ = dualwinch.nothing_here
+
+
+def test_the_command_line_imports_nothing_heavy() -> None:
+    """`--help` must answer at once: CasADi, NumPy and matplotlib wait until a command needs them."""
+    program = (
+        "import sys, dualwinch.cli; print(*sorted({'casadi', 'numpy', 'matplotlib', 'pyarrow'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

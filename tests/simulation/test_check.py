@@ -1,0 +1,95 @@
+"""Values that do not fit together: one line that names the key and what is allowed."""
+
+from dataclasses import replace
+
+import pytest
+
+from codegen.errors import DualwinchError
+from controllers.controller import Controller
+from controllers.differential_tension import Coordination
+from controllers.nftsm import NftsmGains
+from model.plant import Plant
+from model.reference import Reference
+from model.rope import Track
+from simulation.check import check
+from simulation.errors import ConfigurationError
+from simulation.experiment import Experiment, Simulation
+from simulation.paper import CASES, CONTROLLERS, case
+from simulation.simulate import simulate
+
+FAST = Reference(kind="uniform", speed=2.1)
+WRONG = {
+    "even p": (Experiment(controller=Controller(nftsm=NftsmGains(p=4))), "controller.nftsm.p = 4", "odd"),
+    "even q": (Experiment(controller=Controller(nftsm=NftsmGains(q=2))), "controller.nftsm.q = 2", "odd"),
+    "p <= q": (
+        Experiment(controller=Controller(nftsm=NftsmGains(p=3))),
+        "controller.nftsm.p = 3",
+        "> controller.nftsm.q",
+    ),
+    "preload too small": (
+        Experiment(controller=Controller(coordination=Coordination(preload=400.0))),
+        "controller.coordination.preload = 400",
+        "> 400 and < 12000 N",
+    ),
+    "preload too large": (
+        Experiment(controller=Controller(coordination=Coordination(preload=12000.0))),
+        "controller.coordination.preload = 12000",
+        "> 400 and < 12000 N",
+    ),
+    "limits swapped": (
+        Experiment(controller=Controller(coordination=Coordination(tension_min=6000.0, tension_max=200.0))),
+        "controller.coordination.tension_min = 6000",
+        "< controller.coordination.tension_max = 200 N",
+    ),
+    "shorter than a sample": (
+        Experiment(simulation=Simulation(duration=1e-4)),
+        "simulation.duration = 0.0001",
+        "one to 1e+09 sample times",
+    ),
+    "endless": (Experiment(simulation=Simulation(duration=1e7)), "simulation.duration = 1e+07", "one to 1e+09"),
+    "joints out of order": (
+        Experiment(reference=Reference(accelerate_until=30.0)),
+        "reference.accelerate_until, cruise_until, brake_until = 30, 29, 41",
+        "ascending order",
+    ),
+    "past the end, too fast": (
+        Experiment(reference=FAST),
+        "reference.speed, simulation.duration: the reference ends at 52.5 m",
+        "<= plant.track.length = 50 m",
+    ),
+    "past the end, too short a track": (
+        replace(case(2), plant=Plant(track=Track(length=46.0))),
+        "the reference ends at 46.8 m",
+        "<= plant.track.length = 46 m",
+    ),
+}
+
+
+@pytest.mark.parametrize(("experiment", "key", "allowed"), WRONG.values(), ids=WRONG)
+def test_the_error_names_the_key_and_what_is_allowed(experiment: Experiment, key: str, allowed: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        check(experiment)
+    message = str(caught.value)
+    assert key in message
+    assert allowed in message
+    assert "\n" not in message
+
+
+def test_a_run_is_checked_before_it_starts() -> None:
+    with pytest.raises(DualwinchError, match="plant.track.length"):
+        simulate(Experiment(reference=FAST))
+
+
+@pytest.mark.parametrize("number", CASES)
+def test_the_papers_cases_are_sound(number: int) -> None:
+    for kind in CONTROLLERS:
+        check(case(number, kind))
+
+
+def test_a_case_the_paper_does_not_have() -> None:
+    with pytest.raises(ConfigurationError, match=r"case 5: must be 1, 2, 3 or 4"):
+        case(5)
+
+
+def test_a_reference_may_end_at_the_tracks_end() -> None:
+    check(Experiment(reference=replace(FAST, speed=2.0)))

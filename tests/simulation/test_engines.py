@@ -1,0 +1,158 @@
+"""The compiled loop and CasADi's interpreter run the same step."""
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from controllers.auxiliary import AuxiliaryGains
+from controllers.controller import Controller
+from controllers.nominal import Nominal
+from model.plant import Plant
+from model.reference import Reference
+from model.rope import Track
+from simulation.closed_loop import ClosedLoop, closed_loop, initial_state_of
+from simulation.engine import engine
+from simulation.environment import exogenous_signals
+from simulation.experiment import Experiment, Simulation
+from simulation.integrators import INTEGRATORS
+from simulation.paper import CONTROLLERS, case
+from simulation.result import Result
+from simulation.simulate import simulate
+from simulation.structure import parameters_of, structure_of
+
+Array = NDArray[np.float64]
+
+
+def vectors(experiment: Experiment) -> tuple[ClosedLoop, Array, Array, Array]:
+    """Closed loop, parameters, exogenous signals and initial state of an experiment."""
+    parameters = np.array(list(parameters_of(experiment).values()))
+    state = np.array(list(initial_state_of(experiment).values()))
+    return closed_loop(structure_of(experiment)), parameters, exogenous_signals(experiment), state
+
+
+def equal(ours: Array, theirs: Array) -> bool:
+    return bool(np.all(np.abs(ours - theirs) <= 1e-12 * np.maximum(np.abs(ours), np.abs(theirs))))
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.parametrize("number", [3, 4])
+def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
+    """From states all along a run, the first samples with their slack rope among them."""
+    loop, parameters, exogenous, start = vectors(case(number, kind))
+    compiled, interpreted = engine(loop, "compiled"), engine(loop, "interpreter")
+    anywhere = np.random.default_rng(3).integers(20, len(exogenous) - 1, 40)
+    for sample in (*range(20), *anywhere.tolist()):
+        state = start.copy()
+        compiled(parameters, exogenous[:sample], state, 0)
+        ours, theirs, now = state.copy(), state.copy(), exogenous[sample : sample + 1]
+        _, _, our_row = compiled(parameters, now, ours, 1)
+        _, _, their_row = interpreted(parameters, now, theirs, 1)
+        assert equal(ours, theirs)
+        assert equal(our_row, their_row)
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_trajectories_agree(kind: str) -> None:
+    experiment = replace(case(3, kind), simulation=Simulation(duration=10.0))
+    ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-9
+    assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-9)
+
+
+@pytest.mark.parametrize("engine_name", ["compiled", "interpreter"])
+@pytest.mark.parametrize("stride", [1, 7, 100, 2000])
+def test_a_stride_keeps_every_so_many_rows_and_changes_nothing_else(engine_name: Any, stride: int) -> None:
+    experiment = replace(case(4), simulation=Simulation(duration=1.0))
+    full, thin = simulate(experiment), simulate(experiment, stride=stride, engine_name=engine_name)
+    for name, column in full.columns.items():
+        assert thin[name] == pytest.approx(column[::stride], rel=1e-9, abs=1e-12), name
+    assert thin.metrics.mse == pytest.approx(full.metrics.mse, rel=1e-12)
+
+
+@pytest.mark.parametrize("engine_name", ["compiled", "interpreter"])
+def test_a_stride_of_zero_keeps_no_rows(engine_name: Any) -> None:
+    experiment = replace(case(4), simulation=Simulation(duration=0.5))
+    result = simulate(experiment, stride=0, engine_name=engine_name)
+    assert len(result["t"]) == 0
+    assert result.metrics.mae > 0
+
+
+RUNAWAY = Experiment(
+    plant=Plant(track=Track(length=2.0)),
+    controller=Controller(nominal=Nominal(friction_coefficient=5.0)),
+    reference=Reference(kind="uniform", speed=0.1),
+    simulation=Simulation(duration=19.0),
+)
+"""The controller believes in fifty times the friction and makes up for it: the vehicle races off the track."""
+
+EXPLODING = replace(
+    case(1), controller=replace(Controller(), auxiliary=AuxiliaryGains(k_a=2e6)), simulation=Simulation(duration=2.0)
+)
+"""The anti-saturation state's own Euler step is unstable."""
+
+
+def both_engines(experiment: Experiment) -> tuple[Result, Result]:
+    return simulate(experiment), simulate(experiment, engine_name="interpreter")
+
+
+@pytest.mark.parametrize(("experiment", "outcome"), [(RUNAWAY, "left_track"), (EXPLODING, "diverged")])
+def test_early_ends_are_the_same_in_both_engines(experiment: Experiment, outcome: str) -> None:
+    ours, theirs = both_engines(experiment)
+    assert ours.outcome == theirs.outcome == outcome
+    assert ours.end_time == theirs.end_time < experiment.duration
+    assert len(ours["t"]) == len(theirs["t"]) == round(ours.end_time / 1e-3)
+    assert ours["x"] == pytest.approx(theirs["x"], abs=1e-9)
+
+
+def test_the_run_ends_with_the_sample_that_leaves_the_track() -> None:
+    result = simulate(RUNAWAY)
+    assert result["x"].max() <= 2.25
+    assert result.final_state["motion.plant.x"] > 2.25
+
+
+def test_a_divergence_is_seen_in_the_final_state_only() -> None:
+    result = simulate(EXPLODING)
+    assert np.isfinite(result["x"]).all()
+    assert not np.isfinite(list(result.final_state.values())).all()
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_the_step_has_jacobians_all_along_a_run(kind: str, integrator: Any) -> None:
+    experiment = replace(case(3, kind), simulation=Simulation(integrator=integrator))
+    loop, parameters, exogenous, start = vectors(experiment)
+    blocks = [f"jac:next_state:{name}" for name in ("state", "exogenous", "parameters")]
+    jacobian = loop.step.factory("jacobian", loop.step.name_in(), blocks)
+    for sample in (*range(20), 100, 1000, 10_000, 20_000):
+        state = start.copy()
+        engine(loop)(parameters, exogenous[:sample], state, 0)
+        for block in jacobian(state, exogenous[sample], parameters):
+            assert np.isfinite(np.array(block)).all(), f"at sample {sample}"
+
+
+def test_a_jacobian_equals_the_difference_quotient() -> None:
+    loop, parameters, exogenous, state = vectors(case(4, "pid-cascade"))
+    engine(loop)(parameters, exogenous[:20_000], state, 0)
+    exact = loop.step.factory("jacobian", loop.step.name_in(), ["jac:next_state:state"])
+    slopes = np.array(exact(state, exogenous[20_000], parameters))
+    x, v = loop.states.index("motion.plant.x"), loop.states.index("motion.plant.v")
+
+    def after(shift: float) -> Array:
+        moved = state.copy()
+        moved[v] += shift
+        return np.array(ca.DM(loop.step(moved, exogenous[20_000], parameters)[0])).ravel()
+
+    quotient = (after(1e-6) - after(-1e-6)) / 2e-6
+    assert slopes[x, v] == pytest.approx(quotient[x], rel=1e-6)
+    assert slopes[v, v] == pytest.approx(quotient[v], rel=1e-6)
+
+
+def test_the_same_experiment_gives_the_same_bits() -> None:
+    experiment = replace(case(4), simulation=Simulation(duration=1.0))
+    first, second = simulate(experiment), simulate(experiment)
+    for name, column in first.columns.items():
+        assert np.array_equal(column, second[name], equal_nan=True)

@@ -1,0 +1,93 @@
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from scipy.io import loadmat
+
+from dualwinch.config import override
+from simulation.errors import ConfigurationError
+from simulation.paper import case
+from simulation.result import UNITS, Result
+from simulation.row import COLUMNS
+from simulation.simulate import simulate
+from simulation.storage import save
+
+NAMES = [
+    *("t", "x", "v", "theta_1", "omega_1", "theta_2", "omega_2", "x_ref", "v_ref", "a_ref", "e", "F1", "F2"),
+    *("F1_cmd", "F2_cmd", "u", "u_sat", "d_hat", "d_true", "L1", "Z_a", "s", "tau1", "tau2"),
+]
+
+
+@pytest.fixture(scope="module")
+def pid() -> Result:
+    return simulate(override(case(4, "pid-cascade"), {"simulation.duration": 0.5}))
+
+
+def test_columns_are_the_contract() -> None:
+    assert list(COLUMNS) == NAMES
+
+
+def test_csv_keeps_every_bit_and_leaves_missing_signals_empty(pid: Result, tmp_path: Path) -> None:
+    save(pid, tmp_path / "run.csv")
+    with (tmp_path / "run.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == NAMES
+    assert len(rows) == 500
+    assert {row["d_hat"] for row in rows} == {""}
+    assert [float(row["F1"]) for row in rows] == pid["F1"].tolist()
+
+
+def test_units_of_csv_stand_beside_it(pid: Result, tmp_path: Path) -> None:
+    save(pid, tmp_path / "run.csv", {"configuration": "x = 1"})
+    facts = json.loads((tmp_path / "run.csv-metadata.json").read_text())
+    assert facts["url"] == "run.csv"
+    assert {column["name"]: column["dualwinch:unit"] for column in facts["tableSchema"]["columns"]} == UNITS
+    assert facts["dualwinch:configuration"] == "x = 1"
+    assert facts["dualwinch:metrics"]["mse"] == pid.metrics.mse
+
+
+def test_parquet_carries_units_and_facts(pid: Result, tmp_path: Path) -> None:
+    save(pid, tmp_path / "run.parquet")
+    table = pq.read_table(tmp_path / "run.parquet")
+    assert table.column_names == NAMES
+    assert {field.name: field.metadata[b"unit"].decode() for field in table.schema} == UNITS
+    assert table.schema.metadata[b"dualwinch.outcome"] == b"completed"
+    np.testing.assert_array_equal(table["F2"].to_numpy(), pid["F2"])
+    assert np.isnan(table["L1"].to_numpy()).all()
+
+
+def test_npz_carries_units(pid: Result, tmp_path: Path) -> None:
+    save(pid, tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as data:
+        assert json.loads(str(data["units"])) == UNITS
+        np.testing.assert_array_equal(data["x"], pid["x"])
+
+
+def test_mat_carries_units(pid: Result, tmp_path: Path) -> None:
+    save(pid, tmp_path / "run.mat")
+    data = loadmat(tmp_path / "run.mat")
+    assert str(data["units"]["F1"].item().item()) == "N"
+    np.testing.assert_array_equal(data["x"].ravel(), pid["x"])
+
+
+def test_an_unknown_suffix_is_refused_by_name(pid: Result, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"run\.xls.*\.csv, \.parquet, \.npz, \.mat"):
+        save(pid, tmp_path / "run.xls")
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "npz", "mat"])
+def test_a_failed_write_leaves_nothing(
+    pid: Result, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A full disk, or an interrupt, at the last moment."""
+
+    def full(*_: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        save(pid, tmp_path / f"run.{suffix}")
+    assert list(tmp_path.iterdir()) == []
