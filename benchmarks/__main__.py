@@ -1,4 +1,4 @@
-"""``python -m benchmarks``: times one Case-4 rollout by every peer and prints the table."""
+"""Time one rollout of the paper's Case 4 by every peer, in turn, and print the table."""
 
 import argparse
 import sys

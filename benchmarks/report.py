@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.measure import TOLERANCE, Timing
-from benchmarks.peers import LIMIT, OURS, gcc
+from benchmarks.peers import DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
 from codegen import find_compiler
 from codegen.compiler import processor_name
@@ -22,7 +22,7 @@ NARROWEST = 120
 def machine() -> dict[str, str]:
     """Processor, compilers and versions."""
     try:
-        gcc_version = gcc.version()
+        gcc_version = f"{gcc.version()} {' '.join(gcc.FLAGS)}"
     except UnavailableError:
         gcc_version = "none"
     facts = {
@@ -72,7 +72,8 @@ def show(timings: list[Timing], duration: float) -> None:
     if not console.is_terminal:
         console = Console(width=NARROWEST)
     by_key = {timing.peer.key: timing for timing in timings if timing.seconds}
-    limit, ours = by_key.get(LIMIT), by_key[OURS]
+    yardsticks = {"hand C": LIMIT, "dualwinch": OURS, "its default": DEFAULT}
+    yardsticks = {name: by_key[key].middle for name, key in yardsticks.items() if key in by_key}
     table = Table(
         title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz, RK4 with 4 sub-steps",
         caption=(
@@ -81,19 +82,18 @@ def show(timings: list[Timing], duration: float) -> None:
         ),
     )
     table.add_column("peer")
-    for heading in ("median", "spread", "n", "time over\nhand C", "time over\ndualwinch"):
+    for heading in ("median", "spread", "n", *(f"time over\n{name}" for name in yardsticks)):
         table.add_column(heading, justify="right")
     for timing in timings:
         if not timing.seconds:
-            table.add_row(timing.peer.title, f"missing: {timing.missing}")
+            table.add_row(f"{timing.peer.title}: {timing.missing}")
             continue
         table.add_row(
             timing.peer.title,
             _duration(timing.middle),
             f"{_duration(min(timing.seconds))} – {_duration(max(timing.seconds))}",
             str(len(timing.seconds)),
-            f"{timing.middle / limit.middle:.3g}" if limit else "–",
-            f"{timing.middle / ours.middle:.3g}",
+            *(f"{timing.middle / yardstick:.3g}" for yardstick in yardsticks.values()),
         )
     console.print(" · ".join(f"{name}: {value}" for name, value in machine().items()), highlight=False)
     console.print(table)

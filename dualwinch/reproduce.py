@@ -110,12 +110,12 @@ def _progress(steps: int) -> Iterator:
 
 
 def _draw(content: str, results: dict[str, Result], out: Path, number: int) -> bytes:
-    """Write one figure as PNG and SVG; the PNG's bytes are for the report."""
-    import simulation.plots as plots
+    """Write one figure as PNG and SVG; the SVG's bytes are for the report."""
+    from simulation import plots
 
     figure = getattr(plots, content)(results)
-    path = out / "figures" / f"figure{number:02d}.png"
-    for file in (path, path.with_suffix(".svg")):
+    path = out / "figures" / f"figure{number:02d}.svg"
+    for file in (path.with_suffix(".png"), path):
         plots.save(figure, file)
     return path.read_bytes()
 

@@ -152,7 +152,7 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
             changes[field.name] = with_leaves(value, values, key + ".")
         elif key in values:
             changes[field.name] = values[key]
-    return replace(group, **changes)  # pyright: ignore[reportType]
+    return replace(group, **changes)  # pyright: ignore[reportArgumentType]
 
 
 def numbers(group: Any, prefix: str = "") -> dict[str, float]:

@@ -1,1 +1,1 @@
-"""Plant and controller coupled into one compiled closed loop: scenarios, sensors, rollouts, results, metrics, figures."""
+"""Plant and controller coupled into one compiled closed loop: scenarios, sensors, rollouts, results, figures."""

@@ -1,8 +1,11 @@
 """Rules between the values of an experiment (rules for one value stand beside the value)."""
 
+import math
+
 from model.reference import setpoint
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
+from simulation.integrators import INTEGRATORS, swing_rate
 
 LONGEST = 10**9
 """Samples of the longest run."""
@@ -14,6 +17,7 @@ def check(experiment: Experiment) -> None:
     _check_coordination(experiment)
     _check_time(experiment)
     _check_reference(experiment)
+    _check_substeps(experiment)
 
 
 def _check_powers(experiment: Experiment) -> None:
@@ -61,4 +65,19 @@ def _check_reference(experiment: Experiment) -> None:
         raise ConfigurationError(
             f"reference.speed, simulation.duration: the reference ends at {end:g} m, "
             f"must be <= plant.track.length = {track.length:g} m"
+        )
+
+
+def _check_substeps(experiment: Experiment) -> None:
+    simulation, plant = experiment.simulation, experiment.plant
+    reach = INTEGRATORS[simulation.integrator].reach
+    fastest = max(
+        swing_rate(rope, winch, plant.track)
+        for rope, winch in ((plant.rope_1, plant.winch_1), (plant.rope_2, plant.winch_2))
+    )
+    needed = math.ceil(fastest * simulation.sample_time / reach)
+    if simulation.substeps < needed:
+        raise ConfigurationError(
+            f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {simulation.integrator} at "
+            f"simulation.sample_time = {simulation.sample_time:g} s (the shortest rope swings at {fastest:.4g} rad/s)"
         )

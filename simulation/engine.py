@@ -32,9 +32,9 @@ def interpreter(step: ca.Function) -> Engine:
         now, given = state.copy(), np.empty(exogenous.shape[1])
         following, row, margin = np.empty_like(state), np.empty(step.numel_out("row")), np.empty(1)
         for place, array in enumerate((now, given, parameters)):
-            buffer.set_arg(place, memoryview(array.data))
+            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]  # the stub names C's arguments
         for place, array in enumerate((following, row, margin)):
-            buffer.set_res(place, memoryview(array.data))
+            buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
         rows: list[NDArray[np.float64]] = []
         outcome, done = COMPLETED, 0
         for outside in exogenous:

@@ -99,7 +99,8 @@ def _write_parquet(result: Result, path: Path, notes: dict[str, str]) -> None:
 
 def _write_npz(result: Result, path: Path, notes: dict[str, str]) -> None:
     facts = {key: np.array(_text(value)) for key, value in _facts(result, notes).items()}
-    np.savez_compressed(path, **result.columns, units=np.array(json.dumps(UNITS)), **facts)
+    arrays = {**result.columns, "units": np.array(json.dumps(UNITS)), **facts}
+    np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
 
 
 def _write_mat(result: Result, path: Path, notes: dict[str, str]) -> None:

@@ -11,6 +11,9 @@ LIMIT = "hand-c"
 OURS = "dualwinch"
 """Key of the peer the others are compared with and checked against."""
 
+DEFAULT = "default"
+"""Key of the row with the product's default integrator, where that is not the shared algorithm."""
+
 
 def peers(duration: float) -> list[Peer]:
     """All rows, rollouts of some duration in s.
@@ -20,11 +23,11 @@ def peers(duration: float) -> list[Peer]:
     """
     shared = Case(duration)
     rows = [
-        Peer(LIMIT, "hand-written C loop, gcc -O3 -march=native", hand_c.prepare, shared),
+        Peer(LIMIT, "hand-written C loop", hand_c.prepare, shared),
         Peer("numba", "Numba loop", numba_loop.prepare, shared),
         Peer(OURS, "dualwinch, the C call alone", compiled.prepare_call, shared),
         Peer("dualwinch-simulate", "dualwinch, simulate() whole", compiled.prepare_simulate, shared),
-        Peer("mapaccum-c", "CasADi mapaccum, C by gcc -O3 -march=native", mapaccum.prepare_compiled, shared),
+        Peer("mapaccum-c", "CasADi mapaccum, compiled C", mapaccum.prepare_compiled, shared),
         Peer("mapaccum", "CasADi mapaccum, interpreted", mapaccum.prepare_interpreted, shared),
         Peer("interpreter", "CasADi interpreter, a call a sample", interpreter.prepare, shared),
         Peer("scipy-rk45", "SciPy solve_ivp a sample, RK45", scipy_ivp.prepare_with("RK45"), shared),
@@ -35,7 +38,7 @@ def peers(duration: float) -> list[Peer]:
     if preferred != shared:
         words = f"{default.integrator} × {default.substeps}"
         rows += [
-            Peer("default", f"dualwinch {words}, the C call alone", compiled.prepare_call, preferred),
-            Peer("default-simulate", f"dualwinch {words}, simulate()", compiled.prepare_simulate, preferred),
+            Peer(DEFAULT, f"dualwinch {words}, the C call alone", compiled.prepare_call, preferred),
+            Peer("default-simulate", f"dualwinch {words}, simulate() whole", compiled.prepare_simulate, preferred),
         ]
     return rows

@@ -1,14 +1,17 @@
 """Integrators of the plant over one sample, one a file; a new one is a new file and one line in `INTEGRATORS`."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from model.rope import Rope, Track, stiffness
 from model.scalar import Scalar
+from model.winch import Winch
 from simulation.integrators.exponential import exponential, exponential_taut
 from simulation.integrators.problem import Motion, Problem
 from simulation.integrators.rk4 import rk4
 
-__all__ = ["INTEGRATORS", "Integrator", "Motion", "Problem"]
+__all__ = ["INTEGRATORS", "Integrator", "Motion", "Problem", "swing_rate"]
 
 
 @dataclass(frozen=True)
@@ -18,16 +21,24 @@ class Integrator:
     Attributes:
         advance: ``(problem, motion, substeps) -> motion`` at the sample's end.
         order: halving the sub-step divides the error by 2**order on smooth stretches.
+        reach: largest `swing_rate` times sub-step in rad it is made for.
         shortcut: ``(problem, motion, substeps) -> (motion, valid)``, cheaper, with the same result where valid > 0.
     """
 
     advance: Callable[[Problem, Motion, int], Motion]
     order: int
+    reach: float
     shortcut: Callable[[Problem, Motion, int], tuple[Motion, Scalar]] | None = None
 
 
 INTEGRATORS = {
-    "exponential": Integrator(exponential, order=2, shortcut=exponential_taut),
-    "rk4": Integrator(rk4, order=4),
+    "exponential": Integrator(exponential, order=2, reach=2 * math.pi, shortcut=exponential_taut),
+    "rk4": Integrator(rk4, order=4, reach=2.78),
 }
 """Every integrator by its name."""
+
+
+def swing_rate(rope: Rope, winch: Winch, track: Track) -> float:
+    """How fast in rad/s a rope and its drum swing, or settle, where the rope is shortest."""
+    mobility = winch.drum_radius**2 / winch.inertia
+    return max(math.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * rope.damping / 2)

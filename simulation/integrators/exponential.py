@@ -7,8 +7,8 @@ mean acceleration, which follows from the vehicle's momentum balance. Where a ro
 sub-step, that moment is located and the rest of the sub-step follows the other law.
 
 Second order in the sub-step, through slack too. Accurate while a sub-step holds less than a third of an oscillation
-(without slack: one), and stable far beyond. Not to be confused with a general exponential Runge–Kutta method: it knows the
-Kelvin–Voigt rope.
+(without slack: one), and stable up to two. Not to be confused with a general exponential Runge–Kutta method: it knows
+the Kelvin–Voigt rope.
 """
 
 from model.disturbance import vortex_frequency

@@ -146,8 +146,9 @@ class Oscillator:
         """Stretch and rate at the end where the rope goes slack or tight on the way.
 
         Args:
-            g: drive.
-            stretch, rate: those at the end if the rope stayed as it was.
+            g: drive in m/s².
+            stretch: that at the end in m, if the rope stayed as it was.
+            rate: likewise, in m/s.
         """
         taut, h = self._taut, self.h
         pull = self._pull(self.stretch, self.rate)

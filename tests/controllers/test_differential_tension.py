@@ -28,14 +28,14 @@ def test_difference_of_the_commands_is_the_force(coordination: Coordination, sha
     """The limits always allow it: no force within ±(tension_max - tension_min) is lost to one rope's limit."""
     u_sat = share * force_limit(coordination)
     F1, F2 = tension_commands(u_sat, coordination)
-    assert F1 - F2 == pytest.approx(u_sat, abs=1e-9 * coordination.tension_max)
+    assert pytest.approx(u_sat, abs=1e-9 * coordination.tension_max) == F1 - F2
 
 
 @given(coordinations(), shares)
 def test_their_sum_is_the_preload_while_neither_is_at_a_limit(coordination: Coordination, share: float) -> None:
     F1, F2 = tension_commands(share * force_limit(coordination), coordination)
     if coordination.tension_min < min(F1, F2) and max(F1, F2) < coordination.tension_max:
-        assert F1 + F2 == pytest.approx(coordination.preload)
+        assert pytest.approx(coordination.preload) == F1 + F2
 
 
 @given(coordinations(), st.floats(-3, 3))

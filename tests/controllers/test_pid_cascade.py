@@ -22,8 +22,8 @@ def test_two_loops_by_hand() -> None:
     state, said = step(PidCascadeState(), e1, 0.02)
     I1 = 1e-3 * e1
     ev = -10 * e1 - 0.1 * I1 - 0.02
-    assert state.I1 == pytest.approx(I1)
-    assert state.I2 == pytest.approx(1e-3 * ev)
+    assert pytest.approx(I1) == state.I1
+    assert pytest.approx(1e-3 * ev) == state.I2
     assert said.u == pytest.approx(1e4 * (2 * ev + 0.05 * 1e-3 * ev))
 
 

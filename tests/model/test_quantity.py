@@ -41,7 +41,7 @@ def test_allowed_range_in_words(key: str, words: str) -> None:
 
 
 def test_taken_apart_and_put_together_again() -> None:
-    changed = Outer("b", True, Inner(0.5, 3))
+    changed = Outer("b", on=True, inner=Inner(0.5, 3))
     assert with_leaves(Outer(), leaves(changed)) == changed
 
 

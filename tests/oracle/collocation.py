@@ -9,7 +9,7 @@ from math import ceil, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.special import roots_jacobi
 
 from tests.oracle.plant import Gates, Held, Plant, Taut, Triple
@@ -100,7 +100,7 @@ class Collocation:
         matrix = (
             np.eye(3 * len(self.nodes)) - np.kron(h * h * self.twice, by_position) - np.kron(h * self.once, by_speed)
         )
-        inverse = np.linalg.inv(matrix)
+        inverse = np.asarray(np.linalg.inv(matrix), np.float64)
         self._inverse = (h, taut, x, inverse)
         return inverse
 
@@ -140,4 +140,4 @@ class Collocation:
         shortest = 1e-9 * latest
         if (gate(shortest) > 0) != taut[rope]:
             return shortest
-        return float(brentq(gate, shortest, latest, xtol=1e-16, rtol=1e-13))
+        return root_scalar(gate, bracket=(shortest, latest), method="brentq", xtol=1e-16).root

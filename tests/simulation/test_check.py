@@ -76,7 +76,7 @@ def test_the_error_names_the_key_and_what_is_allowed(experiment: Experiment, key
 
 
 def test_a_run_is_checked_before_it_starts() -> None:
-    with pytest.raises(DualwinchError, match="plant.track.length"):
+    with pytest.raises(DualwinchError, match=r"plant\.track\.length"):
         simulate(Experiment(reference=FAST))
 
 

@@ -1,0 +1,121 @@
+"""How accurate each integrator is, and what it costs: the table of docs/accuracy.md.
+
+``python -m benchmarks.convergence`` prints the table; ``--write FILE`` puts it between the file's two marks.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+
+from dualwinch.config import override
+from simulation.closed_loop import closed_loop, initial_state_of
+from simulation.engine import engine
+from simulation.environment import exogenous_signals
+from simulation.experiment import Experiment
+from simulation.paper import CASES, case
+from simulation.result import Result
+from simulation.simulate import simulate
+from simulation.structure import parameters_of, structure_of
+
+SETTINGS = (
+    ("exponential", 1),
+    ("exponential", 2),
+    ("exponential", 4),
+    ("exponential", 8),
+    ("exponential", 16),
+    ("rk4", 2),
+    ("rk4", 4),
+    ("rk4", 8),
+    ("rk4", 16),
+    ("rk4", 32),
+)
+CONVERGED = ("exponential", 64)
+BEGIN, END = "<!-- convergence: begin -->", "<!-- convergence: end -->"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One setting: largest errors in position (m) and tension (N) by case, and the time of a 50 s run in ms."""
+
+    integrator: str
+    substeps: int
+    position: dict[int, float]
+    tension: dict[int, float]
+    milliseconds: float
+
+
+def with_integrator(number: int, integrator: str, substeps: int) -> Experiment:
+    """A case of the paper with an integrator of one's choice."""
+    return override(case(number), {"simulation.integrator": integrator, "simulation.substeps": substeps})
+
+
+def rollout_time(experiment: Experiment, repetitions: int = 9) -> float:
+    """Least time in ms of the compiled rollout alone, no rows kept."""
+    run = engine(closed_loop(structure_of(experiment)))
+    parameters = np.array(list(parameters_of(experiment).values()))
+    signals, times = exogenous_signals(experiment), []
+    for _ in range(repetitions):
+        state = np.array(list(initial_state_of(experiment).values()))
+        start = time.perf_counter()
+        run(parameters, signals, state, 0)
+        times.append(time.perf_counter() - start)
+    return 1e3 * min(times)
+
+
+def errors(result: Result, converged: Result) -> tuple[float, float]:
+    """Largest difference in position in m and in tension in N over a run."""
+    position = np.max(np.abs(result["x"] - converged["x"]))
+    tension = max(np.max(np.abs(result[rope] - converged[rope])) for rope in ("F1", "F2"))
+    return float(position), float(tension)
+
+
+def lines() -> Iterator[Line]:
+    """Every setting over all four cases."""
+    converged = {number: simulate(with_integrator(number, *CONVERGED)) for number in CASES}
+    for integrator, substeps in track(SETTINGS, "integrators", transient=True):
+        found = {
+            number: errors(simulate(with_integrator(number, integrator, substeps)), converged[number])
+            for number in CASES
+        }
+        yield Line(
+            integrator,
+            substeps,
+            {number: error[0] for number, error in found.items()},
+            {number: error[1] for number, error in found.items()},
+            rollout_time(with_integrator(4, integrator, substeps)),
+        )
+
+
+def markdown() -> str:
+    """The table."""
+    rows = [
+        "| integrator | sub-steps | " + " | ".join(f"Case {number}: m | N" for number in CASES) + " | one run, ms |",
+        "|---|--:|" + "--:|--:|" * len(CASES) + "--:|",
+    ]
+    for line in lines():
+        cells = [f"{line.position[number]:.1e} | {line.tension[number]:.1g}" for number in CASES]
+        rows.append(f"| {line.integrator} | {line.substeps} | {' | '.join(cells)} | {line.milliseconds:.0f} |")
+    return "\n".join(rows)
+
+
+def main() -> None:
+    """Print the table, or write it into a file."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.convergence", description=__doc__)
+    parser.add_argument("--write", type=Path, metavar="FILE", help="file with the two marks")
+    target = parser.parse_args().write
+    table = markdown()
+    if target is None:
+        print(table)
+        return
+    text = target.read_text(encoding="utf-8")
+    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    target.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
