@@ -23,6 +23,9 @@ from simulation.simulate import simulate
 from simulation.structure import parameters_of, structure_of
 
 SETTINGS = (
+    ("adaptive", 3),
+    ("adaptive", 5),
+    ("adaptive", 8),
     ("exponential", 1),
     ("exponential", 2),
     ("exponential", 4),

@@ -13,30 +13,10 @@ from numpy.typing import NDArray
 from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
+from codegen.hoist import hoisted
 
 COMPLETED, DIVERGED, LEFT = 0, 1, 2
 """Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
-
-
-def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
-    """Split a function so that what depends on its parameters alone is computed once a rollout.
-
-    Args:
-        step: a function of SX expressions with an input ``parameters``.
-
-    Returns:
-        ``derive_NAME(parameters) -> derived``, and the function again with ``derived`` as its last input.
-    """
-    inputs = {name: ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()}
-    outputs = step.call(list(inputs.values()))
-    ends = np.cumsum([0, *(output.numel() for output in outputs)])
-    parameters = inputs["parameters"]
-    rest, symbols, expressions = ca.extract_parametric(ca.vertcat(*outputs), parameters)
-    derived = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
-    parts = ca.vertsplit(ca.densify(ca.cse(rest)), [int(end) for end in ends])
-    derive = ca.Function(f"derive_{step.name()}", [parameters], [ca.vertcat(*expressions)], ["parameters"], ["derived"])
-    lean = ca.Function(step.name(), [*inputs.values(), derived], parts, [*inputs, "derived"], step.name_out())
-    return derive, lean
 
 
 def rollout_source(step: ca.Function, shortcut: ca.Function | None = None) -> str:

@@ -160,7 +160,7 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     moved = integrator.advance(problem, state.motion, structure.substeps)
     shortcut = None
     if integrator.shortcut and structure.rope_slack:
-        taut, valid = integrator.shortcut(problem, state.motion, structure.substeps)
+        taut, valid = integrator.shortcut(problem, state.motion)
         shortcut = _function("shortcut", symbols, [*outputs(taut), valid], [*names, "valid"])
     return ClosedLoop(
         step=_function("step", symbols, outputs(moved), names),

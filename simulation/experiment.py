@@ -28,8 +28,16 @@ class Simulation:
     delay_samples: Annotated[
         int, at.Ge(0), at.Le(100), Quantity("1", "samples a torque is late at the motor", "assumption")
     ] = 0
-    integrator: Annotated[Literal["exponential", "rk4"], Quantity("", "method between two samples", "")] = "exponential"
-    substeps: Annotated[int, at.Ge(1), at.Le(256), Quantity("1", "steps of the integrator in a sample", "")] = 4
+    integrator: Annotated[
+        Literal["adaptive", "exponential", "rk4"],
+        Quantity("", "method between two samples; adaptive: exponential, in one step where that is enough", ""),
+    ] = "adaptive"
+    substeps: Annotated[
+        int,
+        at.Ge(1),
+        at.Le(256),
+        Quantity("1", "steps of the integrator in a sample (adaptive: where one step is not enough)", ""),
+    ] = 5
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from model.rope import Rope, Track, stiffness
 from model.scalar import Scalar
 from model.winch import Winch
-from simulation.integrators.exponential import exponential, exponential_taut
+from simulation.integrators.adaptive import adaptive, taut_step
+from simulation.integrators.exponential import exponential
 from simulation.integrators.problem import Motion, Problem
 from simulation.integrators.rk4 import rk4
 
@@ -22,17 +23,18 @@ class Integrator:
         advance: ``(problem, motion, substeps) -> motion`` at the sample's end.
         order: halving the sub-step divides the error by 2**order on smooth stretches.
         reach: largest `swing_rate` times sub-step in rad it is made for.
-        shortcut: ``(problem, motion, substeps) -> (motion, valid)``, cheaper, with the same result where valid > 0.
+        shortcut: ``(problem, motion) -> (motion, valid)``, cheaper, with the same result wherever valid > 0.
     """
 
     advance: Callable[[Problem, Motion, int], Motion]
     order: int
     reach: float
-    shortcut: Callable[[Problem, Motion, int], tuple[Motion, Scalar]] | None = None
+    shortcut: Callable[[Problem, Motion], tuple[Motion, Scalar]] | None = None
 
 
 INTEGRATORS = {
-    "exponential": Integrator(exponential, order=2, reach=2 * math.pi, shortcut=exponential_taut),
+    "adaptive": Integrator(adaptive, order=2, reach=2 * math.pi, shortcut=taut_step),
+    "exponential": Integrator(exponential, order=2, reach=2 * math.pi),
     "rk4": Integrator(rk4, order=4, reach=2.78),
 }
 """Every integrator by its name."""

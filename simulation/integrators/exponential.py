@@ -12,7 +12,7 @@ the Kelvin–Voigt rope.
 """
 
 from model.disturbance import vortex_frequency
-from model.plant import PlantState, tensions, vehicle_acceleration
+from model.plant import PlantState, vehicle_acceleration
 from model.rope import Rope, rope_lengths, stiffness
 from model.scalar import Scalar, minimum
 from model.vehicle import inertia
@@ -22,45 +22,76 @@ from simulation.integrators.problem import Motion, Problem
 
 
 def exponential(problem: Problem, motion: Motion, substeps: int) -> Motion:
-    """Motion at the end of the sample."""
-    return _advance(problem, motion, substeps, problem.plant.rope_slack)[0]
+    """Motion at the end of the sample, in equal sub-steps."""
+    return in_equal_steps(problem, motion, substeps, slack=problem.plant.rope_slack)[0]
 
 
-def exponential_taut(problem: Problem, motion: Motion, substeps: int) -> tuple[Motion, Scalar]:
-    """Motion at the end of the sample if no rope goes slack, and a number that is positive where none does.
+def in_equal_steps(problem: Problem, motion: Motion, substeps: int, *, slack: bool) -> tuple[Motion, Scalar]:
+    """Motion at the end of the sample, and a bound in N below both tensions all through it, ropes taut.
 
-    There it equals `exponential` to the last bit, at half the cost.
+    Args:
+        problem: the sample.
+        motion: at its beginning.
+        substeps: number of equal steps.
+        slack: whether ropes can go slack on the way; without, the result holds where the bound is positive.
     """
-    return _advance(problem, motion, substeps, slack=False)
-
-
-def _advance(problem: Problem, motion: Motion, substeps: int, slack: bool) -> tuple[Motion, Scalar]:
     h = problem.duration / substeps
-    F1, F2 = tensions(motion.plant, problem.plant)
-    environment = problem.environment_at(problem.t, motion.plant.v, motion.phase)
-    acceleration = vehicle_acceleration(motion.plant.v, F1 - F2, environment, problem.plant.vehicle)
+    slow = _slow_acceleration(problem, problem.t, motion.plant.v, motion.phase)
     clearance = 1.0
     for index in range(substeps):
-        motion, acceleration, least = _substep(problem, motion, acceleration, problem.t + index * h, h, slack)
+        motion, slow, least = _substep(problem, motion, slow, problem.t + index * h, h, slack)
         clearance = minimum(clearance, least)
     return motion, clearance
 
 
+def _slow_acceleration(problem: Problem, t: Scalar, v: Scalar, phase: Scalar) -> Scalar:
+    """Acceleration of the vehicle in m/s² by everything but the ropes."""
+    return vehicle_acceleration(v, 0.0, problem.environment_at(t, v, phase), problem.plant.vehicle)
+
+
 def _substep(
-    problem: Problem, motion: Motion, last_acceleration: Scalar, t: Scalar, h: Scalar, slack: bool
+    problem: Problem, motion: Motion, last_slow: Scalar, t: Scalar, h: Scalar, slack: bool
 ) -> tuple[Motion, Scalar, Scalar]:
     """One sub-step of length h from the time t (s).
 
     Returns:
-        The motion after it, the mean acceleration over it in m/s², and the ropes' clearance from going slack.
+        The motion after it, the slow acceleration at its middle in m/s², and the ropes' clearance from going slack.
     """
-    plant, state, torques = problem.plant, motion.plant, problem.torques
-    middle_x, middle_v = state.x + h / 2 * state.v, state.v + h / 2 * last_acceleration
-    frequency = vortex_frequency(middle_v, problem.disturbance, plant.vehicle)
-    environment = problem.environment_at(t + h / 2, middle_v, motion.phase + h / 2 * frequency)
-    slow = vehicle_acceleration(middle_v, 0.0, environment, plant.vehicle)
+    plant, state = problem.plant, motion.plant
+    rope_1, rope_2 = _oscillators(problem, state, h, slack)
+    (fixed_1, slope_1), (fixed_2, slope_2) = rope_1.impulse(), rope_2.impulse()
+    momentum = h * inertia(plant.vehicle)
 
-    length_1, length_2 = rope_lengths(middle_x, plant.track)
+    def mean_acceleration(slow: Scalar) -> Scalar:
+        """From the vehicle's momentum balance: h mass a = h mass slow + impulse_1(a) − impulse_2(a)."""
+        return (momentum * slow + fixed_1 - fixed_2) / (momentum - slope_1 + slope_2)
+
+    middle_v = state.v + h / 2 * mean_acceleration(last_slow)
+    frequency = vortex_frequency(middle_v, problem.disturbance, plant.vehicle)
+    slow = _slow_acceleration(problem, t + h / 2, middle_v, motion.phase + h / 2 * frequency)
+    a = mean_acceleration(slow)
+    stretch_1, rate_1, impulse_1 = rope_1.end(a)
+    stretch_2, rate_2, impulse_2 = rope_2.end(a)
+
+    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    x, v = state.x + h * (state.v + h / 2 * a), state.v + h * a
+    late = slow + (impulse_1 - impulse_2) / momentum - a  # not zero where a rope went slack or tight
+    following = PlantState(
+        x=x + h**2 / 2 * late,
+        v=v + h * late,
+        theta_1=(stretch_1 + x) / radius_1,
+        omega_1=(rate_1 + v) / radius_1,
+        theta_2=(stretch_2 - x) / radius_2,
+        omega_2=(rate_2 - v) / radius_2,
+    )
+    clearance = minimum(rope_1.clearance(a), rope_2.clearance(a))
+    return Motion(following, motion.phase + h * frequency), slow, clearance
+
+
+def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) -> tuple[Oscillator, Oscillator]:
+    """Both ropes with their drums, the rope lengths at mid-step."""
+    plant, torques = problem.plant, problem.torques
+    length_1, length_2 = rope_lengths(state.x + h / 2 * state.v, plant.track)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     rope_1 = _oscillator(
         radius_1 * state.theta_1 - state.x,
@@ -69,6 +100,7 @@ def _substep(
         state.omega_1,
         torques.tau_1,
         stiffness(length_1, plant.rope_1),
+        state.v / length_1,
         plant.rope_1,
         plant.winch_1,
         slack,
@@ -81,31 +113,13 @@ def _substep(
         state.omega_2,
         torques.tau_2,
         stiffness(length_2, plant.rope_2),
+        -state.v / length_2,
         plant.rope_2,
         plant.winch_2,
         slack,
         h,
     )
-
-    # the vehicle's momentum balance: h mass a = h mass slow + impulse_1(a) − impulse_2(a)
-    momentum = h * inertia(plant.vehicle)
-    (fixed_1, slope_1), (fixed_2, slope_2) = rope_1.impulse(), rope_2.impulse()
-    a = (momentum * slow + fixed_1 - fixed_2) / (momentum - slope_1 + slope_2)
-    stretch_1, rate_1, impulse_1 = rope_1.end(a)
-    stretch_2, rate_2, impulse_2 = rope_2.end(a)
-
-    x, v = state.x + h * (state.v + h / 2 * a), state.v + h * a
-    mean = slow + (impulse_1 - impulse_2) / momentum  # differs from a where a rope went slack or tight
-    following = PlantState(
-        x=x + h**2 / 2 * (mean - a),
-        v=v + h * (mean - a),
-        theta_1=(stretch_1 + x) / radius_1,
-        omega_1=(rate_1 + v) / radius_1,
-        theta_2=(stretch_2 - x) / radius_2,
-        omega_2=(rate_2 - v) / radius_2,
-    )
-    clearance = minimum(rope_1.clearance(a), rope_2.clearance(a))
-    return Motion(following, motion.phase + h * frequency), mean, clearance
+    return rope_1, rope_2
 
 
 def _oscillator(
@@ -115,6 +129,7 @@ def _oscillator(
     omega: Scalar,
     torque: Scalar,
     spring: Scalar,
+    stiffening: Scalar,
     rope: Rope,
     winch: Winch,
     slack: bool,
@@ -130,6 +145,7 @@ def _oscillator(
         lever=sign * (1 + drag * h / 2),
         spring=spring,
         damper=rope.damping,
+        stiffening=stiffening,
         mobility=radius**2 / winch.inertia,
         drag=drag,
         h=h,

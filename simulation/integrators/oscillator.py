@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from model.scalar import Scalar, absolute, both, clip, exp, maximum, minimum, sqrt, where
+from model.scalar import Scalar, absolute, both, clip, exp, maximum, sqrt, where
 
 SERIES_ORDER = 8
 """Order of the power series that carries a taut rope over a part of a sub-step."""
@@ -51,14 +51,39 @@ class Flow:
         )
 
 
-def taut_flow(kappa: Scalar, damping: Scalar, drag: Scalar, h: Scalar) -> Flow:
-    """Flow of s'' = g − kappa s − (damping + drag) s' over h in s."""
-    delta = damping + drag
+def taut_flow(kappa: Scalar, damping: Scalar, drag: Scalar, stiffening: Scalar, h: Scalar) -> Flow:
+    """Flow of s'' = g − kappa r s − (damping + drag) s' over h in s, while r grows from 1 − stiffening h/2 at a rate.
+
+    The rope gets stiffer or softer as it gets shorter or longer. The variable that swings is r s, the spring's force
+    over its stiffness at mid-step: its equilibrium stays where it is.
+
+    Args:
+        kappa: square of the frequency at mid-step in 1/s².
+        damping: by the rope in 1/s.
+        drag: by the winch friction in 1/s.
+        stiffening: relative rate of the stiffness in 1/s.
+        h: length of the step.
+    """
+    delta = damping + drag - 2 * stiffening
+    kappa = kappa - (damping + drag) * stiffening
     cosine, sine = cosine_and_sine((kappa - delta**2 / 4) * h**2)
-    decay = exp(-damping * h / 2) * free_flow(drag, h / 2).rate_rate
+    decay = exp(-damping * h / 2) * free_flow(drag - 2 * stiffening, h / 2).rate_rate
     even, odd = decay * cosine, decay * sine * h
-    first = even + delta / 2 * odd
-    return Flow(first, odd, -kappa * odd, even - delta / 2 * odd, (1 - first) / kappa, odd)
+    force_force, force_rate, rate_rate = even + delta / 2 * odd, odd, even - delta / 2 * odd
+    step_response = (1 - force_force) / kappa
+    # from s and s' to r s and (r s)', and back
+    start, end = 1 - stiffening * h / 2, 1 / (1 + stiffening * h / 2)
+    by_stretch = force_force * start + force_rate * stiffening, -kappa * odd * start + rate_rate * stiffening
+    by_rate = force_rate * start, rate_rate * start
+    turn = stiffening * end
+    return Flow(
+        stretch_stretch=by_stretch[0] * end,
+        stretch_rate=by_rate[0] * end,
+        rate_stretch=(by_stretch[1] - by_stretch[0] * turn) * end,
+        rate_rate=(by_rate[1] - by_rate[0] * turn) * end,
+        stretch_drive=step_response * end,
+        rate_drive=(force_rate - step_response * turn) * end,
+    )
 
 
 def free_flow(drag: Scalar, h: Scalar) -> Flow:
@@ -77,7 +102,8 @@ class Oscillator:
         stretch, rate: stretch in m and its rate in m/s at the beginning.
         drive: acceleration in m/s² by motor and friction.
         lever: weight of the vehicle's acceleration a.
-        spring, damper: of the rope, in N/m and N s/m.
+        spring, damper: of the rope at mid-step, in N/m and N s/m.
+        stiffening: relative rate of the spring in 1/s.
         mobility: radius²/inertia of the drum in 1/kg.
         drag: slope of the winch friction over the inertia in 1/s.
         h: length of the sub-step in s.
@@ -90,6 +116,7 @@ class Oscillator:
     lever: Scalar
     spring: Scalar
     damper: Scalar
+    stiffening: Scalar
     mobility: Scalar
     drag: Scalar
     h: Scalar
@@ -97,13 +124,18 @@ class Oscillator:
 
     @cached_property
     def _taut_flow(self) -> Flow:
-        return taut_flow(self.mobility * self.spring, self.mobility * self.damper, self.drag, self.h)
+        kappa, damping = self.mobility * self.spring, self.mobility * self.damper
+        return taut_flow(kappa, damping, self.drag, self.stiffening, self.h)
 
     def clearance(self, a: Scalar) -> Scalar:
-        """Positive where the rope is taut at the beginning and at the end, with the acceleration a in m/s²."""
-        end = self._taut_flow(self.stretch, self.rate, self.drive + self.lever * a)
-        at_beginning = minimum(self.stretch, self._pull(self.stretch, self.rate))
-        return minimum(at_beginning, minimum(end[0], self._pull(*end)))
+        """A bound in N below the tension all through the sub-step, with the acceleration a in m/s² and the rope taut.
+
+        The oscillation about the equilibrium never swings further than it would without damping.
+        """
+        kappa = self.mobility * self.spring
+        equilibrium = (self.drive + self.lever * a) / kappa
+        amplitude = sqrt((self.stretch - equilibrium) ** 2 + self.rate**2 / kappa)
+        return self.spring * (equilibrium - amplitude) - self.damper * sqrt(kappa) * amplitude
 
     @cached_property
     def _taut(self) -> Scalar:

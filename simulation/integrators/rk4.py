@@ -23,12 +23,7 @@ def rk4(problem: Problem, motion: Motion, substeps: int) -> Motion:
         k2 = problem.derivative(t + h / 2, _along(motion, k1, h / 2))
         k3 = problem.derivative(t + h / 2, _along(motion, k2, h / 2))
         k4 = problem.derivative(t + h, _along(motion, k3, h))
-        slopes = [leaves(k) for k in (k1, k2, k3, k4)]
-        mean = {key: (a + 2 * b + 2 * c + d) / 6 for key, a, b, c, d in _columns(slopes)}
-        motion = _along(motion, with_leaves(k1, mean), h)
+        sums = zip(*(leaves(k).values() for k in (k1, k2, k3, k4)), strict=True)
+        total = dict(zip(leaves(k1), (a + 2 * (b + c) + d for a, b, c, d in sums), strict=True))
+        motion = _along(motion, with_leaves(k1, total), h / 6)
     return motion
-
-
-def _columns(slopes: list[dict[str, Scalar]]) -> list[tuple[str, Scalar, Scalar, Scalar, Scalar]]:
-    first, second, third, fourth = slopes
-    return [(key, first[key], second[key], third[key], fourth[key]) for key in first]

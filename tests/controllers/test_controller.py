@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controllers.auxiliary import AuxiliaryGains
 from controllers.controller import (
     POSITION_LAWS,
     Controller,
@@ -27,6 +28,7 @@ from tests.oracle.values import DEFAULTS
 SAMPLE_TIME = 1e-3
 GAINS = Controller(
     nominal=Nominal(mass=1.2e4, drag_coefficient=0.35, friction_coefficient=0.13),
+    auxiliary=AuxiliaryGains(gamma=2e-5, gamma_force=0.05, k_a=3.0),
     observer=ObserverGains(l0=3.0, kf=8.0, filter_time=0.05),
     pid_cascade=PidCascadeGains(kd1=0.4, kd2=0.02),
     winch_1=WinchGains(kd=1e-6),
@@ -37,6 +39,9 @@ VALUES = {
     "controller.nominal.mass": 1.2e4,
     "controller.nominal.drag_coefficient": 0.35,
     "controller.nominal.friction_coefficient": 0.13,
+    "controller.auxiliary.gamma": 2e-5,
+    "controller.auxiliary.gamma_force": 0.05,
+    "controller.auxiliary.k_a": 3.0,
     "controller.observer.l0": 3.0,
     "controller.observer.kf": 8.0,
     "controller.observer.filter_time": 0.05,

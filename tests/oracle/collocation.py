@@ -80,7 +80,7 @@ class Collocation:
             missing = np.array([rate for rate, _ in found]) - rates
             change = (inverse @ missing.ravel()).reshape(missing.shape)
             rates += change
-            if np.abs(change).max() < 1e-6 + 1e-10 * np.abs(rates).max():
+            if np.abs(change).max() < 1e-4 + 1e-9 * np.abs(rates).max():
                 break
         else:
             raise ArithmeticError("the Newton iteration does not converge")

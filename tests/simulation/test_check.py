@@ -52,6 +52,16 @@ WRONG = {
         "reference.accelerate_until, cruise_until, brake_until = 30, 29, 41",
         "ascending order",
     ),
+    "rk4 unstable": (
+        Experiment(simulation=Simulation(integrator="rk4", substeps=1)),
+        "simulation.substeps = 1",
+        "must be >= 2 for rk4 at simulation.sample_time = 0.001 s",
+    ),
+    "less than an oscillation a sub-step": (
+        Experiment(simulation=Simulation(sample_time=0.01, integrator="exponential", substeps=8)),
+        "simulation.substeps = 8",
+        "must be >= 9 for exponential",
+    ),
     "past the end, too fast": (
         Experiment(reference=FAST),
         "reference.speed, simulation.duration: the reference ends at 52.5 m",

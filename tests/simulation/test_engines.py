@@ -55,6 +55,24 @@ def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
         assert equal(our_row, their_row)
 
 
+def test_the_shortcut_is_the_step_wherever_it_says_so() -> None:
+    """It says so nearly always, and never while rope 2 hangs loose in the first milliseconds."""
+    loop, parameters, exogenous, state = vectors(case(3))
+    assert loop.shortcut is not None
+    used: list[int] = []
+    for sample in range(300):
+        outputs = [np.array(output).ravel() for output in loop.step(state, exogenous[sample], parameters)]
+        *short, valid = (np.array(output).ravel() for output in loop.shortcut(state, exogenous[sample], parameters))
+        if valid[0] > 0:
+            used.append(sample)
+            for ours, theirs in zip(outputs, short, strict=True):
+                assert equal(ours, theirs), f"at sample {sample}"
+        loose = outputs[1][loop.columns.index("F2")] == 0
+        assert not (loose and valid[0] > 0), f"at sample {sample}"
+        state = outputs[0]
+    assert 200 < len(used) < 295
+
+
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_trajectories_agree(kind: str) -> None:
     experiment = replace(case(3, kind), simulation=Simulation(duration=10.0))

@@ -39,7 +39,7 @@ plants = st.builds(
     rope_1=st.builds(Rope, damping=factor(1000.0)),
     rope_2=st.builds(Rope, modulus=factor(80e9)),
     winch_1=st.builds(Winch, inertia=factor(1.8), coulomb_friction=st.floats(0, 30)),
-    winch_2=st.builds(Winch, drum_radius=factor(0.8)),
+    winch_2=st.builds(Winch, drum_radius=st.floats(0.5, 1.2)),
 )
 controllers = st.builds(
     Controller,
