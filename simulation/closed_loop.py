@@ -159,9 +159,9 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     names = ["next_state", "row", "margin"]
     moved = integrator.advance(problem, state.motion, structure.substeps)
     shortcut = None
-    if integrator.shortcut and structure.rope_slack:
-        taut, valid = integrator.shortcut(problem, state.motion)
-        shortcut = _function("shortcut", symbols, [*outputs(taut), valid], [*names, "valid"])
+    if integrator.shortcut:
+        quick, valid = integrator.shortcut(problem, state.motion)
+        shortcut = _function("shortcut", symbols, [*outputs(quick), valid], [*names, "valid"])
     return ClosedLoop(
         step=_function("step", symbols, outputs(moved), names),
         shortcut=shortcut,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from model.rope import Rope, Track, stiffness
 from model.scalar import Scalar
 from model.winch import Winch
-from simulation.integrators.adaptive import adaptive, taut_step
+from simulation.integrators.adaptive import adaptive, single_step
 from simulation.integrators.exponential import exponential
 from simulation.integrators.problem import Motion, Problem
 from simulation.integrators.rk4 import rk4
@@ -33,7 +33,7 @@ class Integrator:
 
 
 INTEGRATORS = {
-    "adaptive": Integrator(adaptive, order=2, reach=2 * math.pi, shortcut=taut_step),
+    "adaptive": Integrator(adaptive, order=2, reach=2 * math.pi, shortcut=single_step),
     "exponential": Integrator(exponential, order=2, reach=2 * math.pi),
     "rk4": Integrator(rk4, order=4, reach=2.78),
 }

@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers.observer import ObserverGains, ObserverState, estimate, remember
@@ -22,6 +22,7 @@ def test_first_sample_says_nothing() -> None:
     assert observe(1.0, 1) == [0]
 
 
+@settings(max_examples=15)
 @given(st.floats(-2, 2))
 def test_estimate_converges_to_a_constant_disturbance(d: float) -> None:
     assert observe(d, 3000)[-1] == pytest.approx(d, abs=1e-5)
