@@ -46,6 +46,7 @@ def single_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
 
 def _straightness(start: Scalar, end: Scalar, scale: Scalar) -> Scalar:
     """Positive where tanh(speed/scale) does not bend on the way: too fast to change, or hardly a change of speed."""
-    fast = absolute(start) / scale - FRICTION_REACH
+    least = where(start * end > 0, minimum(absolute(start), absolute(end)), 0.0)
+    fast = least / scale - FRICTION_REACH
     steady = FRICTION_STEP - absolute(end - start) / scale
     return maximum(fast, steady)
