@@ -45,7 +45,7 @@ class EncoderState:
 
 def quantise(value: Scalar, step: Scalar) -> Scalar:
     """The value rounded to a multiple of `step`; unchanged where the step is 0."""
-    return where(step > 0, step * rounded(value / maximum(step, 1e-300)), value)
+    return where(step > 0, step * rounded(value / maximum(step, 1e-100)), value)
 
 
 def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:

@@ -11,6 +11,9 @@ SERIES_ORDER = 8
 DOUBLINGS = 3
 """Doublings of the angle behind `cosine_and_sine`; its series is then exact to rounding up to two oscillations."""
 
+TINY = 1e-100
+"""Floor under square roots and divisors on branches not taken; small, yet its square and its slope are numbers."""
+
 
 def cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
     """cos(r) and sin(r)/r from r², which may be negative (then cosh and sinh); made of products only."""
@@ -27,9 +30,9 @@ def cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
 def crossing(start: Scalar, slope: Scalar, end: Scalar, h: Scalar) -> Scalar:
     """Time in [0, h] at which the parabola with this start, slope at the start and end changes its sign."""
     bend = 2 * (end - start - slope * h) / h**2
-    root = sqrt(maximum(slope**2 - 2 * bend * start, 0.0))
+    root = sqrt(maximum(slope**2 - 2 * bend * start, TINY))
     towards_zero = where(start > 0, -slope, slope)
-    return clip(2 * absolute(start) / maximum(towards_zero + root, 1e-300), 0.0, h)
+    return clip(2 * absolute(start) / maximum(towards_zero + root, TINY), 0.0, h)
 
 
 @dataclass(frozen=True)
@@ -199,7 +202,7 @@ class Oscillator:
         # going slack: move the moment to where the pull is zero, then fly
         curve = g - self.mobility * self._pull(stretch, rate) - self.drag * rate
         fall = self.spring * rate + self.damper * curve
-        missed = clip(-self._pull(stretch, rate) / where(fall < 0, fall, -1e300), -when, h - when)
+        missed = clip(-self._pull(stretch, rate) / where(fall < 0, fall, -1 / TINY), -when, h - when)
         late_stretch = stretch + missed * (rate + missed * curve / 2)
         landed = free_flow(self.drag, h - when - missed)(late_stretch, rate + missed * curve, g)
         return where(taut, landed[0], stretch), where(taut, landed[1], rate)
