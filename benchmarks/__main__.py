@@ -12,6 +12,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, metavar="N", help="number of interleaved rounds")
     parser.add_argument("--duration", type=float, default=50.0, metavar="S", help="simulated time (50 s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every measured time to a file")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="put the table between the two marks of a document")
     chosen = parser.parse_args()
     rounds = chosen.rounds if chosen.rounds is not None else 5 if chosen.quick else 21
     if rounds < 1:
@@ -20,13 +21,15 @@ def main() -> int:
         parser.error(f"--duration {chosen.duration:g}: must be 0.01 to 1000 s")
     if chosen.json and not chosen.json.parent.is_dir():
         parser.error(f"--json {chosen.json}: there is no such folder")
+    if chosen.write and not chosen.write.is_file():
+        parser.error(f"--write {chosen.write}: there is no such file")
 
     from rich.console import Console
 
     from benchmarks.measure import DisagreementError, measure
     from benchmarks.peers import peers
     from benchmarks.peers.peer import UnavailableError
-    from benchmarks.report import show, write_json
+    from benchmarks.report import show, write_json, write_markdown
     from codegen import DualwinchError
 
     try:
@@ -35,6 +38,8 @@ def main() -> int:
         show(timings, chosen.duration)
         if chosen.json:
             write_json(chosen.json, timings, chosen.duration)
+        if chosen.write:
+            write_markdown(chosen.write, timings)
     except (DisagreementError, UnavailableError, DualwinchError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -66,14 +66,42 @@ def write_json(file: Path, timings: list[Timing], duration: float) -> None:
     file.write_text(json.dumps(as_json(timings, duration), indent=2) + "\n")
 
 
+BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
+"""Marks between which `write_markdown` puts the table."""
+
+
+def _headings_and_rows(timings: list[Timing]) -> tuple[list[str], list[list[str]]]:
+    by_key = {timing.peer.key: timing for timing in timings if timing.seconds}
+    yardsticks = {"hand C": LIMIT, "dualwinch": OURS, "its default": DEFAULT}
+    yardsticks = {name: by_key[key].middle for name, key in yardsticks.items() if key in by_key}
+    rows = []
+    for timing in timings:
+        if not timing.seconds:
+            rows.append([f"{timing.peer.title}: {timing.missing}"])
+            continue
+        spread = f"{_duration(min(timing.seconds))} – {_duration(max(timing.seconds))}"
+        ratios = [f"{timing.middle / yardstick:.3g}" for yardstick in yardsticks.values()]
+        rows.append([timing.peer.title, _duration(timing.middle), spread, str(len(timing.seconds)), *ratios])
+    return ["peer", "median", "spread", "n", *(f"time over {name}" for name in yardsticks)], rows
+
+
+def write_markdown(file: Path, timings: list[Timing]) -> None:
+    """Put the table and the machine's description between the two marks of a file."""
+    headings, rows = _headings_and_rows(timings)
+    lines = [f"| {' | '.join(headings)} |", "|---|" + "--:|" * (len(headings) - 1)]
+    lines += [f"| {' | '.join(row)} |" for row in rows]
+    facts = " · ".join(f"{name}: {value}" for name, value in machine().items())
+    before, rest = file.read_text(encoding="utf-8").split(BEGIN)
+    table = "\n".join([*lines, "", f"*{facts}*"])
+    file.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
 def show(timings: list[Timing], duration: float) -> None:
     """Print the table."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=NARROWEST)
-    by_key = {timing.peer.key: timing for timing in timings if timing.seconds}
-    yardsticks = {"hand C": LIMIT, "dualwinch": OURS, "its default": DEFAULT}
-    yardsticks = {name: by_key[key].middle for name, key in yardsticks.items() if key in by_key}
+    headings, rows = _headings_and_rows(timings)
     table = Table(
         title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz, RK4 with 4 sub-steps",
         caption=(
@@ -81,20 +109,10 @@ def show(timings: list[Timing], duration: float) -> None:
             f"every peer's positions equal dualwinch's within {TOLERANCE:g} m over the whole run"
         ),
     )
-    table.add_column("peer")
-    for heading in ("median", "spread", "n", *(f"time over\n{name}" for name in yardsticks)):
-        table.add_column(heading, justify="right")
-    for timing in timings:
-        if not timing.seconds:
-            table.add_row(f"{timing.peer.title}: {timing.missing}")
-            continue
-        table.add_row(
-            timing.peer.title,
-            _duration(timing.middle),
-            f"{_duration(min(timing.seconds))} – {_duration(max(timing.seconds))}",
-            str(len(timing.seconds)),
-            *(f"{timing.middle / yardstick:.3g}" for yardstick in yardsticks.values()),
-        )
+    for heading in headings:
+        table.add_column(heading.replace("over ", "over\n"), justify="left" if heading == "peer" else "right")
+    for row in rows:
+        table.add_row(*row)
     console.print(" · ".join(f"{name}: {value}" for name, value in machine().items()), highlight=False)
     console.print(table)
 

@@ -1,6 +1,7 @@
 """Moves work out of a step that runs a million times: what depends on the parameters alone is computed once."""
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -55,8 +56,13 @@ def _without_divisions(function: ca.Function, inputs: list[ca.SX], reciprocals: 
     return [ca.vertcat(*values) for values in outputs]
 
 
+def _column(values: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*values) if values else ca.SX(0, 1)
+
+
+@cache
 def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
-    """Split a function so that what depends on its parameters alone is computed once.
+    """Split a function so that what depends on its parameters alone is computed once (cached).
 
     Divisions by such values become products with their reciprocals, which can change the last bit of a result.
 
@@ -73,13 +79,12 @@ def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
     outputs = _without_divisions(step, inputs, reciprocals)
     ends = np.cumsum([0, *(output.numel() for output in outputs)])
 
-    known = ca.vertcat(parameters, *reciprocals.symbols)
-    rest, symbols, values = ca.extract_parametric(ca.vertcat(*outputs), known)
-    inverses = ca.vertcat(*reciprocals.values)
-    values = ca.substitute([ca.vertcat(*values)], [ca.vertcat(*reciprocals.symbols)], [inverses])[0]
-    derived = ca.vertcat(*reciprocals.symbols, *symbols)
+    rest, symbols, values = ca.extract_parametric(ca.vertcat(*outputs), ca.vertcat(parameters, *reciprocals.symbols))
+    symbol, value = _column(reciprocals.symbols), _column(reciprocals.values)
+    values = ca.substitute(_column(values), symbol, value)
+    derived = ca.vertcat(symbol, *symbols)
     derive = ca.Function(
-        f"derive_{step.name()}", [parameters], [ca.cse(ca.vertcat(inverses, values))], ["parameters"], ["derived"]
+        f"derive_{step.name()}", [parameters], [ca.cse(ca.vertcat(value, values))], ["parameters"], ["derived"]
     )
     parts = ca.vertsplit(ca.densify(ca.cse(rest)), [int(end) for end in ends])
     return derive, ca.Function(step.name(), [*inputs, derived], parts, [*names, "derived"], step.name_out())

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.hoist import hoisted
 from codegen.rollout import COMPLETED, DIVERGED, LEFT, compile_rollout
 from simulation.closed_loop import ClosedLoop
 
@@ -20,7 +21,11 @@ Engine: TypeAlias = Callable[
 
 
 def interpreter(step: ca.Function) -> Engine:
-    """Run a step in CasADi's interpreter, one call a sample, with the outcomes of the compiled rollout."""
+    """Run a step in CasADi's interpreter, one call a sample, with the outcomes of the compiled rollout.
+
+    It runs the very operations that are compiled, so that both engines give the same numbers.
+    """
+    derive, lean = hoisted(step)
 
     def run(
         parameters: NDArray[np.float64],
@@ -28,10 +33,11 @@ def interpreter(step: ca.Function) -> Engine:
         state: NDArray[np.float64],
         stride: int,
     ) -> tuple[int, int, NDArray[np.float64]]:
-        buffer, evaluate = step.buffer()
+        derived = np.array(derive(parameters)).ravel()
+        buffer, evaluate = lean.buffer()
         now, given = state.copy(), np.empty(exogenous.shape[1])
         following, row, margin = np.empty_like(state), np.empty(step.numel_out("row")), np.empty(1)
-        for place, array in enumerate((now, given, parameters)):
+        for place, array in enumerate((now, given, parameters, derived)):
             buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]  # the stub names C's arguments
         for place, array in enumerate((following, row, margin)):
             buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]

@@ -142,7 +142,7 @@ def _oscillator(
         stretch=stretch,
         rate=rate,
         drive=radius / winch.inertia * motor + drag * rate,
-        lever=sign * (1 + drag * h / 2),
+        sign=sign,
         spring=spring,
         damper=rope.damping,
         stiffening=stiffening,

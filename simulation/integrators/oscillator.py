@@ -37,7 +37,7 @@ def crossing(start: Scalar, slope: Scalar, end: Scalar, h: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class Flow:
-    """Linear flow over a time: stretch and rate at its end from those at its beginning and a constant drive g."""
+    """Linear flow over a time: stretch and rate at its end, from those at its beginning and a drive g + ramp t."""
 
     stretch_stretch: Scalar
     stretch_rate: Scalar
@@ -45,35 +45,38 @@ class Flow:
     rate_rate: Scalar
     stretch_drive: Scalar
     rate_drive: Scalar
+    stretch_ramp: Scalar
+    rate_ramp: Scalar
 
-    def __call__(self, stretch: Scalar, rate: Scalar, g: Scalar) -> tuple[Scalar, Scalar]:
+    def __call__(self, stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar) -> tuple[Scalar, Scalar]:
         """Stretch and rate at the end."""
+        driven = self.stretch_drive * g + self.stretch_ramp * ramp, self.rate_drive * g + self.rate_ramp * ramp
         return (
-            self.stretch_stretch * stretch + self.stretch_rate * rate + self.stretch_drive * g,
-            self.rate_stretch * stretch + self.rate_rate * rate + self.rate_drive * g,
+            self.stretch_stretch * stretch + self.stretch_rate * rate + driven[0],
+            self.rate_stretch * stretch + self.rate_rate * rate + driven[1],
         )
 
 
-def taut_flow(kappa: Scalar, damping: Scalar, drag: Scalar, stiffening: Scalar, h: Scalar) -> Flow:
-    """Flow of s'' = g − kappa r s − (damping + drag) s' over h in s, while r grows from 1 − stiffening h/2 at a rate.
+def taut_flow(kappa: Scalar, damping: Scalar, stiffening: Scalar, h: Scalar) -> Flow:
+    """Flow of s'' = g + ramp t − kappa r s − damping s' over h in s, with r growing from 1 − stiffening h/2.
 
     The rope gets stiffer or softer as it gets shorter or longer. The variable that swings is r s, the spring's force
     over its stiffness at mid-step: its equilibrium stays where it is.
 
     Args:
         kappa: square of the frequency at mid-step in 1/s².
-        damping: by the rope in 1/s.
-        drag: by the winch friction in 1/s.
+        damping: by rope and winch friction in 1/s.
         stiffening: relative rate of the stiffness in 1/s.
         h: length of the step.
     """
-    delta = damping + drag - 2 * stiffening
-    kappa = kappa - (damping + drag) * stiffening
+    delta = damping - 2 * stiffening
+    kappa = kappa - damping * stiffening
     cosine, sine = cosine_and_sine((kappa - delta**2 / 4) * h**2)
-    decay = exp(-damping * h / 2) * free_flow(drag - 2 * stiffening, h / 2).rate_rate
+    decay = exp(-delta * h / 2)
     even, odd = decay * cosine, decay * sine * h
     force_force, force_rate, rate_rate = even + delta / 2 * odd, odd, even - delta / 2 * odd
-    step_response = (1 - force_force) / kappa
+    to_drive = (1 - force_force) / kappa
+    to_ramp = (h - force_rate - delta * to_drive) / kappa
     # from s and s' to r s and (r s)', and back
     start, end = 1 - stiffening * h / 2, 1 / (1 + stiffening * h / 2)
     by_stretch = force_force * start + force_rate * stiffening, -kappa * odd * start + rate_rate * stiffening
@@ -84,39 +87,54 @@ def taut_flow(kappa: Scalar, damping: Scalar, drag: Scalar, stiffening: Scalar, 
         stretch_rate=by_rate[0] * end,
         rate_stretch=(by_stretch[1] - by_stretch[0] * turn) * end,
         rate_rate=(by_rate[1] - by_rate[0] * turn) * end,
-        stretch_drive=step_response * end,
-        rate_drive=(force_rate - step_response * turn) * end,
+        stretch_drive=to_drive * end,
+        rate_drive=(force_rate - to_drive * turn) * end,
+        stretch_ramp=to_ramp * end,
+        rate_ramp=(to_drive - to_ramp * turn) * end,
     )
 
 
 def free_flow(drag: Scalar, h: Scalar) -> Flow:
-    """Flow of s'' = g − drag s' over h in s, with the (2, 3) Padé form of exp(−drag h), 1 for drag = 0."""
+    """Flow of s'' = g + ramp t − drag s' over h in s, with the (2, 3) Padé form of exp(−drag h), 1 for drag = 0."""
     z = drag * h
     scale = 1 / (60 + z * (36 + z * (9 + z)))
-    gained = h * (60 + z * (6 + z)) * scale
-    return Flow(1.0, gained, 0.0, (60 + z * (3 * z - 24)) * scale, h**2 * (30 + z * (8 + z)) * scale, gained)
+    once = h * (60 + z * (6 + z)) * scale
+    twice = h**2 * (30 + z * (8 + z)) * scale
+    thrice = h**3 * (10 + z * (3.5 + 0.5 * z)) * scale
+    return Flow(
+        stretch_stretch=1.0,
+        stretch_rate=once,
+        rate_stretch=0.0,
+        rate_rate=(60 + z * (3 * z - 24)) * scale,
+        stretch_drive=twice,
+        rate_drive=once,
+        stretch_ramp=thrice,
+        rate_ramp=twice,
+    )
 
 
 @dataclass(frozen=True)
 class Oscillator:
-    """stretch'' = drive + lever a − mobility F − drag stretch', F = spring stretch + damper stretch' while taut.
+    """stretch'' = drive + sign a (1 + drag t) − mobility F − drag stretch', F = spring stretch + damper stretch'.
+
+    The winch friction brakes the drum, not the stretch: under the vehicle's acceleration a its share grows in time.
 
     Attributes:
         stretch, rate: stretch in m and its rate in m/s at the beginning.
         drive: acceleration in m/s² by motor and friction.
-        lever: weight of the vehicle's acceleration a.
+        sign: of the vehicle's position in the stretch.
         spring, damper: of the rope at mid-step, in N/m and N s/m.
         stiffening: relative rate of the spring in 1/s.
         mobility: radius²/inertia of the drum in 1/kg.
         drag: slope of the winch friction over the inertia in 1/s.
         h: length of the sub-step in s.
-        slack: whether the rope can go slack.
+        slack: whether the rope can go slack; a slack rope has F = 0.
     """
 
     stretch: Scalar
     rate: Scalar
     drive: Scalar
-    lever: Scalar
+    sign: float
     spring: Scalar
     damper: Scalar
     stiffening: Scalar
@@ -127,8 +145,18 @@ class Oscillator:
 
     @cached_property
     def _taut_flow(self) -> Flow:
-        kappa, damping = self.mobility * self.spring, self.mobility * self.damper
-        return taut_flow(kappa, damping, self.drag, self.stiffening, self.h)
+        damping = self.mobility * self.damper + self.drag
+        return taut_flow(self.mobility * self.spring, damping, self.stiffening, self.h)
+
+    def _driven(self, a: Scalar) -> tuple[Scalar, Scalar]:
+        return self.drive + self.sign * a, self.drag * self.sign * a
+
+    def _pull(self, stretch: Scalar, rate: Scalar) -> Scalar:
+        return self.spring * stretch + self.damper * rate
+
+    @cached_property
+    def _taut(self) -> Scalar:
+        return both(self.stretch > 0, self._pull(self.stretch, self.rate) > 0)
 
     def clearance(self, a: Scalar) -> Scalar:
         """A bound in N below the tension all through the sub-step, with the acceleration a in m/s² and the rope taut.
@@ -136,52 +164,48 @@ class Oscillator:
         The oscillation about the equilibrium never swings further than it would without damping.
         """
         kappa = self.mobility * self.spring
-        equilibrium = (self.drive + self.lever * a) / kappa
-        amplitude = sqrt((self.stretch - equilibrium) ** 2 + self.rate**2 / kappa)
+        g, ramp = self._driven(a)
+        equilibrium = g / kappa
+        amplitude = sqrt((self.stretch - equilibrium) ** 2 + self.rate**2 / kappa) + absolute(ramp) * self.h / kappa
         return self.spring * (equilibrium - amplitude) - self.damper * sqrt(kappa) * amplitude
 
-    @cached_property
-    def _taut(self) -> Scalar:
-        return both(self.stretch > 0, self._pull(self.stretch, self.rate) > 0)
-
-    def _pull(self, stretch: Scalar, rate: Scalar) -> Scalar:
-        return self.spring * stretch + self.damper * rate
-
-    def _impulse_of(self, g: Scalar, stretch: Scalar, rate: Scalar) -> Scalar:
+    def _impulse_of(self, g: Scalar, ramp: Scalar, stretch: Scalar, rate: Scalar) -> Scalar:
         gained = rate - self.rate + self.drag * (stretch - self.stretch)
-        return (g * self.h - gained) / self.mobility
+        return (self.h * (g + ramp * self.h / 2) - gained) / self.mobility
 
     def impulse(self) -> tuple[Scalar, Scalar]:
         """Rope impulse in N s as (at a = 0, slope over a), if the rope stays as it is."""
-        flow = self._taut_flow
-        fixed = self._impulse_of(self.drive, *flow(self.stretch, self.rate, self.drive))
-        slope = self.lever * (self.h - self.drag * flow.stretch_drive - flow.rate_drive) / self.mobility
+        flow, drag, h = self._taut_flow, self.drag, self.h
+        fixed = self._impulse_of(self.drive, 0.0, *flow(self.stretch, self.rate, self.drive, 0.0))
+        rate, stretch = flow.rate_drive + drag * flow.rate_ramp, flow.stretch_drive + drag * flow.stretch_ramp
+        slope = self.sign * (h * (1 + drag * h / 2) - rate - drag * stretch) / self.mobility
         if not self.slack:
             return fixed, slope
         return where(self._taut, fixed, 0.0), where(self._taut, slope, 0.0)
 
     def end(self, a: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Stretch in m, its rate in m/s and the rope impulse in N s at the end, with the acceleration a in m/s²."""
-        g = self.drive + self.lever * a
-        stretch, rate = self._taut_flow(self.stretch, self.rate, g)
+        g, ramp = self._driven(a)
+        stretch, rate = self._taut_flow(self.stretch, self.rate, g, ramp)
         if self.slack:
-            stretch, rate = self._with_slack(g, stretch, rate)
-        return stretch, rate, self._impulse_of(g, stretch, rate)
+            stretch, rate = self._with_slack(g, ramp, stretch, rate)
+        return stretch, rate, self._impulse_of(g, ramp, stretch, rate)
 
-    def _with_slack(self, g: Scalar, taut_stretch: Scalar, taut_rate: Scalar) -> tuple[Scalar, Scalar]:
+    def _with_slack(self, g: Scalar, ramp: Scalar, taut_stretch: Scalar, taut_rate: Scalar) -> tuple[Scalar, Scalar]:
         taut = self._taut
-        free_stretch, free_rate = free_flow(self.drag, self.h)(self.stretch, self.rate, g)
+        free_stretch, free_rate = free_flow(self.drag, self.h)(self.stretch, self.rate, g, ramp)
         stretch, rate = where(taut, taut_stretch, free_stretch), where(taut, taut_rate, free_rate)
         taut_at_end = both(stretch > 0, self._pull(stretch, rate) > 0)
-        switched_stretch, switched_rate = self._switched(g, stretch, rate)
+        switched_stretch, switched_rate = self._switched(g, ramp, stretch, rate)
         switches = taut != taut_at_end
         return where(switches, switched_stretch, stretch), where(switches, switched_rate, rate)
 
-    def _switched(self, g: Scalar, stretch: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
+    def _switched(self, g: Scalar, ramp: Scalar, stretch: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
         """Stretch and rate at the end where the rope goes slack or tight on the way.
 
         Args:
             g: drive in m/s².
+            ramp: its growth in m/s³.
             stretch: that at the end in m, if the rope stayed as it was.
             rate: likewise, in m/s.
         """
@@ -195,19 +219,21 @@ class Oscillator:
         when = where(taut, when_pull, tightens)
 
         # the taut part: first if the rope goes slack, last if it tightens
-        flown = free_flow(self.drag, when)(self.stretch, self.rate, g)
+        flown = free_flow(self.drag, when)(self.stretch, self.rate, g, ramp)
         start = where(taut, self.stretch, flown[0]), where(taut, self.rate, flown[1])
-        stretch, rate = self._taut_series(*start, g, where(taut, when, h - when))
+        g_start, lasts = where(taut, g, g + ramp * when), where(taut, when, h - when)
+        stretch, rate = self._taut_series(*start, g_start, ramp, lasts)
 
         # going slack: move the moment to where the pull is zero, then fly
-        curve = g - self.mobility * self._pull(stretch, rate) - self.drag * rate
+        curve = g + ramp * when - self.mobility * self._pull(stretch, rate) - self.drag * rate
         fall = self.spring * rate + self.damper * curve
         missed = clip(-self._pull(stretch, rate) / where(fall < 0, fall, -1 / TINY), -when, h - when)
         late_stretch = stretch + missed * (rate + missed * curve / 2)
-        landed = free_flow(self.drag, h - when - missed)(late_stretch, rate + missed * curve, g)
+        leaves = when + missed
+        landed = free_flow(self.drag, h - leaves)(late_stretch, rate + missed * curve, g + ramp * leaves, ramp)
         return where(taut, landed[0], stretch), where(taut, landed[1], rate)
 
-    def _taut_series(self, stretch: Scalar, rate: Scalar, g: Scalar, t: Scalar) -> tuple[Scalar, Scalar]:
+    def _taut_series(self, stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar, t: Scalar) -> tuple[Scalar, Scalar]:
         kappa, delta = self.mobility * self.spring, self.mobility * self.damper + self.drag
         first, second = rate, g - kappa * stretch - delta * rate
         moved_stretch, moved_rate, power = stretch + t * rate, rate, t
@@ -215,5 +241,5 @@ class Oscillator:
             moved_rate = moved_rate + second * power
             power = power * t / order
             moved_stretch = moved_stretch + second * power
-            first, second = second, -kappa * first - delta * second
+            first, second = second, (ramp if order == 2 else 0.0) - kappa * first - delta * second
         return moved_stretch, moved_rate
