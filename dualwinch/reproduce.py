@@ -100,7 +100,8 @@ def _of_case(runs: Runs, number: int) -> dict[str, Result]:
 @contextmanager
 def _progress(steps: int) -> Iterator:
     columns = (TextColumn("{task.description:<44}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=steps, completed=-1)
 
         def step(description: str) -> None:

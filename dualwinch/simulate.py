@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
 from dualwinch.config import load, override, parse_assignment, to_toml
@@ -62,8 +63,9 @@ def simulate(
             )
         check_folder(plot.parent)
     console = Console(stderr=True)
-    with console.status("simulating"):
-        result = run(asked, stride=stride, engine_name=engine)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("simulating", total=1.0)
+        result = run(asked, stride=stride, engine_name=engine, progress=lambda share: bar.update(task, completed=share))
     print_result(result)
     notes = {"configuration": to_toml(asked), **{f"version_{k}": v for k, v in versions().items()}}
     if out:

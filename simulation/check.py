@@ -1,6 +1,7 @@
 """Rules between the values of an experiment (rules for one value stand beside the value)."""
 
 import math
+import os
 
 from model.reference import setpoint
 from simulation.errors import ConfigurationError
@@ -80,4 +81,17 @@ def _check_substeps(experiment: Experiment) -> None:
         raise ConfigurationError(
             f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {simulation.integrator} at "
             f"simulation.sample_time = {simulation.sample_time:g} s (the shortest rope swings at {fastest:.4g} rad/s)"
+        )
+
+
+def check_memory(samples: int, stride: int, columns: int) -> None:
+    """Raise `ConfigurationError` where the rows of a run would take more than half of this machine's memory."""
+    if not (stride and hasattr(os, "sysconf")):
+        return
+    room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2
+    wanted = 2 * 8 * columns * samples / stride  # once as rows, once as columns
+    if wanted > room:
+        least = math.ceil(stride * wanted / room)
+        raise ConfigurationError(
+            f"stride = {stride}: must be >= {least}, to keep the rows of {samples} samples within half of the memory"
         )

@@ -1,11 +1,15 @@
 """Run one experiment."""
 
-import numpy as np
+from collections.abc import Callable
 
-from simulation.check import check
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.rollout import COMPLETED
+from simulation.check import check, check_memory
 from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.engine import EngineName, engine
-from simulation.environment import exogenous_signals
+from simulation.environment import exogenous_pieces
 from simulation.experiment import Experiment
 from simulation.metrics import finish
 from simulation.result import Result
@@ -16,27 +20,49 @@ OUTCOMES = ("completed", "diverged", "left_track")
 """Names of the outcomes of `codegen.rollout`."""
 
 
-def simulate(experiment: Experiment, *, stride: int = 1, engine_name: EngineName = "compiled") -> Result:
+PIECE = 1_000_000
+"""Samples that run between two looks at the clock and the keyboard."""
+
+
+def simulate(
+    experiment: Experiment,
+    *,
+    stride: int = 1,
+    engine_name: EngineName = "compiled",
+    progress: Callable[[float], None] | None = None,
+) -> Result:
     """Run one experiment.
 
     Args:
         experiment: plant, controller, reference, disturbances, sensors, simulation.
         stride: every how many samples a row is kept; 0 keeps none (the metrics count every sample all the same).
         engine_name: ``compiled`` (C) or ``interpreter`` (CasADi's, some hundred times slower, same answer).
+        progress: called now and then in a long run with the share that is done.
 
     Returns:
         The result; a run that diverges or leaves the track is one too, with its outcome.
 
     Raises:
-        ConfigurationError: the experiment's values do not fit together.
+        ConfigurationError: the experiment's values do not fit together, or its rows not into memory.
         DualwinchError: no compiler, or no usable cache folder.
     """
     check(experiment)
+    check_memory(experiment.samples, stride, len(COLUMNS))
     loop = closed_loop(structure_of(experiment))
     run = engine(loop, engine_name)
     parameters = np.array(list(parameters_of(experiment).values()))
     state = np.array(list(initial_state_of(experiment).values()))
-    outcome, done, rows = run(parameters, exogenous_signals(experiment), state, stride)
+    kept: list[NDArray[np.float64]] = []
+    outcome, done = COMPLETED, 0
+    for piece in exogenous_pieces(experiment, max(PIECE // max(stride, 1), 1) * max(stride, 1)):
+        outcome, stepped, rows = run(parameters, piece, state, stride)
+        kept.append(rows)
+        done += stepped
+        if progress:
+            progress(done / experiment.samples)
+        if outcome != COMPLETED:
+            break
+    rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
     columns = {name: np.full(len(rows), np.nan) for name in COLUMNS}
     columns |= {name: rows[:, place].copy() for place, name in enumerate(loop.columns)}
     final = dict(zip(loop.states, state.tolist(), strict=True))

@@ -151,7 +151,8 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_an_interrupt_leaves_no_half_written_file(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dualwinch", "reproduce", "--cases", "2", "--out", str(tmp_path)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    heeding = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # even if the tests ignore it
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **heeding) as process:
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline and not (tmp_path / "figures" / "figure09.png").exists():
             time.sleep(0.02)

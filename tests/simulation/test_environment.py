@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from model.disturbance import Disturbance
 from simulation.closed_loop import closed_loop
-from simulation.environment import exogenous_signals, gauss_markov
+from simulation.environment import GaussMarkov, exogenous_pieces, exogenous_signals
 from simulation.experiment import Experiment, Simulation
 from simulation.sensors import Sensors
 from simulation.structure import structure_of
@@ -32,7 +32,7 @@ def autocorrelation(signal: NDArray[np.float64], lag: int) -> float:
 
 
 def test_gauss_markov_has_the_standard_deviation_and_the_correlation_time() -> None:
-    signal = gauss_markov(400_000, 1e-3, 2.0, 0.1, np.random.default_rng(1))
+    signal = GaussMarkov(2.0, 0.1, 1e-3, np.random.default_rng(1)).draw(400_000)
     assert signal.std() == pytest.approx(2, rel=0.05)
     assert signal.mean() == pytest.approx(0, abs=0.15)
     assert autocorrelation(signal, 100) == pytest.approx(np.exp(-1), abs=0.04)
@@ -41,12 +41,12 @@ def test_gauss_markov_has_the_standard_deviation_and_the_correlation_time() -> N
 
 def test_gauss_markov_is_stationary_from_its_first_sample() -> None:
     generators = [np.random.default_rng(seed) for seed in range(4000)]
-    signals = np.array([gauss_markov(50, 1e-3, 3.0, 0.05, generator) for generator in generators])
+    signals = np.array([GaussMarkov(3.0, 0.05, 1e-3, generator).draw(50) for generator in generators])
     assert signals.std(axis=0) == pytest.approx(np.full(50, 3.0), rel=0.08)
 
 
 def test_the_sample_time_does_not_change_the_signals_statistics() -> None:
-    coarse = gauss_markov(200_000, 1e-2, 1.0, 0.5, np.random.default_rng(2))
+    coarse = GaussMarkov(1.0, 0.5, 1e-2, np.random.default_rng(2)).draw(200_000)
     assert coarse.std() == pytest.approx(1, rel=0.05)
     assert autocorrelation(coarse, 50) == pytest.approx(np.exp(-1), abs=0.04)
 
@@ -113,3 +113,10 @@ def test_the_steady_state_includes_both_its_ends() -> None:
     marked = drawn(Experiment())["steady"]
     assert np.flatnonzero(marked)[[0, -1]].tolist() == [18_000, 29_000]
     assert marked.sum() == 11_001
+
+
+@pytest.mark.parametrize("length", [1, 7, 1000, 4999])
+def test_pieces_are_the_whole_to_the_last_bit(length: int) -> None:
+    short = replace(EXPERIMENT, simulation=Simulation(duration=5.0))
+    pieces = np.concatenate(list(exogenous_pieces(short, length)))
+    assert np.array_equal(pieces, exogenous_signals(short))
