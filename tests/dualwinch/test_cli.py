@@ -150,9 +150,10 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_an_interrupt_leaves_no_half_written_file(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dualwinch", "reproduce", "--cases", "2", "--out", str(tmp_path)]
-    heeding = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # even if the tests ignore it
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **heeding) as process:
+    words = ["reproduce", "--cases", "2", "--out", str(tmp_path)]
+    heeding = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # even where tests ignore it
+    program = f"{heeding}; from dualwinch.cli import main; main({words!r})"
+    with subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True) as process:
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline and not (tmp_path / "figures" / "figure09.png").exists():
             time.sleep(0.02)
