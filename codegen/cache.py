@@ -48,20 +48,21 @@ def cache_folder() -> Path:
     return folder
 
 
-def library(source: str, compiler: Compiler) -> Path:
+def library(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = ()) -> Path:
     """The compiled library of a C source, from the cache or newly built.
 
     Args:
         source: one translation unit.
         compiler: what builds it.
+        extra_flags: beside the compiler's own.
 
     Raises:
         CompileError: the compiler fails.
         CacheError: the cache folder cannot be used.
     """
     folder = cache_folder()
-    key = fingerprint(source, compiler.identity)
-    return _look_up(folder, key) or _build(folder, key, source, compiler)
+    key = fingerprint(source, compiler.identity, *extra_flags)
+    return _look_up(folder, key) or _build(folder, key, source, compiler, extra_flags)
 
 
 def _digest(file: Path) -> str:
@@ -78,10 +79,10 @@ def _look_up(folder: Path, key: str) -> Path | None:
     return None
 
 
-def _build(folder: Path, key: str, source: str, compiler: Compiler) -> Path:
+def _build(folder: Path, key: str, source: str, compiler: Compiler, extra_flags: tuple[str, ...]) -> Path:
     unfinished = folder / f"unfinished-{os.getpid()}-{secrets.token_hex(4)}.so"
     try:
-        compiler.build(source, unfinished)
+        compiler.build(source, unfinished, extra_flags)
         with unfinished.open("rb+") as file:
             os.fsync(file.fileno())
         finished = folder / f"{key}-{_digest(unfinished)}.so"

@@ -19,6 +19,24 @@ COMPLETED, DIVERGED, LEFT = 0, 1, 2
 """Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
 
 
+def sizes_of(functions: tuple[ca.Function, ...]) -> dict[str, int]:
+    """What the C drivers need to know: sizes of vectors by macro name.
+
+    Args:
+        functions: ``derive_step, step`` and, if there is a shortcut, ``derive_shortcut, shortcut``.
+    """
+    derive, step, *shortcut = functions
+    sizes = {
+        "STATES": step.numel_in("state"),
+        "EXOGENOUS": step.numel_in("exogenous"),
+        "PARAMETERS": step.numel_in("parameters"),
+        "COLUMNS": step.numel_out("row"),
+        "STEP_DERIVED": derive.numel_out("derived"),
+        "HAS_SHORTCUT": int(bool(shortcut)),
+    }
+    return sizes | ({"SHORTCUT_DERIVED": shortcut[0].numel_out("derived")} if shortcut else {})
+
+
 def rollout_source(step: ca.Function, shortcut: ca.Function | None = None) -> str:
     """C99 translation unit that runs a step for many samples.
 
@@ -27,18 +45,8 @@ def rollout_source(step: ca.Function, shortcut: ca.Function | None = None) -> st
         shortcut: ``shortcut(state, exogenous, parameters) -> (next_state, row, margin, valid)``, a cheaper step
             that gives the same numbers wherever ``valid > 0``; the step is then left out.
     """
-    functions = hoisted(step)
-    sizes = {
-        "STATES": step.numel_in("state"),
-        "EXOGENOUS": step.numel_in("exogenous"),
-        "PARAMETERS": step.numel_in("parameters"),
-        "COLUMNS": step.numel_out("row"),
-        "STEP_DERIVED": functions[0].numel_out("derived"),
-    }
-    if shortcut is not None:
-        functions += hoisted(shortcut)
-        sizes["SHORTCUT_DERIVED"] = functions[2].numel_out("derived")
-    sizes["HAS_SHORTCUT"] = int(shortcut is not None)
+    functions = hoisted(step) + (hoisted(shortcut) if shortcut is not None else ())
+    sizes = sizes_of(functions)
     lines = [f"#define {name} {size}" for name, size in sizes.items()]
     driver = (files("codegen") / "rollout.c").read_text(encoding="utf-8")
     return "\n".join([*lines, c_source(list(functions)), driver])

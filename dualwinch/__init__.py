@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from model.disturbance import Disturbance
     from model.plant import Plant, plant
     from model.reference import Reference
+    from simulation.batch import BatchResult, rollout
     from simulation.errors import ConfigurationError
     from simulation.experiment import Experiment, Simulation
     from simulation.metrics import Metrics
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "BatchResult": "simulation.batch",
     "ConfigurationError": "simulation.errors",
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
@@ -42,11 +44,13 @@ _HOME = {
     "override": "dualwinch.config",
     "plant": "model.plant",
     "save": "simulation.storage",
+    "rollout": "simulation.batch",
     "simulate": "simulation.simulate",
     "to_toml": "dualwinch.config",
 }
 
 __all__ = [
+    "BatchResult",
     "ConfigurationError",
     "Controller",
     "Disturbance",
@@ -64,6 +68,7 @@ __all__ = [
     "load",
     "override",
     "plant",
+    "rollout",
     "save",
     "simulate",
     "to_toml",

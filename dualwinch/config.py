@@ -1,6 +1,5 @@
 """Configuration files: an experiment as annotated TOML, read back with errors that name key, file and line."""
 
-import difflib
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -8,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from model.quantity import Leaf, describe, leaves, with_leaves
+from model.quantity import Leaf, describe, leaves, nearest, with_leaves
 from model.reference import cruise_speed
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
@@ -186,13 +185,7 @@ def _unknown(key: str) -> str:
         return f"{key} is a table; its keys are {', '.join(name.removeprefix(key + '.') for name in below[:6])}" + (
             ", ..." if len(below) > 6 else ""
         )
-    near = difflib.get_close_matches(key, keys, n=1, cutoff=0.5)
-    if not near:
-        last = key.rsplit(".", 1)[-1]
-        names = {known.rsplit(".", 1)[-1]: known for known in reversed(keys)}
-        near = [names[name] for name in difflib.get_close_matches(last, list(names), n=1)]
-    hint = f"did you mean '{near[0]}'?" if near else "'dualwinch config' prints every key"
-    return f"unknown key '{key}'; {hint}"
+    return f"unknown key '{key}'; did you mean '{nearest(key, keys)}'?"
 
 
 def _line_of(key: str, text: str) -> str:

@@ -8,7 +8,8 @@ The same dataclass holds floats or CasADi symbols: `leaves` takes it apart into 
 it together again from others.
 """
 
-from collections.abc import Iterator, Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -115,6 +116,17 @@ def _describe(group: type, prefix: str) -> Iterator[Leaf]:
             optional=optional,
             constraints=tuple(item for item in metadata if isinstance(item, at.BaseMetadata)),
         )
+
+
+def nearest(key: str, keys: Iterable[str]) -> str:
+    """The key most like a mistaken one: as a whole, else in its last part."""
+    known = list(keys)
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    if near:
+        return near[0]
+    names = {name.rsplit(".", 1)[-1]: name for name in reversed(known)}
+    near = difflib.get_close_matches(key.rsplit(".", 1)[-1], list(names), n=1, cutoff=0.0)
+    return names[near[0]]
 
 
 def leaves(group: Any, prefix: str = "") -> dict[str, Any]:

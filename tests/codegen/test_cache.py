@@ -33,9 +33,9 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     seen: list[str] = []
     build = Compiler.build
 
-    def noted(self: Compiler, source: str, target: Path) -> None:
+    def noted(self: Compiler, source: str, target: Path, flags: tuple[str, ...]) -> None:
         seen.append(source)
-        build(self, source, target)
+        build(self, source, target, flags)
 
     monkeypatch.setattr(Compiler, "build", noted)
     return seen

@@ -1,0 +1,151 @@
+"""Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.batch import LANES, compile_batch
+from model.quantity import nearest, with_leaves
+from simulation.check import check
+from simulation.closed_loop import closed_loop, initial_state_of
+from simulation.environment import exogenous_signals
+from simulation.errors import ConfigurationError
+from simulation.experiment import Experiment
+from simulation.metrics import Metrics, finish
+from simulation.simulate import OUTCOMES
+from simulation.structure import parameters_of, structure_of
+
+Floats = NDArray[np.float64]
+
+NOT_RUN = "not_run"
+"""Outcome of a pair that an interrupt left out."""
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """What a batch gave, for every set of parameters (n) in every scenario (m).
+
+    Attributes:
+        outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track`` or, after an interrupt, ``not_run``.
+        end_times: (n, m) in s.
+        metrics: name → (n, m), as in `Metrics`; NaN where a pair was not run.
+        columns: name → (n, m, kept) where rows were asked for, NaN after an early end; else empty.
+    """
+
+    outcomes: NDArray[np.str_]
+    end_times: Floats
+    metrics: dict[str, Floats]
+    columns: dict[str, Floats]
+
+
+def rollout(
+    names: Sequence[str],
+    parameters: Floats,
+    scenarios: Sequence[Experiment],
+    *,
+    stride: int = 0,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> BatchResult:
+    """Run every set of parameters in every scenario.
+
+    A pair's result depends on nothing but the pair: not on its neighbours, its lane, the number of pairs or threads.
+    It equals `simulate`'s up to rounding (the elementary functions differ in their last bits).
+
+    Args:
+        names: keys of the parameters that vary, e.g. ``["controller.nftsm.beta", "controller.observer.l0"]``.
+        parameters: (n, len(names)), a value for each name.
+        scenarios: m experiments of one structure and length; they give every other value.
+        stride: every how many samples a row is kept; 0 keeps none.
+        threads: default: one for each processor.
+        progress: called now and then with the share that is done.
+
+    Returns:
+        The result; an interrupt (Ctrl-C) leaves what is finished, and ``not_run`` for the rest.
+
+    Raises:
+        ConfigurationError: an unknown name, a wrong shape, or scenarios that do not go together.
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+    values = np.asarray(parameters, float)
+    _check_batch(names, values, scenarios)
+    loop = closed_loop(structure_of(scenarios[0]))
+    run = compile_batch(loop.step, loop.shortcut)
+    places = [loop.parameters.index(name) for name in names]
+    pairs = [(i, j) for j in range(len(scenarios)) for i in range(len(values))]
+    samples, sample_time = scenarios[0].samples, scenarios[0].simulation.sample_time
+    signals = lru_cache(maxsize=4 * LANES)(lambda j: exogenous_signals(scenarios[j]))
+    vectors = lru_cache(maxsize=4 * LANES)(lambda j: np.array(list(parameters_of(scenarios[j]).values())))
+    shape = len(values), len(scenarios)
+    kept = -(-samples // stride) if stride else 0
+    result = BatchResult(
+        outcomes=np.full(shape, NOT_RUN, dtype="U10"),
+        end_times=np.full(shape, np.nan),
+        metrics={field.name: np.full(shape, np.nan) for field in fields(Metrics)},
+        columns={name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {},
+    )
+
+    def block(chosen: list[tuple[int, int]]) -> None:
+        filled = (chosen * LANES)[:LANES]  # idle lanes repeat the block's pairs
+        vector = np.array([vectors(j) for _, j in filled])
+        vector[:, places] = values[[i for i, _ in filled]]
+        state = np.array([_start(scenarios[j], names, values[i]) for i, j in filled])
+        tables = {j: signals(j) for j in {j for _, j in filled}}
+        outcome, done, rows = run(vector, [tables[j] for _, j in filled], state, stride)
+        for lane, (i, j) in enumerate(chosen):
+            final = dict(zip(loop.states, state[lane].tolist(), strict=True))
+            metrics = finish({key[8:]: value for key, value in final.items() if key.startswith("metrics.")})
+            for name, table in result.metrics.items():
+                table[i, j] = getattr(metrics, name)
+            for place, name in enumerate(loop.columns if stride else ()):
+                result.columns[name][i, j] = rows[lane, :, place]
+            result.end_times[i, j] = done[lane] * sample_time
+            result.outcomes[i, j] = OUTCOMES[outcome[lane]]
+
+    blocks = [pairs[first : first + LANES] for first in range(0, len(pairs), LANES)]
+    _run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
+    return result
+
+
+def _start(scenario: Experiment, names: Sequence[str], values: Floats) -> Floats:
+    """Initial state of a pair; a preload that varies changes the ropes' tension at the start."""
+    changed = with_leaves(scenario, dict(zip(names, values.tolist(), strict=True)))
+    return np.array(list(initial_state_of(changed).values()))
+
+
+def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> None:
+    """Run jobs on threads; an interrupt lets those under way finish and drops the rest."""
+    pool = ThreadPoolExecutor(threads or os.cpu_count())
+    waiting: set[Future[None]] = {pool.submit(job) for job in jobs}
+    try:
+        while waiting:
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in finished:
+                future.result()
+            if progress:
+                progress(1 - len(waiting) / len(jobs))
+    except KeyboardInterrupt:
+        pass
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experiment]) -> None:
+    if not scenarios:
+        raise ConfigurationError("scenarios: must be at least one experiment")
+    known = parameters_of(scenarios[0])
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, known)}'?")
+    if values.ndim != 2 or values.shape[1] != len(names):
+        raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
+    first = scenarios[0]
+    for number, scenario in enumerate(scenarios):
+        check(scenario)
+        if structure_of(scenario) != structure_of(first) or scenario.samples != first.samples:
+            raise ConfigurationError(f"scenarios[{number}]: must have the structure and the length of scenarios[0]")

@@ -1,0 +1,65 @@
+"""The elementary functions of the vector lanes, against the C library's by way of NumPy."""
+
+import ctypes
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codegen.compiler import find_compiler
+
+FUNCTIONS = {"exp": np.exp, "tanh": np.tanh, "sin": np.sin, "log": np.log}
+FORM = '__attribute__((visibility("default"))) double call_{0}(double x) {{ return inline_{0}(x); }}\n'
+
+
+@pytest.fixture(scope="module")
+def lanes(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    header = (files("codegen") / "elementary.h").read_text()
+    power = '__attribute__((visibility("default"))) double call_pow(double x, double y) { return inline_pow(x, y); }\n'
+    target: Path = tmp_path_factory.mktemp("elementary") / "elementary.so"
+    find_compiler().build(header + "".join(FORM.format(name) for name in FUNCTIONS) + power, target)
+    library = ctypes.CDLL(str(target))
+    for name in (*FUNCTIONS, "pow"):
+        function = getattr(library, f"call_{name}")
+        function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * (2 if name == "pow" else 1)
+    return library
+
+
+def units(ours: float, theirs: float) -> float:
+    """Difference in units in the last place."""
+    return abs(ours - theirs) / float(np.spacing(abs(theirs)))
+
+
+@pytest.mark.parametrize(
+    ("name", "lower", "upper"),
+    [
+        ("exp", -700, 700),
+        ("exp", -1e-3, 1e-3),
+        ("tanh", -30, 30),
+        ("tanh", -1e-3, 1e-3),
+        ("sin", -1e6, 1e6),
+        ("sin", -1.5, 1.5),
+        ("log", 1e-300, 1e-10),
+        ("log", 0.5, 2.0),
+    ],
+)
+def test_within_four_units_in_the_last_place(name: str, lower: float, upper: float, lanes: ctypes.CDLL) -> None:
+    call = getattr(lanes, f"call_{name}")
+    for x in np.random.default_rng(1).uniform(lower, upper, 20_000).tolist():
+        theirs = float(FUNCTIONS[name](x))
+        assert units(call(x), theirs) <= 4 or abs(call(x) - theirs) < 1e-16, x
+
+
+@given(x=st.floats(1e-20, 1e10), y=st.floats(-2, 2))
+def test_power(x: float, y: float, lanes: ctypes.CDLL) -> None:
+    assert lanes.call_pow(x, y) == pytest.approx(x**y, rel=2e-14)
+
+
+@pytest.mark.parametrize("x", [0.0, -0.0, 1.0, -1.0, 1e-310, 1e300, -1e300])
+def test_odd_functions_at_their_edges(x: float, lanes: ctypes.CDLL) -> None:
+    assert lanes.call_tanh(x) == pytest.approx(np.tanh(x), rel=1e-15)
+    assert abs(lanes.call_sin(x)) <= 1
+    assert np.isfinite(lanes.call_exp(x))
