@@ -45,22 +45,19 @@ static __attribute__((noinline)) void shortcut_lanes(
 }
 
 /* Takes the lanes over where the shortcut is not valid. */
-static void take_over(const double *restrict valid, double *restrict into, const double *restrict from, int count) {
+static __attribute__((noinline)) void take_over(const double *restrict valid, double *restrict into, const double *restrict from, int count) {
   for (int i = 0; i < count; ++i)
     for (int l = 0; l < LANES; ++l) into[i * LANES + l] = valid[l] > 0 ? into[i * LANES + l] : from[i * LANES + l];
 }
 #endif
 
-/* By bits: the optimiser may take floating-point comparisons for granted. */
-static void find_finite(const double *restrict state, uint64_t *restrict finite) {
-  const uint64_t exponent = UINT64_C(0x7ff0000000000000);
-  uint64_t worst[LANES] = {0};
+/* By bits: the optimiser may take floating-point comparisons for granted. An exponent of ones overflows. */
+static __attribute__((noinline)) void find_finite(const double *restrict state, uint64_t *restrict finite) {
+  uint64_t overflows[LANES] = {0};
   for (int i = 0; i < STATES; ++i)
-    for (int l = 0; l < LANES; ++l) {
-      uint64_t bits = to_bits(state[i * LANES + l]) & exponent;
-      worst[l] = bits > worst[l] ? bits : worst[l];
-    }
-  for (int l = 0; l < LANES; ++l) finite[l] = worst[l] < exponent;
+    for (int l = 0; l < LANES; ++l)
+      overflows[l] |= (to_bits(state[i * LANES + l]) & UINT64_C(0x7ff0000000000000)) + UINT64_C(0x0010000000000000);
+  for (int l = 0; l < LANES; ++l) finite[l] = !(overflows[l] >> 63);
 }
 
 /* One block of LANES rollouts.

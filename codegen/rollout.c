@@ -17,16 +17,15 @@
 
 enum { COMPLETED = 0, DIVERGED = 1, LEFT = 2 };
 
-/* By bits: the optimiser may take floating-point comparisons for granted. */
+/* By bits: the optimiser may take floating-point comparisons for granted. An exponent of ones overflows. */
 static inline int all_finite(const double *values, int count) {
-  uint64_t worst = 0;
+  uint64_t overflows = 0;
   for (int i = 0; i < count; ++i) {
     uint64_t bits;
     memcpy(&bits, values + i, sizeof bits);
-    bits &= UINT64_C(0x7ff0000000000000);
-    worst = bits > worst ? bits : worst;
+    overflows |= (bits & UINT64_C(0x7ff0000000000000)) + UINT64_C(0x0010000000000000);
   }
-  return worst < UINT64_C(0x7ff0000000000000);
+  return !(overflows >> 63);
 }
 
 /* Steps `state` on for `samples` samples, reading one line of `exogenous` a sample.
