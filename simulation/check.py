@@ -4,6 +4,7 @@ import math
 import os
 
 from model.reference import setpoint
+from simulation.closed_loop import initial_state_of
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.integrators import INTEGRATORS, swing_rate
@@ -17,8 +18,14 @@ def check(experiment: Experiment) -> None:
     _check_powers(experiment)
     _check_coordination(experiment)
     _check_time(experiment)
-    _check_reference(experiment)
-    _check_substeps(experiment)
+    try:
+        _check_reference(experiment)
+        _check_substeps(experiment)
+        start = initial_state_of(experiment)
+    except ArithmeticError as error:
+        raise ConfigurationError("plant, reference: values too extreme to start from (a number overflows)") from error
+    if not all(map(math.isfinite, start.values())):
+        raise ConfigurationError("plant: values too extreme to start from (no finite initial state)")
 
 
 def _check_powers(experiment: Experiment) -> None:

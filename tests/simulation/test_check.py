@@ -8,6 +8,7 @@ from codegen.errors import DualwinchError
 from controllers.controller import Controller
 from controllers.differential_tension import Coordination
 from controllers.nftsm import NftsmGains
+from dualwinch.config import known_keys, override
 from model.plant import Plant
 from model.reference import Reference
 from model.rope import Track
@@ -15,7 +16,7 @@ from simulation.check import check
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment, Simulation
 from simulation.paper import CASES, CONTROLLERS, case
-from simulation.simulate import simulate
+from simulation.simulate import OUTCOMES, simulate
 
 FAST = Reference(kind="uniform", speed=2.1)
 WRONG = {
@@ -103,3 +104,29 @@ def test_a_case_the_paper_does_not_have() -> None:
 
 def test_a_reference_may_end_at_the_tracks_end() -> None:
     check(Experiment(reference=replace(FAST, speed=2.0)))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"plant.winch_1.drum_radius": 1e200},
+        {"plant.rope_1.modulus": 1e-323, "plant.rope_1.area": 1e-9},
+        {"plant.rope_2.modulus": 1e-300, "plant.rope_2.area": 1e-9, "controller.coordination.tension_max": 1e20},
+    ],
+)
+def test_values_that_overflow_are_refused_in_one_line(values: dict[str, float]) -> None:
+    with pytest.raises(ConfigurationError, match="too extreme") as caught:
+        check(override(Experiment(), values))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [1e-300, 1e-30, 1e30, 1e300])
+def test_every_number_at_its_extremes_gives_an_outcome_or_one_line(value: float) -> None:
+    for key, leaf in known_keys().items():
+        if leaf.kind is not float:
+            continue
+        try:
+            extreme = override(Experiment(), {"simulation.duration": 0.02} | {key: value})
+            assert simulate(extreme).outcome in OUTCOMES
+        except DualwinchError as error:
+            assert "\n" not in str(error), key
