@@ -120,13 +120,18 @@ def test_values_that_overflow_are_refused_in_one_line(values: dict[str, float]) 
     assert "\n" not in str(caught.value)
 
 
+def said(values: dict[str, float]) -> str:
+    """Outcome of a short run, or what the error says."""
+    try:
+        return simulate(override(Experiment(), {"simulation.duration": 0.02} | values)).outcome
+    except DualwinchError as error:
+        return str(error)
+
+
 @pytest.mark.parametrize("value", [1e-300, 1e-30, 1e30, 1e300])
 def test_every_number_at_its_extremes_gives_an_outcome_or_one_line(value: float) -> None:
     for key, leaf in known_keys().items():
-        if leaf.kind is not float:
-            continue
-        try:
-            extreme = override(Experiment(), {"simulation.duration": 0.02} | {key: value})
-            assert simulate(extreme).outcome in OUTCOMES
-        except DualwinchError as error:
-            assert "\n" not in str(error), key
+        if leaf.kind is float:
+            words = said({key: value})
+            assert words in OUTCOMES or key.split(".")[0] in words, key
+            assert "\n" not in words, key
