@@ -109,5 +109,5 @@ def measure(
         for timing in timings:
             key = timing.peer.key
             if key in runs and (key not in slow or number in with_slow):
-                timing.seconds.append(_timed(runs[key]))
+                timing.seconds.append(_timed(runs[key]) / timing.peer.rollouts)
     return timings

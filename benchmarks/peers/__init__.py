@@ -1,7 +1,9 @@
 """The rows of the table: a new peer or algorithm is a new file, or none, and one line in `peers`."""
 
+import os
+
 from benchmarks.case import Case
-from benchmarks.peers import compiled, hand_c, interpreter, mapaccum, numba_loop, scipy_ivp
+from benchmarks.peers import batch, compiled, hand_c, interpreter, mapaccum, numba_loop, scipy_ivp
 from benchmarks.peers.peer import Peer
 from simulation.experiment import Simulation
 
@@ -41,4 +43,14 @@ def peers(duration: float) -> list[Peer]:
             Peer(DEFAULT, f"dualwinch {words}, the C call alone", compiled.prepare_call, preferred),
             Peer("default-simulate", f"dualwinch {words}, simulate() whole", compiled.prepare_simulate, preferred),
         ]
+    rows += [
+        Peer(
+            f"batch-{threads}",
+            f"dualwinch {default.integrator}, batch of {batch.ROLLOUTS} on {threads} thread{'s' * (threads > 1)}",
+            batch.prepare_with(threads),
+            preferred,
+            rollouts=batch.ROLLOUTS,
+        )
+        for threads in sorted({1, os.cpu_count() or 1})
+    ]
     return rows

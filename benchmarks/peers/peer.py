@@ -47,12 +47,14 @@ class Peer:
         title: what it is, in the table's words.
         prepare: everything that is done once and not timed; raises `UnavailableError`.
         case: what it runs.
+        rollouts: how many rollouts one timed call makes.
     """
 
     key: str
     title: str
     prepare: Callable[[Case], Run]
     case: Case
+    rollouts: int = 1
 
 
 def closed_loop_answer(case: Case, state: NDArray[np.float64], positions: NDArray[np.float64] | None = None) -> Answer:
