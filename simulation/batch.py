@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from codegen.batch import LANES, compile_batch
 from model.quantity import nearest, with_leaves
@@ -24,6 +24,9 @@ Floats = NDArray[np.float64]
 
 NOT_RUN = "not_run"
 """Outcome of a pair that an interrupt left out."""
+
+SHAPE_THE_START = ("plant.", "sensors.", "controller.coordination.")
+"""Parameters that the initial state depends on: the ropes' stretch at rest, and how the encoders read it."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class BatchResult:
 
 def rollout(
     names: Sequence[str],
-    parameters: Floats,
+    parameters: ArrayLike,
     scenarios: Sequence[Experiment],
     *,
     stride: int = 0,
@@ -81,6 +84,10 @@ def rollout(
     samples, sample_time = scenarios[0].samples, scenarios[0].simulation.sample_time
     signals = lru_cache(maxsize=4 * LANES)(lambda j: exogenous_signals(scenarios[j]))
     vectors = lru_cache(maxsize=4 * LANES)(lambda j: np.array(list(parameters_of(scenarios[j]).values())))
+    shaping = [place for place, name in enumerate(names) if name.startswith(SHAPE_THE_START)]
+    start = lru_cache(maxsize=4 * LANES)(
+        lambda j, chosen: _start(scenarios[j], dict(zip([names[place] for place in shaping], chosen, strict=True)))
+    )
     shape = len(values), len(scenarios)
     kept = -(-samples // stride) if stride else 0
     result = BatchResult(
@@ -94,7 +101,7 @@ def rollout(
         filled = (chosen * LANES)[:LANES]  # idle lanes repeat the block's pairs
         vector = np.array([vectors(j) for _, j in filled])
         vector[:, places] = values[[i for i, _ in filled]]
-        state = np.array([_start(scenarios[j], names, values[i]) for i, j in filled])
+        state = np.array([start(j, tuple(values[i, shaping].tolist())) for i, j in filled])
         tables = {j: signals(j) for j in {j for _, j in filled}}
         outcome, done, rows = run(vector, [tables[j] for _, j in filled], state, stride)
         for lane, (i, j) in enumerate(chosen):
@@ -112,10 +119,8 @@ def rollout(
     return result
 
 
-def _start(scenario: Experiment, names: Sequence[str], values: Floats) -> Floats:
-    """Initial state of a pair; a preload that varies changes the ropes' tension at the start."""
-    changed = with_leaves(scenario, dict(zip(names, values.tolist(), strict=True)))
-    return np.array(list(initial_state_of(changed).values()))
+def _start(scenario: Experiment, changes: dict[str, float]) -> Floats:
+    return np.array(list(initial_state_of(with_leaves(scenario, changes)).values()))
 
 
 def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> None:
