@@ -1,7 +1,7 @@
-"""The whole controller: speed filter, position law, coordination, two winch laws (paper Section 3, Figure 4)."""
+"""The whole controller: estimator, position law, coordination, two winch laws (paper Section 3, Figure 4)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Literal
 
 import annotated_types as at
@@ -9,13 +9,14 @@ import casadi as ca
 
 from controllers.auxiliary import AuxiliaryGains
 from controllers.differential_tension import Coordination, tension_commands
+from controllers.estimators import ESTIMATORS
 from controllers.fando_nftsm import FandoNftsmState, fando_nftsm_step
+from controllers.kalman import KalmanGains
 from controllers.nftsm import NftsmGains, NftsmState, nftsm_step
 from controllers.nominal import Nominal
 from controllers.observer import ObserverGains
 from controllers.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
 from controllers.signals import ControllerOutput, Measurement, PositionOutput
-from controllers.speed_filter import SpeedFilterState, filter_speed
 from controllers.winch_pid import WinchGains, WinchState, winch_step
 from model.plant import Plant
 from model.quantity import Quantity, leaves, with_leaves
@@ -46,10 +47,15 @@ class Controller:
     kind: Annotated[Literal["fando-nftsm", "nftsm", "pid-cascade"], Quantity("", "position law", "paper Table 2")] = (
         "fando-nftsm"
     )
+    estimator: Annotated[
+        Literal["none", "lowpass", "kalman"],
+        Quantity("", "what the position law sees: the sensors, a filtered speed, or a filtered motion", "assumption"),
+    ] = "lowpass"
     speed_filter_time: Annotated[
-        float, at.Ge(0), Quantity("s", "low-pass on the measured speed; 0: none", "assumption")
+        float, at.Ge(0), Quantity("s", "lowpass: time constant on the measured speed; 0: none", "assumption")
     ] = 0.0
     nominal: Nominal = field(default_factory=Nominal)
+    kalman: KalmanGains = field(default_factory=KalmanGains)
     nftsm: NftsmGains = field(default_factory=NftsmGains)
     observer: ObserverGains = field(default_factory=ObserverGains)
     auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)
@@ -61,17 +67,20 @@ class Controller:
 
 @dataclass(frozen=True)
 class ControllerState:
-    """State of the whole controller; `position` is the state of the chosen position law."""
+    """State of the whole controller; `position` and `estimator` are those of the chosen law and estimator."""
 
     position: Any
-    speed_filter: SpeedFilterState = field(default_factory=SpeedFilterState)
+    estimator: Any
     winch_1: WinchState = field(default_factory=WinchState)
     winch_2: WinchState = field(default_factory=WinchState)
 
 
 def initial_controller_state(controller: Controller) -> ControllerState:
     """State before the first sample."""
-    return ControllerState(position=POSITION_LAWS[controller.kind].initial_state)
+    return ControllerState(
+        position=POSITION_LAWS[controller.kind].initial_state,
+        estimator=ESTIMATORS[controller.estimator].initial_state,
+    )
 
 
 def controller_step(
@@ -95,10 +104,11 @@ def controller_step(
     Returns:
         The next state and this sample's torques, commands and inner signals.
     """
-    speed_filter = filter_speed(state.speed_filter, measurement.v, controller.speed_filter_time, sample_time)
-    filtered = replace(measurement, v=speed_filter.v)
+    estimator, seen = ESTIMATORS[controller.estimator].step(
+        state.estimator, measurement, controller, nominal, sample_time
+    )
     law = POSITION_LAWS[controller.kind]
-    position, output = law.step(state.position, filtered, setpoint, controller, nominal, sample_time)
+    position, output = law.step(state.position, seen, setpoint, controller, nominal, sample_time)
     F1_cmd, F2_cmd = tension_commands(output.u_sat, controller.coordination)
     winch_1, torque_1 = winch_step(
         state.winch_1,
@@ -129,7 +139,7 @@ def controller_step(
         saturated=output.u_sat != output.u,
         torque_saturated=either(torque_1.saturated, torque_2.saturated),
     )
-    return ControllerState(position, speed_filter, winch_1, winch_2), said
+    return ControllerState(position, estimator, winch_1, winch_2), said
 
 
 def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
@@ -146,7 +156,7 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
     """
     start = initial_controller_state(controller)
     state = ca.SX.sym("state", len(leaves(start)))
-    measurement, setpoint = ca.SX.sym("measurement", 6), ca.SX.sym("setpoint", 3)
+    measurement, setpoint = ca.SX.sym("measurement", len(fields(Measurement))), ca.SX.sym("setpoint", 3)
     sample_time = ca.SX.sym("sample_time")
     next_state, said = controller_step(
         with_leaves(start, dict(zip(leaves(start), ca.vertsplit(state), strict=True))),

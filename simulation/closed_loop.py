@@ -87,7 +87,10 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     """Build the symbolic step of a structure (cached)."""
     template = Experiment(
         plant=Plant(rope_slack=structure.rope_slack),
-        controller=Controller(kind=structure.kind),  # pyright: ignore[reportArgumentType]
+        controller=Controller(
+            kind=structure.kind,  # pyright: ignore[reportArgumentType]
+            estimator=structure.estimator,  # pyright: ignore[reportArgumentType]
+        ),
         simulation=Simulation(delay_samples=structure.delay_samples),
     )
     queued = _queue_names(structure.delay_samples)

@@ -190,7 +190,10 @@ def estimates(disturbance: float, *, printed: bool) -> Vector:
 
 
 def test_e6_no_sensor_measures_an_acceleration() -> None:
-    assert {field.name for field in fields(Measurement)} == {"x", "v", "F1", "F2", "omega_1", "omega_2"}
+    assert {field.name for field in fields(Measurement)} == {
+        *("x", "v", "F1", "F2"),
+        *("omega_1", "omega_2", "theta_1", "theta_2"),
+    }
 
 
 def test_e6_a_difference_of_speeds_belongs_to_the_force_of_the_sample_before() -> None:
@@ -213,7 +216,7 @@ def test_e6_an_acceleration_from_the_nominal_model_teaches_nothing() -> None:
 def test_e7_the_reaching_law_comes_with_a_factor(e2: float) -> None:
     """The paper's proof takes s' = -(eta s + k sat(s/phi)); its law gives p/(q beta) |e2|^(p/q-1) times that."""
     e1, r, beta = 0.1, 5 / 3, 0.05
-    seen = Measurement(e1, e2, 1000.0, 1000.0, 0.0, 0.0)
+    seen = Measurement(e1, e2, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
     u, _, s = nftsm_control(0.0, 0.0, seen, setpoint(0.0, Reference("profile", 1e-9)), Controller(), PLANT)
     slope = (u - friction(e2, PLANT.vehicle) - drag(e2, PLANT.vehicle)) / MASS
     factor = r / beta * abs(e2) ** (r - 1)
@@ -244,7 +247,7 @@ def force_in(scales: tuple[float, float, float], auxiliary: AuxiliaryGains) -> f
     controller = Controller(nftsm=replace(NftsmGains(), **gains), auxiliary=auxiliary, coordination=limits)
     mass = converted(MASS, (0, 1, 0))
     smooth = replace(PLANT, vehicle=Vehicle(mass=mass, drag_coefficient=0.0, friction_coefficient=0.0))
-    seen = Measurement(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0)
+    seen = Measurement(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     point = setpoint(0.0, Reference("profile", 1e-12))
     Z_a, d_hat = converted(50.0, (1, 1, -1)), converted(0.02, (1, 0, -2))
     u, _, _ = nftsm_control(Z_a, d_hat, seen, point, controller, smooth)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from controllers.auxiliary import AuxiliaryGains
 from controllers.controller import Controller
 from controllers.differential_tension import Coordination
+from controllers.kalman import KalmanGains
 from controllers.nftsm import NftsmGains
 from controllers.observer import ObserverGains
 from controllers.pid_cascade import PidCascadeGains
@@ -95,7 +96,9 @@ positive = st.floats(1e-308, 1e308) | st.floats(1e-3, 10)
 wild_controllers = st.builds(
     Controller,
     kind=kinds,
+    estimator=st.sampled_from(["lowpass", "kalman"]),
     speed_filter_time=st.floats(0, 1e308),
+    kalman=st.builds(KalmanGains, *[positive] * 4),
     nftsm=st.builds(
         NftsmGains,
         beta=positive,
