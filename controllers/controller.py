@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import annotated_types as at
 import casadi as ca
 
+from controllers.adrc import AdrcGains, AdrcState, adrc_step
 from controllers.auxiliary import AuxiliaryGains
 from controllers.differential_tension import Coordination, tension_commands
 from controllers.estimators import ESTIMATORS
@@ -17,6 +18,7 @@ from controllers.nominal import Nominal
 from controllers.observer import ObserverGains
 from controllers.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
 from controllers.signals import ControllerOutput, Measurement, PositionOutput
+from controllers.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
 from controllers.winch_pid import WinchGains, WinchState, winch_step
 from model.plant import Plant
 from model.quantity import Quantity, leaves, with_leaves
@@ -36,6 +38,8 @@ POSITION_LAWS = {
     "fando-nftsm": PositionLaw(FandoNftsmState(), fando_nftsm_step),
     "nftsm": PositionLaw(NftsmState(), nftsm_step),
     "pid-cascade": PositionLaw(PidCascadeState(), pid_cascade_step),
+    "super-twisting": PositionLaw(SuperTwistingState(), super_twisting_step),
+    "adrc": PositionLaw(AdrcState(), adrc_step),
 }
 """Every position law by its name; a new law is a new file and one line here."""
 
@@ -44,9 +48,10 @@ POSITION_LAWS = {
 class Controller:
     """Choice of the position law and all gains."""
 
-    kind: Annotated[Literal["fando-nftsm", "nftsm", "pid-cascade"], Quantity("", "position law", "paper Table 2")] = (
-        "fando-nftsm"
-    )
+    kind: Annotated[
+        Literal["fando-nftsm", "nftsm", "pid-cascade", "super-twisting", "adrc"],
+        Quantity("", "position law", "paper Table 2; the last two are ours"),
+    ] = "fando-nftsm"
     estimator: Annotated[
         Literal["none", "lowpass", "kalman"],
         Quantity("", "what the position law sees: the sensors, a filtered speed, or a filtered motion", "assumption"),
@@ -60,6 +65,8 @@ class Controller:
     observer: ObserverGains = field(default_factory=ObserverGains)
     auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)
     pid_cascade: PidCascadeGains = field(default_factory=PidCascadeGains)
+    super_twisting: SuperTwistingGains = field(default_factory=SuperTwistingGains)
+    adrc: AdrcGains = field(default_factory=AdrcGains)
     coordination: Coordination = field(default_factory=Coordination)
     winch_1: WinchGains = field(default_factory=WinchGains)
     winch_2: WinchGains = field(default_factory=WinchGains)

@@ -29,7 +29,7 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-ControllerName = Literal["fando-nftsm", "nftsm", "pid-cascade"]
+ControllerName = Literal["fando-nftsm", "nftsm", "pid-cascade", "super-twisting", "adrc"]
 Case = Annotated[int | None, Parameter(help="Case 1 to 4 of the paper.")]
 
 

@@ -71,7 +71,7 @@ def random_samples(count: int) -> list[tuple[Measurement, Setpoint]]:
     ]
 
 
-@pytest.mark.parametrize("kind", POSITION_LAWS)
+@pytest.mark.parametrize("kind", LAWS)
 def test_every_sample_equals_the_independent_laws(kind: Any) -> None:
     controller = replace(GAINS, kind=kind)
     state = initial_controller_state(controller)
