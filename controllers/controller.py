@@ -1,4 +1,4 @@
-"""The whole controller: estimator, position law, coordination, two winch laws (paper Section 3, Figure 4)."""
+"""The whole controller: estimator, position law, coordination of the winches (paper Section 3, Figure 4)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
@@ -9,21 +9,24 @@ import casadi as ca
 
 from controllers.adrc import AdrcGains, AdrcState, adrc_step
 from controllers.auxiliary import AuxiliaryGains
-from controllers.differential_tension import Coordination, tension_commands
+from controllers.coordination import Coordination
+from controllers.coordinations import COORDINATIONS
 from controllers.estimators import ESTIMATORS
 from controllers.fando_nftsm import FandoNftsmState, fando_nftsm_step
+from controllers.force_position import ForcePositionGains
 from controllers.kalman import KalmanGains
+from controllers.master_slave import MasterSlaveGains
 from controllers.nftsm import NftsmGains, NftsmState, nftsm_step
 from controllers.nominal import Nominal
 from controllers.observer import ObserverGains
 from controllers.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
 from controllers.signals import ControllerOutput, Measurement, PositionOutput
 from controllers.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
-from controllers.winch_pid import WinchGains, WinchState, winch_step
+from controllers.winch_pid import WinchGains
 from model.plant import Plant
 from model.quantity import Quantity, leaves, with_leaves
 from model.reference import Setpoint
-from model.scalar import Scalar, either
+from model.scalar import Scalar
 
 
 @dataclass(frozen=True)
@@ -68,18 +71,19 @@ class Controller:
     super_twisting: SuperTwistingGains = field(default_factory=SuperTwistingGains)
     adrc: AdrcGains = field(default_factory=AdrcGains)
     coordination: Coordination = field(default_factory=Coordination)
+    master_slave: MasterSlaveGains = field(default_factory=MasterSlaveGains)
+    force_position: ForcePositionGains = field(default_factory=ForcePositionGains)
     winch_1: WinchGains = field(default_factory=WinchGains)
     winch_2: WinchGains = field(default_factory=WinchGains)
 
 
 @dataclass(frozen=True)
 class ControllerState:
-    """State of the whole controller; `position` and `estimator` are those of the chosen law and estimator."""
+    """State of the whole controller; its parts are those of the chosen laws."""
 
     position: Any
     estimator: Any
-    winch_1: WinchState = field(default_factory=WinchState)
-    winch_2: WinchState = field(default_factory=WinchState)
+    coordination: Any
 
 
 def initial_controller_state(controller: Controller) -> ControllerState:
@@ -87,6 +91,7 @@ def initial_controller_state(controller: Controller) -> ControllerState:
     return ControllerState(
         position=POSITION_LAWS[controller.kind].initial_state,
         estimator=ESTIMATORS[controller.estimator].initial_state,
+        coordination=COORDINATIONS[controller.coordination.kind].initial_state,
     )
 
 
@@ -116,37 +121,19 @@ def controller_step(
     )
     law = POSITION_LAWS[controller.kind]
     position, output = law.step(state.position, seen, setpoint, controller, nominal, sample_time)
-    F1_cmd, F2_cmd = tension_commands(output.u_sat, controller.coordination)
-    winch_1, torque_1 = winch_step(
-        state.winch_1,
-        F1_cmd,
-        measurement.F1,
-        setpoint.a / nominal.winch_1.drum_radius,
-        nominal.winch_1,
-        controller.winch_1,
-        controller.coordination,
-        sample_time,
-    )
-    winch_2, torque_2 = winch_step(
-        state.winch_2,
-        F2_cmd,
-        measurement.F2,
-        -setpoint.a / nominal.winch_2.drum_radius,
-        nominal.winch_2,
-        controller.winch_2,
-        controller.coordination,
-        sample_time,
+    coordination, winches = COORDINATIONS[controller.coordination.kind].step(
+        state.coordination, output.u_sat, seen, setpoint, controller, nominal, sample_time
     )
     said = ControllerOutput(
         position=output,
-        F1_cmd=F1_cmd,
-        F2_cmd=F2_cmd,
-        tau1=torque_1.torque,
-        tau2=torque_2.torque,
+        F1_cmd=winches.F1_cmd,
+        F2_cmd=winches.F2_cmd,
+        tau1=winches.tau1,
+        tau2=winches.tau2,
         saturated=output.u_sat != output.u,
-        torque_saturated=either(torque_1.saturated, torque_2.saturated),
+        torque_saturated=winches.torque_saturated,
     )
-    return ControllerState(position, estimator, winch_1, winch_2), said
+    return ControllerState(position, estimator, coordination), said
 
 
 def controller_function(controller: Controller, nominal: Plant) -> ca.Function:

@@ -7,6 +7,7 @@ from typing import Annotated
 import casadi as ca
 
 from controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
+from controllers.coordination import Coordination
 from model.plant import Environment, Plant, Torques, holding_torques, resting_state, tensions
 from model.quantity import Quantity, leaves, with_leaves
 from model.reference import Setpoint
@@ -90,6 +91,7 @@ def closed_loop(structure: Structure) -> ClosedLoop:
         controller=Controller(
             kind=structure.kind,  # pyright: ignore[reportArgumentType]
             estimator=structure.estimator,  # pyright: ignore[reportArgumentType]
+            coordination=Coordination(kind=structure.coordination),  # pyright: ignore[reportArgumentType]
         ),
         simulation=Simulation(delay_samples=structure.delay_samples),
     )

@@ -13,6 +13,7 @@ class Structure:
 
     kind: str
     estimator: str
+    coordination: str
     rope_slack: bool
     integrator: str
     substeps: int
@@ -29,6 +30,7 @@ def structure_of(experiment: Experiment) -> Structure:
     return Structure(
         kind=experiment.controller.kind,
         estimator=experiment.controller.estimator,
+        coordination=experiment.controller.coordination.kind,
         rope_slack=experiment.plant.rope_slack,
         integrator=simulation.integrator,
         substeps=simulation.substeps,

@@ -6,7 +6,7 @@ import pytest
 
 from codegen.errors import DualwinchError
 from controllers.controller import Controller
-from controllers.differential_tension import Coordination
+from controllers.coordination import Coordination
 from controllers.nftsm import NftsmGains
 from model.plant import Plant
 from model.reference import Reference

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from controllers.auxiliary import AuxiliaryGains
 from controllers.controller import Controller
-from controllers.differential_tension import Coordination, tension_commands
+from controllers.coordination import Coordination
+from controllers.differential_tension import tension_commands
 from controllers.nftsm import NftsmGains, nftsm_control
 from controllers.observer import ObserverGains, ObserverState, estimate, remember
 from controllers.signals import Measurement
@@ -243,7 +244,8 @@ def force_in(scales: tuple[float, float, float], auxiliary: AuxiliaryGains) -> f
         return value * np.prod([scale**exponent for scale, exponent in zip(scales, exponents, strict=True)])
 
     gains = {name: converted(getattr(NftsmGains(), name), exponents) for name, exponents in UNITS.items()}
-    limits = Coordination(*(converted(value, (1, 1, -2)) for value in (2000.0, 200.0, 6e8)))
+    preload, lower, upper = (converted(value, (1, 1, -2)) for value in (2000.0, 200.0, 6e8))
+    limits = Coordination(preload, lower, upper)
     controller = Controller(nftsm=replace(NftsmGains(), **gains), auxiliary=auxiliary, coordination=limits)
     mass = converted(MASS, (0, 1, 0))
     smooth = replace(PLANT, vehicle=Vehicle(mass=mass, drag_coefficient=0.0, friction_coefficient=0.0))

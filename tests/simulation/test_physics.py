@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from controllers.adrc import AdrcGains
 from controllers.auxiliary import AuxiliaryGains
 from controllers.controller import POSITION_LAWS, Controller
-from controllers.differential_tension import Coordination
+from controllers.coordination import Coordination
 from controllers.kalman import KalmanGains
 from controllers.nftsm import NftsmGains
 from controllers.observer import ObserverGains
