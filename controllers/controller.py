@@ -1,26 +1,32 @@
-"""The whole controller: speed filter, position law, coordination, two winch laws (paper Section 3, Figure 4)."""
+"""The whole controller: estimator, position law, coordination of the winches (paper Section 3, Figure 4)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Literal
 
 import annotated_types as at
 import casadi as ca
 
+from controllers.adrc import AdrcGains, AdrcState, adrc_step
 from controllers.auxiliary import AuxiliaryGains
-from controllers.differential_tension import Coordination, tension_commands
+from controllers.coordination import Coordination
+from controllers.coordinations import COORDINATIONS
+from controllers.estimators import ESTIMATORS
 from controllers.fando_nftsm import FandoNftsmState, fando_nftsm_step
+from controllers.force_position import ForcePositionGains
+from controllers.kalman import KalmanGains
+from controllers.master_slave import MasterSlaveGains
 from controllers.nftsm import NftsmGains, NftsmState, nftsm_step
 from controllers.nominal import Nominal
 from controllers.observer import ObserverGains
 from controllers.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
 from controllers.signals import ControllerOutput, Measurement, PositionOutput
-from controllers.speed_filter import SpeedFilterState, filter_speed
-from controllers.winch_pid import WinchGains, WinchState, winch_step
+from controllers.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
+from controllers.winch_pid import WinchGains
 from model.plant import Plant
 from model.quantity import Quantity, leaves, with_leaves
 from model.reference import Setpoint
-from model.scalar import Scalar, either
+from model.scalar import Scalar
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,8 @@ POSITION_LAWS = {
     "fando-nftsm": PositionLaw(FandoNftsmState(), fando_nftsm_step),
     "nftsm": PositionLaw(NftsmState(), nftsm_step),
     "pid-cascade": PositionLaw(PidCascadeState(), pid_cascade_step),
+    "super-twisting": PositionLaw(SuperTwistingState(), super_twisting_step),
+    "adrc": PositionLaw(AdrcState(), adrc_step),
 }
 """Every position law by its name; a new law is a new file and one line here."""
 
@@ -43,35 +51,48 @@ POSITION_LAWS = {
 class Controller:
     """Choice of the position law and all gains."""
 
-    kind: Annotated[Literal["fando-nftsm", "nftsm", "pid-cascade"], Quantity("", "position law", "paper Table 2")] = (
-        "fando-nftsm"
-    )
+    kind: Annotated[
+        Literal["fando-nftsm", "nftsm", "pid-cascade", "super-twisting", "adrc"],
+        Quantity("", "position law", "paper Table 2; the last two are ours"),
+    ] = "fando-nftsm"
+    estimator: Annotated[
+        Literal["none", "lowpass", "kalman"],
+        Quantity("", "what the position law sees: the sensors, a filtered speed, or a filtered motion", "assumption"),
+    ] = "lowpass"
     speed_filter_time: Annotated[
-        float, at.Ge(0), Quantity("s", "low-pass on the measured speed; 0: none", "assumption")
+        float, at.Ge(0), Quantity("s", "lowpass: time constant on the measured speed; 0: none", "assumption")
     ] = 0.0
     nominal: Nominal = field(default_factory=Nominal)
+    kalman: KalmanGains = field(default_factory=KalmanGains)
     nftsm: NftsmGains = field(default_factory=NftsmGains)
     observer: ObserverGains = field(default_factory=ObserverGains)
     auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)
     pid_cascade: PidCascadeGains = field(default_factory=PidCascadeGains)
+    super_twisting: SuperTwistingGains = field(default_factory=SuperTwistingGains)
+    adrc: AdrcGains = field(default_factory=AdrcGains)
     coordination: Coordination = field(default_factory=Coordination)
+    master_slave: MasterSlaveGains = field(default_factory=MasterSlaveGains)
+    force_position: ForcePositionGains = field(default_factory=ForcePositionGains)
     winch_1: WinchGains = field(default_factory=WinchGains)
     winch_2: WinchGains = field(default_factory=WinchGains)
 
 
 @dataclass(frozen=True)
 class ControllerState:
-    """State of the whole controller; `position` is the state of the chosen position law."""
+    """State of the whole controller; its parts are those of the chosen laws."""
 
     position: Any
-    speed_filter: SpeedFilterState = field(default_factory=SpeedFilterState)
-    winch_1: WinchState = field(default_factory=WinchState)
-    winch_2: WinchState = field(default_factory=WinchState)
+    estimator: Any
+    coordination: Any
 
 
 def initial_controller_state(controller: Controller) -> ControllerState:
     """State before the first sample."""
-    return ControllerState(position=POSITION_LAWS[controller.kind].initial_state)
+    return ControllerState(
+        position=POSITION_LAWS[controller.kind].initial_state,
+        estimator=ESTIMATORS[controller.estimator].initial_state,
+        coordination=COORDINATIONS[controller.coordination.kind].initial_state,
+    )
 
 
 def controller_step(
@@ -95,41 +116,24 @@ def controller_step(
     Returns:
         The next state and this sample's torques, commands and inner signals.
     """
-    speed_filter = filter_speed(state.speed_filter, measurement.v, controller.speed_filter_time, sample_time)
-    filtered = replace(measurement, v=speed_filter.v)
-    law = POSITION_LAWS[controller.kind]
-    position, output = law.step(state.position, filtered, setpoint, controller, nominal, sample_time)
-    F1_cmd, F2_cmd = tension_commands(output.u_sat, controller.coordination)
-    winch_1, torque_1 = winch_step(
-        state.winch_1,
-        F1_cmd,
-        measurement.F1,
-        setpoint.a / nominal.winch_1.drum_radius,
-        nominal.winch_1,
-        controller.winch_1,
-        controller.coordination,
-        sample_time,
+    estimator, seen = ESTIMATORS[controller.estimator].step(
+        state.estimator, measurement, controller, nominal, sample_time
     )
-    winch_2, torque_2 = winch_step(
-        state.winch_2,
-        F2_cmd,
-        measurement.F2,
-        -setpoint.a / nominal.winch_2.drum_radius,
-        nominal.winch_2,
-        controller.winch_2,
-        controller.coordination,
-        sample_time,
+    law = POSITION_LAWS[controller.kind]
+    position, output = law.step(state.position, seen, setpoint, controller, nominal, sample_time)
+    coordination, winches = COORDINATIONS[controller.coordination.kind].step(
+        state.coordination, output.u_sat, seen, setpoint, controller, nominal, sample_time
     )
     said = ControllerOutput(
         position=output,
-        F1_cmd=F1_cmd,
-        F2_cmd=F2_cmd,
-        tau1=torque_1.torque,
-        tau2=torque_2.torque,
+        F1_cmd=winches.F1_cmd,
+        F2_cmd=winches.F2_cmd,
+        tau1=winches.tau1,
+        tau2=winches.tau2,
         saturated=output.u_sat != output.u,
-        torque_saturated=either(torque_1.saturated, torque_2.saturated),
+        torque_saturated=winches.torque_saturated,
     )
-    return ControllerState(position, speed_filter, winch_1, winch_2), said
+    return ControllerState(position, estimator, coordination), said
 
 
 def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
@@ -146,7 +150,7 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
     """
     start = initial_controller_state(controller)
     state = ca.SX.sym("state", len(leaves(start)))
-    measurement, setpoint = ca.SX.sym("measurement", 6), ca.SX.sym("setpoint", 3)
+    measurement, setpoint = ca.SX.sym("measurement", len(fields(Measurement))), ca.SX.sym("setpoint", 3)
     sample_time = ca.SX.sym("sample_time")
     next_state, said = controller_step(
         with_leaves(start, dict(zip(leaves(start), ca.vertsplit(state), strict=True))),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import annotated_types as at
 
 from controllers.auxiliary import auxiliary_update
-from controllers.differential_tension import force_limit
+from controllers.coordination import force_limit
 from controllers.signals import Measurement, PositionOutput
 from model.plant import Plant
 from model.quantity import Quantity

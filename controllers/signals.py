@@ -17,6 +17,8 @@ class Measurement:
     F2: Annotated[Scalar, Quantity("N", "measured tension of rope 2")]
     omega_1: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 1")]
     omega_2: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 2")]
+    theta_1: Annotated[Scalar, Quantity("rad", "measured angle of drum 1")]
+    theta_2: Annotated[Scalar, Quantity("rad", "measured angle of drum 2")]
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,15 @@
 """First-order low-pass on the measured speed."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated
 
+from controllers.signals import Measurement
+from model.plant import Plant
 from model.quantity import Quantity
 from model.scalar import Scalar
+
+if TYPE_CHECKING:
+    from controllers.controller import Controller
 
 
 @dataclass(frozen=True)
@@ -18,3 +23,11 @@ def filter_speed(state: SpeedFilterState, v: Scalar, filter_time: Scalar, sample
     """Filtered speed in m/s; a filter time of 0 s passes the measured speed v in m/s on."""
     share = filter_time / (filter_time + sample_time)
     return SpeedFilterState(v + share * (state.v - v))
+
+
+def speed_filter_step(
+    state: SpeedFilterState, measurement: Measurement, controller: "Controller", _nominal: Plant, sample_time: Scalar
+) -> tuple[SpeedFilterState, Measurement]:
+    """One sample: the measurement with the filtered speed in place of the measured one."""
+    now = filter_speed(state, measurement.v, controller.speed_filter_time, sample_time)
+    return now, replace(measurement, v=now.v)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from controllers.differential_tension import Coordination
+from controllers.coordination import Coordination
 from model.quantity import Quantity
 from model.scalar import Scalar, clip, where
 from model.winch import Winch

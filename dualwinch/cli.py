@@ -29,7 +29,7 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-ControllerName = Literal["fando-nftsm", "nftsm", "pid-cascade"]
+ControllerName = Literal["fando-nftsm", "nftsm", "pid-cascade", "super-twisting", "adrc"]
 Case = Annotated[int | None, Parameter(help="Case 1 to 4 of the paper.")]
 
 
@@ -38,6 +38,7 @@ Case = Annotated[int | None, Parameter(help="Case 1 to 4 of the paper.")]
 
     dualwinch reproduce
     dualwinch reproduce --cases 4 --controllers fando-nftsm,nftsm --out case4
+    dualwinch reproduce --extended
 """
 )
 def reproduce(
@@ -47,6 +48,9 @@ def reproduce(
     controllers: Annotated[
         str, Parameter(help="Controllers to compare, separated by commas.")
     ] = "fando-nftsm,nftsm,pid-cascade",
+    extended: Annotated[
+        bool, Parameter(help="Also compare all position laws and coordinations, beyond the paper's.", negative="")
+    ] = False,
 ) -> None:
     """Run the paper's cases and controllers, and write every figure, the data and one report.
 
@@ -55,7 +59,7 @@ def reproduce(
     """
     from dualwinch.reproduce import reproduce as run
 
-    run(out, cases.split(","), controllers.split(","))
+    run(out, cases.split(","), controllers.split(","), extended=extended)
 
 
 @app.command(

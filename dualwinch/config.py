@@ -1,5 +1,6 @@
 """Configuration files: an experiment as annotated TOML, read back with errors that name key, file and line."""
 
+import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -102,6 +103,7 @@ def _taken_from_elsewhere(experiment: Experiment) -> dict[str, Any]:
         "controller.nominal.mass": vehicle.mass + vehicle.added_mass,
         "controller.nominal.drag_coefficient": vehicle.drag_coefficient,
         "controller.nominal.friction_coefficient": vehicle.friction_coefficient,
+        "reference.jerk_limit": math.inf,
         "reference.speed": cruise_speed(experiment.reference),
         "simulation.duration": experiment.duration,
     }

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from dualwinch.config import to_toml
 from dualwinch.doctor import versions
+from dualwinch.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.folders import make_folder
 from model.quantity import describe
 from simulation.comparison import percent, reductions
@@ -31,13 +32,14 @@ Runs = dict[tuple[int, str], Result]
 FIGURE_21 = 21
 
 
-def reproduce(out: Path, cases: list[str], controllers: list[str]) -> None:
+def reproduce(out: Path, cases: list[str], controllers: list[str], *, extended: bool = False) -> None:
     """Run, print and write everything.
 
     Args:
         out: folder for figures, data, ``metrics.json`` and ``report.html``; made if it is missing.
         cases: numbers of cases, as words.
         controllers: names of controllers.
+        extended: also compare all position laws and coordinations, beyond the paper's.
 
     Raises:
         ConfigurationError: no such case or controller.
@@ -49,7 +51,8 @@ def reproduce(out: Path, cases: list[str], controllers: list[str]) -> None:
     jobs = [(number, kind) for number in numbers for kind in kinds]
     contents = [figure for figure in FIGURES if figure.case in numbers]
     compared = 4 in numbers and {"fando-nftsm", "nftsm"} <= set(kinds)
-    with _progress(2 * len(jobs) + len(contents) + compared + 1) as step:
+    more = len(VARIANTS) * len(numbers) if extended else 0
+    with _progress(2 * len(jobs) + len(contents) + compared + 1 + more) as step:
         runs: Runs = {}
         for number, kind in jobs:
             step(f"case {number}, {kind}: simulate")
@@ -58,7 +61,8 @@ def reproduce(out: Path, cases: list[str], controllers: list[str]) -> None:
             step(f"case {number}, {kind}: write data")
             notes = {"configuration": to_toml(result.experiment)} | {f"version_{k}": v for k, v in versions().items()}
             save(result, out / "data" / f"case{number}-{kind}.parquet", notes)
-        _write_metrics(out / "metrics.json", runs)
+        variants = run_variants(numbers, step) if extended else {}
+        _write_metrics(out / "metrics.json", runs, variants)
         images: dict[int, bytes] = {}
         for figure in contents:
             step(f"figure {figure.number}: case {figure.case}, {figure.content}")
@@ -72,6 +76,10 @@ def reproduce(out: Path, cases: list[str], controllers: list[str]) -> None:
         write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions())
     console = Console()
     _print_tables(console, runs)
+    if extended:
+        print_variants(
+            console, variants, _table("Beyond the paper: position laws, and coordinations with fando-nftsm", ())
+        )
     console.print(f"Figures, data and report are in [bold]{out}[/bold]; open {out / 'report.html'}")
 
 
@@ -121,7 +129,7 @@ def _draw(content: str, results: dict[str, Result], out: Path, number: int) -> b
     return path.read_bytes()
 
 
-def _write_metrics(path: Path, runs: Runs) -> None:
+def _write_metrics(path: Path, runs: Runs, variants: Variants) -> None:
     records = [
         {"case": number, "controller": kind, "outcome": result.outcome, **_finite(asdict(result.metrics))}
         for (number, kind), result in runs.items()
@@ -133,6 +141,12 @@ def _write_metrics(path: Path, runs: Runs) -> None:
         "reductions": _finite(reductions(runs) or {}),
         "paper_reductions": REDUCTIONS,
     }
+    if variants:
+        content["extended"] = [
+            {"case": number, "controller": law, "coordination": coordination, "outcome": result.outcome}
+            | _finite(asdict(result.metrics))
+            for (number, law, coordination), result in variants.items()
+        ]
     with atomic(path) as unfinished:
         unfinished.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 

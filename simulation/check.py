@@ -3,7 +3,7 @@
 import math
 import os
 
-from model.reference import setpoint
+from model.reference import cruise_speed, least_duration, setpoint
 from simulation.closed_loop import initial_state_of
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
@@ -68,11 +68,26 @@ def _check_reference(experiment: Experiment) -> None:
                 "reference.accelerate_until, cruise_until, brake_until = "
                 f"{times[0]:g}, {times[1]:g}, {times[2]:g}: must be in ascending order"
             )
+    _check_jerk(experiment)
     end = float(setpoint(experiment.duration, reference).x)
     if end > track.length:
         raise ConfigurationError(
             f"reference.speed, simulation.duration: the reference ends at {end:g} m, "
             f"must be <= plant.track.length = {track.length:g} m"
+        )
+
+
+def _check_jerk(experiment: Experiment) -> None:
+    reference = experiment.reference
+    if reference.jerk_limit is None:
+        return
+    speed, allowed = cruise_speed(reference), experiment.duration
+    if reference.kind == "profile":
+        allowed = min(reference.accelerate_until, reference.brake_until - reference.cruise_until)
+    if least_duration(speed, reference.jerk_limit) > allowed * (1 + 1e-12):
+        raise ConfigurationError(
+            f"reference.jerk_limit = {reference.jerk_limit:g}: must be >= {4 * speed / allowed**2:.4g} m/s^3, "
+            f"to change the speed by {speed:g} m/s in {allowed:g} s"
         )
 
 

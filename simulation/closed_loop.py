@@ -7,6 +7,7 @@ from typing import Annotated
 import casadi as ca
 
 from controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
+from controllers.coordination import Coordination
 from model.plant import Environment, Plant, Torques, holding_torques, resting_state, tensions
 from model.quantity import Quantity, leaves, with_leaves
 from model.reference import Setpoint
@@ -87,7 +88,11 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     """Build the symbolic step of a structure (cached)."""
     template = Experiment(
         plant=Plant(rope_slack=structure.rope_slack),
-        controller=Controller(kind=structure.kind),  # pyright: ignore[reportArgumentType]
+        controller=Controller(
+            kind=structure.kind,  # pyright: ignore[reportArgumentType]
+            estimator=structure.estimator,  # pyright: ignore[reportArgumentType]
+            coordination=Coordination(kind=structure.coordination),  # pyright: ignore[reportArgumentType]
+        ),
         simulation=Simulation(delay_samples=structure.delay_samples),
     )
     queued = _queue_names(structure.delay_samples)

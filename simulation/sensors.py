@@ -94,5 +94,7 @@ def measure(
         F2=tensions[1] + sensors.tension_noise * noise.tension_2,
         omega_1=where(counting, (now.theta_1 - last.theta_1) / sample_time, state.omega_1),
         omega_2=where(counting, (now.theta_2 - last.theta_2) / sample_time, state.omega_2),
+        theta_1=now.theta_1,
+        theta_2=now.theta_2,
     )
     return now, measured

@@ -12,6 +12,8 @@ class Structure:
     """What shapes the compiled code; everything else is a number it takes at run time."""
 
     kind: str
+    estimator: str
+    coordination: str
     rope_slack: bool
     integrator: str
     substeps: int
@@ -27,6 +29,8 @@ def structure_of(experiment: Experiment) -> Structure:
     simulation = experiment.simulation
     return Structure(
         kind=experiment.controller.kind,
+        estimator=experiment.controller.estimator,
+        coordination=experiment.controller.coordination.kind,
         rope_slack=experiment.plant.rope_slack,
         integrator=simulation.integrator,
         substeps=simulation.substeps,

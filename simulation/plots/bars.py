@@ -8,12 +8,13 @@ from matplotlib.patches import Patch
 
 from simulation.comparison import WITH_OBSERVER, WITHOUT_OBSERVER, percent, steady_change
 from simulation.errors import ConfigurationError
-from simulation.paper import CONTROLLERS, REDUCTIONS
+from simulation.paper import REDUCTIONS
 from simulation.plots.motion import length_unit
 from simulation.plots.style import (
     COLOURS,
     GREY,
     INK,
+    LAW_NAMES,
     case_number,
     house_style,
     legend_below,
@@ -60,7 +61,7 @@ def steady_state_bars(results: Mapping[str, Result]) -> Figure:
         for metric in NAMES:
             _errors(panels[metric], pair, metric)
         _changes(panels["change"], change)
-        handles = [Patch(facecolor=COLOURS[kind], label=CONTROLLERS[kind]) for kind in pair]
+        handles = [Patch(facecolor=COLOURS[kind], label=LAW_NAMES[kind]) for kind in pair]
         legend_below(figure, [*handles, Patch(facecolor=PAPER_COLOUR, label="the paper's reduction")])
     return figure
 

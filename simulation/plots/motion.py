@@ -9,12 +9,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
 from simulation.experiment import Experiment
-from simulation.paper import CONTROLLERS
 from simulation.plots.style import (
     COLOURS,
     DASHES,
     GREY,
     INK,
+    LAW_NAMES,
     controller_handles,
     headings,
     house_style,
@@ -103,7 +103,7 @@ def error(results: Mapping[str, Result]) -> Figure:
 def _lines(axes: Axes, results: Mapping[str, Result], column: str, scale: float = 1.0) -> None:
     for kind, result in results.items():
         t, values = thin(result["t"], result[column] / scale)
-        axes.plot(t, values, color=COLOURS[kind], linestyle=DASHES[kind], label=CONTROLLERS[kind])
+        axes.plot(t, values, color=COLOURS[kind], linestyle=DASHES[kind], label=LAW_NAMES[kind])
 
 
 def _reference(axes: Axes, result: Result, column: str) -> None:
@@ -152,7 +152,7 @@ def _error_decades(axes: Axes, results: Mapping[str, Result]) -> None:
     width = experiment.duration / INTERVALS
     for kind, result in results.items():
         t, largest = peaks(result["t"], result["e"], width)
-        axes.plot(t, largest, color=COLOURS[kind], linestyle=DASHES[kind], label=CONTROLLERS[kind])
+        axes.plot(t, largest, color=COLOURS[kind], linestyle=DASHES[kind], label=LAW_NAMES[kind])
     axes.set_yscale("log")
     bottom, top = axes.get_ylim()
     axes.set_ylim(max(bottom, 1e-8), top)
@@ -175,12 +175,12 @@ def _steady_error(axes: Axes, results: Mapping[str, Result]) -> None:
         rows = within(result["t"], start, end)
         t, values = thin(result["t"][rows], result["e"][rows])
         if kind in shown:
-            axes.plot(t, values / unit, color=COLOURS[kind], linestyle=DASHES[kind], label=CONTROLLERS[kind])
+            axes.plot(t, values / unit, color=COLOURS[kind], linestyle=DASHES[kind], label=LAW_NAMES[kind])
         elif np.isfinite(values).any():
             scale, its_name = length_unit(sizes[kind])
             low, high = np.nanmin(values) / scale, np.nanmax(values) / scale
             span = f"{low:.3g} to {high:.3g}".replace("-", "−")
-            left_out.append(f"{CONTROLLERS[kind]}: {span} {its_name}, off this panel")
+            left_out.append(f"{LAW_NAMES[kind]}: {span} {its_name}, off this panel")
     axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
     axes.set_xlim(start, max(end, start + experiment.simulation.sample_time))
     if left_out:

@@ -9,12 +9,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from simulation.experiment import Experiment
-from simulation.paper import CONTROLLERS
 from simulation.plots.style import (
     COLOURS,
     DASHES,
     GREY,
     INK,
+    LAW_NAMES,
     controller_handles,
     headings,
     house_style,
@@ -130,7 +130,7 @@ def _whole_run(axes: Axes, results: Mapping[str, Result], column: str) -> None:
     shade(axes, experiment)
     for kind, result in results.items():
         t, force = thin(result["t"], result[column] / KILO)
-        axes.plot(t, force, color=COLOURS[kind], linestyle=DASHES[kind], label=CONTROLLERS[kind])
+        axes.plot(t, force, color=COLOURS[kind], linestyle=DASHES[kind], label=LAW_NAMES[kind])
     draw_limits(axes, experiment)
 
 
@@ -140,7 +140,7 @@ def _enlarged_run(axes: Axes, results: Mapping[str, Result], column: str) -> Non
     for kind, result in results.items():
         rows = within(result["t"], start, end)
         t, force = thin(result["t"][rows], result[column][rows] / KILO)
-        axes.plot((t - origin) * 1e3, force, color=COLOURS[kind], linestyle=DASHES[kind], label=CONTROLLERS[kind])
+        axes.plot((t - origin) * 1e3, force, color=COLOURS[kind], linestyle=DASHES[kind], label=LAW_NAMES[kind])
     axes.set_xlim((start - origin) * 1e3, (min(end, experiment.duration) - origin) * 1e3)
     bottom, top = axes.get_ylim()
     spare = max(SMALLEST_SPAN - (top - bottom), 0.0) / 2
@@ -154,7 +154,7 @@ def _extremes(results: Mapping[str, Result], column: str) -> str:
     drawn = {kind: result for kind, result in results.items() if np.isfinite(result[column]).any()}
     if not drawn:
         return ""
-    slack = {CONTROLLERS[kind]: _slack_time(result, column) for kind, result in drawn.items()}
+    slack = {LAW_NAMES[kind]: _slack_time(result, column) for kind, result in drawn.items()}
     if any(slack.values()):
         return "slack: " + ", ".join(f"{name} {_moment(time)}" for name, time in slack.items() if time)
     peaks = {kind: float(np.nanmax(result[column])) for kind, result in drawn.items()}
@@ -162,7 +162,7 @@ def _extremes(results: Mapping[str, Result], column: str) -> str:
     if peaks[kind] <= OVERSHOOT * limit:
         return ""
     at = drawn[kind]["t"][np.nanargmax(drawn[kind][column])]
-    reached = [CONTROLLERS[other] for other in peaks if f"{peaks[other]:.3g}" == f"{peaks[kind]:.3g}"]
+    reached = [LAW_NAMES[other] for other in peaks if f"{peaks[other]:.3g}" == f"{peaks[kind]:.3g}"]
     return f"peak {peaks[kind] / KILO:.2f} kN at {_moment(at)} ({', '.join(reached)})"
 
 

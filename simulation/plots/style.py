@@ -21,12 +21,28 @@ WIDTH = 7.0
 """Width of every figure in inches: a page, or half a screen."""
 
 BLUE, VERMILION, GREEN, GOLD, WINE = "#0072B2", "#D55E00", "#009E73", "#A87900", "#882255"
+PURPLE, SKY = "#CC79A7", "#56B4E9"
 INK, GREY, LIGHT, SHADE = "#1A1A1A", "#6B6B6B", "#D9D9D9", "#F0F0F0"
 
-COLOURS = {"fando-nftsm": BLUE, "nftsm": VERMILION, "pid-cascade": GREEN}
+LAW_NAMES = CONTROLLERS | {"super-twisting": "Super-twisting", "adrc": "ADRC"}
+"""`controller.kind` → its name in figures, the paper's first."""
+
+COLOURS = {
+    "fando-nftsm": BLUE,
+    "nftsm": VERMILION,
+    "pid-cascade": GREEN,
+    "super-twisting": PURPLE,
+    "adrc": SKY,
+}
 """One colour a controller in every figure, told apart by colour-blind readers (Okabe and Ito)."""
 
-DASHES = {"fando-nftsm": "-", "nftsm": (0, (5, 2)), "pid-cascade": (0, (5, 1.5, 1, 1.5))}
+DASHES = {
+    "fando-nftsm": "-",
+    "nftsm": (0, (5, 2)),
+    "pid-cascade": (0, (5, 1.5, 1, 1.5)),
+    "super-twisting": (0, (3, 1, 1, 1, 1, 1)),
+    "adrc": (0, (2, 1.5)),
+}
 """One line style a controller, so that lines lying on each other are both seen, also in print."""
 
 ROPE_COLOURS = (WINE, GOLD)
@@ -102,7 +118,7 @@ def new_figure(height: float, title: str, subtitle: str, gap: float = 0.05) -> F
 
 
 def ordered(results: Mapping[str, Result]) -> dict[str, Result]:
-    """The results in the paper's order of controllers.
+    """The results in the order of `LAW_NAMES`.
 
     Raises:
         ConfigurationError: there is none, or one keeps no rows.
@@ -112,7 +128,7 @@ def ordered(results: Mapping[str, Result]) -> dict[str, Result]:
     for kind, result in results.items():
         if not len(result["t"]):
             raise ConfigurationError(f"the result of {kind} keeps no rows: simulate with stride >= 1")
-    return {kind: results[kind] for kind in CONTROLLERS if kind in results}
+    return {kind: results[kind] for kind in LAW_NAMES if kind in results}
 
 
 def case_number(experiment: Experiment) -> int | None:
@@ -158,8 +174,8 @@ def headings(results: Mapping[str, Result], content: str, words: str) -> tuple[s
 def label(kind: str, result: Result) -> str:
     """Name of a controller in a legend, with the run's end where it ended early."""
     if result.outcome == "completed":
-        return CONTROLLERS[kind]
-    return f"{CONTROLLERS[kind]} ({result.outcome.replace('_', ' ')} at {result.end_time:.3g} s)"
+        return LAW_NAMES[kind]
+    return f"{LAW_NAMES[kind]} ({result.outcome.replace('_', ' ')} at {result.end_time:.3g} s)"
 
 
 def controller_handles(results: Mapping[str, Result]) -> list[Line2D]:

@@ -2,7 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.differential_tension import Coordination, force_limit, tension_commands
+from controllers.coordination import Coordination, force_limit
+from controllers.differential_tension import tension_commands
 from tests.oracle.laws import tension_commands as oracle_commands
 
 

@@ -12,7 +12,7 @@ numbers = st.floats(-10, 10)
 
 
 def control(x: float, v: float, Z_a: float = 0.0, d_hat: float = 0.0) -> tuple[float, float, float]:
-    measurement = Measurement(x, v, 1000.0, 1000.0, 0.0, 0.0)
+    measurement = Measurement(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
     return nftsm_control(Z_a, d_hat, measurement, Setpoint(0.0, 0.0, 0.0), Controller(), Plant())
 
 

@@ -13,7 +13,7 @@ def step(
     state: PidCascadeState, x: float, v: float, gains: PidCascadeGains | None = None
 ) -> tuple[PidCascadeState, PositionOutput]:
     controller = replace(Controller(), pid_cascade=gains or PidCascadeGains())
-    measurement = Measurement(x, v, 1000.0, 1000.0, 0.0, 0.0)
+    measurement = Measurement(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
     return pid_cascade_step(state, measurement, Setpoint(0.0, 0.0, 0.0), controller, Plant(), 1e-3)
 
 

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.differential_tension import Coordination
+from controllers.coordination import Coordination
 from controllers.winch_pid import WinchGains, WinchOutput, WinchState, winch_step
 from model.winch import Winch
 

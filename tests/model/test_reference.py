@@ -1,5 +1,7 @@
 from dataclasses import replace
 
+import casadi as ca
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -56,3 +58,50 @@ def test_another_cruise_speed_scales_the_whole_motion() -> None:
 def test_steady_state_is_the_constant_speed_phase() -> None:
     assert steady_window(PROFILE, 50.0) == (18.0, 29.0)
     assert steady_window(UNIFORM, 25.0) == (20.0, 25.0)
+
+
+JERKS = (0.06, 0.2, 1.0, 100.0)
+"""Limits in m/s^3; the profile needs 0.05 to brake in time."""
+
+
+@pytest.mark.parametrize("jerk", JERKS)
+@pytest.mark.parametrize("reference", [PROFILE, UNIFORM])
+def test_jerk_is_bounded_and_everything_else_continuous(reference: Reference, jerk: float) -> None:
+    t = np.linspace(0, 50, 500_001)
+    point = setpoint(t, replace(reference, jerk_limit=jerk))
+    h = t[1]
+    assert np.abs(np.diff(point.a)).max() <= jerk * h * (1 + 1e-6)
+    assert np.abs(np.diff(point.a)).max() >= 0.99 * min(jerk * h, 0.1)
+    assert np.diff(point.v) == pytest.approx(h * (point.a[1:] + point.a[:-1]) / 2, abs=jerk * h**2)
+    assert np.diff(point.x) == pytest.approx(h * (point.v[1:] + point.v[:-1]) / 2, abs=1e-12 + jerk * h**3)
+    assert (point.x[0], point.v[0], point.a[0]) == (0, 0, 0)
+
+
+@given(st.sampled_from(JERKS), st.floats(18, 29, exclude_min=True) | st.floats(41, 50, exclude_min=True))
+def test_cruise_and_end_stay_the_papers(jerk: float, t: float) -> None:
+    assert values(t, replace(PROFILE, jerk_limit=jerk)) == pytest.approx(values(t, PROFILE), abs=1e-12)
+
+
+def test_a_high_limit_is_no_limit() -> None:
+    for t in (0.5, 5.0, 17.0, 30.0, 40.0):
+        assert values(t, replace(PROFILE, jerk_limit=1e6)) == pytest.approx(values(t, PROFILE), abs=1e-5)
+
+
+def test_uniform_reaches_its_speed_in_the_shortest_time() -> None:
+    """Half the rise and half the fall of a triangle of acceleration: 1.5 m/s at 1.5 m/s^3 in 2 s, 1.5 m behind."""
+    limited = replace(UNIFORM, jerk_limit=1.5)
+    assert values(1.0, limited) == pytest.approx((0.25, 0.75, 1.5))
+    assert values(2.0, limited) == pytest.approx((1.5, 1.5, 0.0), abs=1e-7)
+    assert values(10.0, limited) == pytest.approx((13.5, 1.5, 0.0))
+
+
+def test_symbols_floats_and_arrays_agree() -> None:
+    t, jerk = ca.SX.sym("t"), ca.SX.sym("jerk")
+    point = setpoint(t, replace(PROFILE, jerk_limit=jerk))
+    function = ca.Function("setpoint", [t, jerk], [point.x, point.v, point.a])
+    times = np.linspace(0.05, 49.95, 500)
+    array = setpoint(times, replace(PROFILE, jerk_limit=0.2))
+    for k, time in enumerate(times):
+        expected = values(time, replace(PROFILE, jerk_limit=0.2))
+        assert [float(value) for value in function(time, 0.2)] == pytest.approx(expected, abs=1e-12)
+        assert (array.x[k], array.v[k], array.a[k]) == pytest.approx(expected, abs=1e-12)

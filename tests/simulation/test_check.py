@@ -6,7 +6,7 @@ import pytest
 
 from codegen.errors import DualwinchError
 from controllers.controller import Controller
-from controllers.differential_tension import Coordination
+from controllers.coordination import Coordination
 from controllers.nftsm import NftsmGains
 from dualwinch.config import known_keys, override
 from model.plant import Plant
@@ -52,6 +52,21 @@ WRONG = {
         Experiment(reference=Reference(accelerate_until=30.0)),
         "reference.accelerate_until, cruise_until, brake_until = 30, 29, 41",
         "ascending order",
+    ),
+    "too little jerk to brake": (
+        Experiment(reference=Reference(jerk_limit=0.04)),
+        "reference.jerk_limit = 0.04",
+        ">= 0.05 m/s^3, to change the speed by 1.8 m/s in 12 s",
+    ),
+    "too little jerk for the run": (
+        Experiment(reference=Reference(kind="uniform", jerk_limit=0.009)),
+        "reference.jerk_limit = 0.009",
+        ">= 0.0096 m/s^3",
+    ),
+    "past the end with limited jerk": (
+        Experiment(reference=replace(FAST, jerk_limit=2.0)),
+        "the reference ends at 50.3",
+        "<= plant.track.length = 50 m",
     ),
     "rk4 unstable": (
         Experiment(simulation=Simulation(integrator="rk4", substeps=1)),

@@ -159,3 +159,14 @@ def test_estimate_follows_the_true_disturbance(paper_run: PaperRun) -> None:
     steady = (result["t"] > 18.5) & (result["t"] < 28.5)
     error, truth = (result["d_hat"] - result["d_true"])[steady], result["d_true"][steady]
     assert np.sqrt(np.mean(error**2)) < 0.4 * np.sqrt(np.mean(truth**2))
+
+
+def test_with_bounded_jerk_the_torques_do_not_step(paper_run: PaperRun) -> None:
+    """At the joints of the paper's profile the command steps by M times the step of the reference acceleration."""
+    stepping = paper_run(2, "fando-nftsm")
+    smooth = simulate(replace(case(2), reference=Reference(jerk_limit=0.5)))
+    for column, step in (("u", 1000.0), ("tau1", 8.0)):
+        assert np.abs(np.diff(stepping[column])).max() > step
+        assert np.abs(np.diff(smooth[column])).max() < 0.02 * step
+    assert smooth.metrics.max_abs_error < stepping.metrics.max_abs_error
+    assert smooth["x_ref"][-1] == pytest.approx(46.8, abs=1e-12)

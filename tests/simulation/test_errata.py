@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from controllers.auxiliary import AuxiliaryGains
 from controllers.controller import Controller
-from controllers.differential_tension import Coordination, tension_commands
+from controllers.coordination import Coordination
+from controllers.differential_tension import tension_commands
 from controllers.nftsm import NftsmGains, nftsm_control
 from controllers.observer import ObserverGains, ObserverState, estimate, remember
 from controllers.signals import Measurement
@@ -190,7 +191,10 @@ def estimates(disturbance: float, *, printed: bool) -> Vector:
 
 
 def test_e6_no_sensor_measures_an_acceleration() -> None:
-    assert {field.name for field in fields(Measurement)} == {"x", "v", "F1", "F2", "omega_1", "omega_2"}
+    assert {field.name for field in fields(Measurement)} == {
+        *("x", "v", "F1", "F2"),
+        *("omega_1", "omega_2", "theta_1", "theta_2"),
+    }
 
 
 def test_e6_a_difference_of_speeds_belongs_to_the_force_of_the_sample_before() -> None:
@@ -213,7 +217,7 @@ def test_e6_an_acceleration_from_the_nominal_model_teaches_nothing() -> None:
 def test_e7_the_reaching_law_comes_with_a_factor(e2: float) -> None:
     """The paper's proof takes s' = -(eta s + k sat(s/phi)); its law gives p/(q beta) |e2|^(p/q-1) times that."""
     e1, r, beta = 0.1, 5 / 3, 0.05
-    seen = Measurement(e1, e2, 1000.0, 1000.0, 0.0, 0.0)
+    seen = Measurement(e1, e2, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
     u, _, s = nftsm_control(0.0, 0.0, seen, setpoint(0.0, Reference("profile", 1e-9)), Controller(), PLANT)
     slope = (u - friction(e2, PLANT.vehicle) - drag(e2, PLANT.vehicle)) / MASS
     factor = r / beta * abs(e2) ** (r - 1)
@@ -240,11 +244,12 @@ def force_in(scales: tuple[float, float, float], auxiliary: AuxiliaryGains) -> f
         return value * np.prod([scale**exponent for scale, exponent in zip(scales, exponents, strict=True)])
 
     gains = {name: converted(getattr(NftsmGains(), name), exponents) for name, exponents in UNITS.items()}
-    limits = Coordination(*(converted(value, (1, 1, -2)) for value in (2000.0, 200.0, 6e8)))
+    preload, lower, upper = (converted(value, (1, 1, -2)) for value in (2000.0, 200.0, 6e8))
+    limits = Coordination(preload, lower, upper)
     controller = Controller(nftsm=replace(NftsmGains(), **gains), auxiliary=auxiliary, coordination=limits)
     mass = converted(MASS, (0, 1, 0))
     smooth = replace(PLANT, vehicle=Vehicle(mass=mass, drag_coefficient=0.0, friction_coefficient=0.0))
-    seen = Measurement(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0)
+    seen = Measurement(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     point = setpoint(0.0, Reference("profile", 1e-12))
     Z_a, d_hat = converted(50.0, (1, 1, -1)), converted(0.02, (1, 0, -2))
     u, _, _ = nftsm_control(Z_a, d_hat, seen, point, controller, smooth)

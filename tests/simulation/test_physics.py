@@ -8,12 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controllers.adrc import AdrcGains
 from controllers.auxiliary import AuxiliaryGains
-from controllers.controller import Controller
-from controllers.differential_tension import Coordination
+from controllers.controller import POSITION_LAWS, Controller
+from controllers.coordination import Coordination
+from controllers.kalman import KalmanGains
 from controllers.nftsm import NftsmGains
 from controllers.observer import ObserverGains
 from controllers.pid_cascade import PidCascadeGains
+from controllers.super_twisting import SuperTwistingGains
 from controllers.winch_pid import WinchGains
 from model.disturbance import Disturbance
 from model.plant import Plant
@@ -25,7 +28,7 @@ from simulation.paper import CASES, CONTROLLERS, case
 from simulation.sensors import Sensors
 from simulation.simulate import OUTCOMES, simulate
 
-kinds = st.sampled_from(list(CONTROLLERS))
+kinds = st.sampled_from(list(POSITION_LAWS))
 SHORT = Simulation(duration=0.3)
 
 
@@ -95,7 +98,9 @@ positive = st.floats(1e-308, 1e308) | st.floats(1e-3, 10)
 wild_controllers = st.builds(
     Controller,
     kind=kinds,
+    estimator=st.sampled_from(["lowpass", "kalman"]),
     speed_filter_time=st.floats(0, 1e308),
+    kalman=st.builds(KalmanGains, *[positive] * 4),
     nftsm=st.builds(
         NftsmGains,
         beta=positive,
@@ -114,6 +119,8 @@ wild_controllers = st.builds(
         rate_scale=positive,
         filter_time=st.floats(0, 1e308),
     ),
+    super_twisting=st.builds(SuperTwistingGains, positive, any_number, any_number, positive),
+    adrc=st.builds(AdrcGains, any_number, positive),
     auxiliary=st.builds(AuxiliaryGains, gamma=any_number, gamma_force=any_number, k_a=any_number),
     pid_cascade=st.builds(PidCascadeGains, *[any_number] * 6),
     winch_1=st.builds(WinchGains, *[any_number] * 3),

@@ -1,0 +1,35 @@
+"""What stands between the sensors and the position law: nothing, a low-pass, or a Kalman filter."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from controllers.kalman import KalmanState, kalman_step
+from controllers.signals import Measurement
+from controllers.speed_filter import SpeedFilterState, speed_filter_step
+
+
+@dataclass(frozen=True)
+class Unfiltered:
+    """State of no estimator."""
+
+
+def pass_on(state: Unfiltered, measurement: Measurement, *_: Any) -> tuple[Unfiltered, Measurement]:
+    """The measurement as it is."""
+    return state, measurement
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """An estimator: its initial state and one sample, ``(state, measurement, ...) -> (state, Measurement)``."""
+
+    initial_state: Any
+    step: Callable[..., tuple[Any, Measurement]]
+
+
+ESTIMATORS = {
+    "none": Estimator(Unfiltered(), pass_on),
+    "lowpass": Estimator(SpeedFilterState(), speed_filter_step),
+    "kalman": Estimator(KalmanState(), kalman_step),
+}
+"""Every estimator by its name; a new one is a new file and one line here."""
