@@ -83,7 +83,7 @@ def simulate(
     seed: Annotated[int | None, Parameter(help="Seed of the ensemble's draws (default 0).")] = None,
     out: Annotated[
         Path | None,
-        Parameter(help="File for the data: .csv, .parquet, .npz or .mat (an ensemble: .json), units inside or beside."),
+        Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
     ] = None,
     plot: Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")] = None,
     stride: Annotated[int, Parameter(help="Keep every n-th sample in the data.")] = 1,
