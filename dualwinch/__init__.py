@@ -10,10 +10,15 @@ if TYPE_CHECKING:
     from codegen.errors import DualwinchError
     from controllers.controller import Controller, controller_function
     from dualwinch.config import load, override, to_toml
+    from dualwinch.ensembles import load_ensemble
     from model.disturbance import Disturbance
     from model.plant import Plant, plant
     from model.reference import Reference
     from simulation.batch import BatchResult, rollout
+    from simulation.ensemble import Ensemble, Scenario
+    from simulation.ensemble_result import EnsembleResult
+    from simulation.ensemble_run import run_ensemble
+    from simulation.ensemble_storage import save_ensemble
     from simulation.errors import ConfigurationError
     from simulation.experiment import Experiment, Simulation
     from simulation.metrics import Metrics
@@ -31,20 +36,26 @@ _HOME = {
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
     "DualwinchError": "codegen.errors",
+    "Ensemble": "simulation.ensemble",
+    "EnsembleResult": "simulation.ensemble_result",
     "Experiment": "simulation.experiment",
     "Metrics": "simulation.metrics",
     "Plant": "model.plant",
     "Reference": "model.reference",
     "Result": "simulation.result",
+    "Scenario": "simulation.ensemble",
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
     "case": "simulation.paper",
     "controller_function": "controllers.controller",
     "load": "dualwinch.config",
+    "load_ensemble": "dualwinch.ensembles",
     "override": "dualwinch.config",
     "plant": "model.plant",
+    "run_ensemble": "simulation.ensemble_run",
     "save": "simulation.storage",
     "rollout": "simulation.batch",
+    "save_ensemble": "simulation.ensemble_storage",
     "simulate": "simulation.simulate",
     "to_toml": "dualwinch.config",
 }
@@ -55,21 +66,27 @@ __all__ = [
     "Controller",
     "Disturbance",
     "DualwinchError",
+    "Ensemble",
+    "EnsembleResult",
     "Experiment",
     "Metrics",
     "Plant",
     "Reference",
     "Result",
+    "Scenario",
     "Sensors",
     "Simulation",
     "__version__",
     "case",
     "controller_function",
     "load",
+    "load_ensemble",
     "override",
     "plant",
     "rollout",
+    "run_ensemble",
     "save",
+    "save_ensemble",
     "simulate",
     "to_toml",
 ]

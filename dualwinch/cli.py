@@ -68,6 +68,7 @@ def reproduce(
     dualwinch simulate --case 4
     dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
     dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
+    dualwinch simulate --ensemble sea --scenarios 100 --seed 7 --out sea.csv --plot sea.png
 """
 )
 def simulate(
@@ -79,7 +80,15 @@ def simulate(
         list[str] | None,
         Parameter(name="--set", help="key=value, any key of `dualwinch config`; may be repeated.", negative=""),
     ] = None,
-    out: Annotated[Path | None, Parameter(help="File for the data: .csv, .parquet, .npz or .mat.")] = None,
+    ensemble: Annotated[
+        str | None, Parameter(help="Run an ensemble of scenarios: `sea`, or a TOML file (see `config --ensemble`).")
+    ] = None,
+    scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble (default 100).")] = None,
+    seed: Annotated[int | None, Parameter(help="Seed of the ensemble's draws (default 0).")] = None,
+    out: Annotated[
+        Path | None,
+        Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
+    ] = None,
     plot: Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")] = None,
     stride: Annotated[int, Parameter(help="Keep every n-th sample in the data.")] = 1,
     engine: Annotated[
@@ -89,7 +98,26 @@ def simulate(
     """Simulate one experiment and print its figures of merit.
 
     Without --case or --config the defaults of every key are used (the paper's Case 2).
+
+    With --ensemble, many scenarios are drawn and run on all cores. --case or --config give the values that the
+    ensemble's file does not have; --controller and --set change its nominal values, and distributions relative to
+    those follow. The data hold one row a scenario, the figure is a fan chart.
     """
+    from simulation.errors import ConfigurationError
+
+    if ensemble is not None:
+        for word, given in (("--stride", stride != 1), ("--engine", engine != "compiled")):
+            if given:
+                raise ConfigurationError(f"{word} and --ensemble: give one of them")
+        from dualwinch.simulate_ensemble import ensemble as drawn
+        from dualwinch.simulate_ensemble import simulate_ensemble
+
+        simulate_ensemble(drawn(ensemble, case, config, controller, set_ or []), scenarios, seed, out, plot)
+        return
+    if scenarios is not None:
+        raise ConfigurationError("--scenarios: needs --ensemble")
+    if seed is not None:
+        raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set disturbance.seed=N")
     from dualwinch.simulate import simulate as run
 
     run(case, config, controller, set_ or [], out, plot, stride, engine)
@@ -101,14 +129,25 @@ def simulate(
 
     dualwinch config > my.toml
     dualwinch config --case 4 --set controller.kind=nftsm
+    dualwinch config --ensemble sea > my-sea.toml
 """,
 )
 def config_(
     *,
     case: Case = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", help="key=value; may be repeated.", negative="")] = None,
+    ensemble: Annotated[str | None, Parameter(help="Print the file of an ensemble, such as `sea`, instead.")] = None,
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source."""
+    if ensemble is not None:
+        from dualwinch.ensembles import find_ensemble, load_ensemble
+        from simulation.errors import ConfigurationError
+
+        if case is not None or set_:
+            raise ConfigurationError("--ensemble: prints a file as it is; give --case or --set to 'simulate'")
+        load_ensemble(ensemble)
+        sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
+        return
     from dualwinch.config import to_toml
     from dualwinch.simulate import experiment
 

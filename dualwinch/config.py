@@ -4,6 +4,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +25,20 @@ def load(path: Path, base: Experiment | None = None) -> Experiment:
     Raises:
         ConfigurationError: the file cannot be read, is no TOML, or holds an unknown key or a value out of range.
     """
+    text, table = read_toml(path)
+    values = dict(flattened(table))
+    for key, value in values.items():
+        with located(path, text, key):
+            validated(key, value)
+    return override(base or Experiment(), values)
+
+
+def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text and content of a TOML file.
+
+    Raises:
+        ConfigurationError: the file cannot be read or is no TOML.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
@@ -31,16 +46,18 @@ def load(path: Path, base: Experiment | None = None) -> Experiment:
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
     try:
-        table = tomllib.loads(text)
+        return text, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
-    values = dict(_flattened(table))
-    for key, value in values.items():
-        try:
-            _validated(key, value)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{path}{_line_of(key, text)}: {error}") from error
-    return override(base or Experiment(), values)
+
+
+@contextmanager
+def located(path: Path, text: str, key: str) -> Iterator[None]:
+    """Put file and line of a key before the message of a `ConfigurationError`."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}{_line_of(key, text)}: {error}") from error
 
 
 def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
@@ -53,7 +70,7 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.
     """
-    return with_leaves(experiment, {key: _validated(key, value) for key, value in values.items()})
+    return with_leaves(experiment, {key: validated(key, value) for key, value in values.items()})
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -85,7 +102,7 @@ def to_toml(experiment: Experiment) -> str:
         entries = []
         for leaf in keys:
             value, name = values[leaf.key], leaf.key.rsplit(".", 1)[1]
-            entry = f"# {name} = {_toml(taken[leaf.key])}" if value is None else f"{name} = {_toml(value)}"
+            entry = f"# {name} = {toml_value(taken[leaf.key])}" if value is None else f"{name} = {toml_value(value)}"
             entries.append((entry, _comment(leaf)))
         width = max(len(entry) for entry, _ in entries)
         lines += [f"{entry:<{width}}  # {comment}" for entry, comment in entries]
@@ -128,7 +145,8 @@ def _comment(leaf: Leaf) -> str:
     return f"{unit}{quantity.meaning}{allowed}{source}"
 
 
-def _toml(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) and abs(value) >= 1e6 and float(f"{value:g}") == value:
@@ -136,24 +154,30 @@ def _toml(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
-def _flattened(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flattened(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of nested tables."""
     for name, value in table.items():
         if isinstance(value, dict):
-            yield from _flattened(value, f"{prefix}{name}.")
+            yield from flattened(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _validated(key: str, value: Any) -> Any:
+def validated(key: str, value: Any) -> Any:
+    """The value of a key, of the key's type.
+
+    Raises:
+        ConfigurationError: an unknown key, or a value of the wrong type or out of range.
+    """
     leaf = known_keys().get(key)
     if leaf is None:
-        raise ConfigurationError(_unknown(key))
+        raise ConfigurationError(unknown(key))
     from pydantic import TypeAdapter, ValidationError
 
     try:
         return TypeAdapter(_strict_type(leaf)).validate_python(value)
     except ValidationError:
-        raise ConfigurationError(f"{key} = {_shown(value)}: must be {_wanted(leaf)}") from None
+        raise ConfigurationError(f"{key} = {_shown(value)}: must be {wanted(leaf)}") from None
 
 
 def _strict_type(leaf: Leaf) -> Any:
@@ -169,10 +193,11 @@ def _strict_type(leaf: Leaf) -> Any:
 
 
 def _shown(value: Any) -> str:
-    return _toml(value) if isinstance(value, (bool, int, float, str)) else str(value)
+    return toml_value(value) if isinstance(value, (bool, int, float, str)) else str(value)
 
 
-def _wanted(leaf: Leaf) -> str:
+def wanted(leaf: Leaf) -> str:
+    """What a value must be, in words."""
     if leaf.choices or leaf.kind is bool:
         return leaf.allowed
     noun = "a whole number" if leaf.kind is int else "a finite number"
@@ -180,7 +205,8 @@ def _wanted(leaf: Leaf) -> str:
     return f"{noun} {leaf.allowed}{unit}".rstrip()
 
 
-def _unknown(key: str) -> str:
+def unknown(key: str) -> str:
+    """Say that a key names nothing, and what may be meant."""
     keys = list(known_keys())
     below = [known for known in keys if known.startswith(key + ".")]
     if below:
@@ -197,7 +223,7 @@ def _line_of(key: str, text: str) -> str:
         header = re.match(r"\s*\[\s*([\w.\-]+)\s*\]", line)
         if header:
             table = header.group(1) + "."
-        name = re.match(r"\s*([\w.\-]+)\s*=", line)
+        name = re.match(r"\s*\"?([\w.\-]+)\"?\s*=", line)
         if name and table + name.group(1) == key:
             return f":{number}"
     return ""

@@ -39,6 +39,21 @@ def experiment(case: int | None, config: Path | None, controller: str | None, as
     return override(base, values)
 
 
+def check_plot(plot: Path | None) -> None:
+    """Find out now whether a figure can be written.
+
+    Raises:
+        ConfigurationError: unknown suffix, or a folder that cannot be written to.
+    """
+    if plot is None:
+        return
+    if plot.suffix.lower() not in PLOT_SUFFIXES:
+        raise ConfigurationError(
+            f"{plot.name}: unknown suffix {plot.suffix!r}; must be one of {', '.join(PLOT_SUFFIXES)}"
+        )
+    check_folder(plot.parent)
+
+
 def simulate(
     case: int | None,
     config: Path | None,
@@ -56,12 +71,7 @@ def simulate(
     if out:
         writer(out)
         check_folder(out.parent)
-    if plot:
-        if plot.suffix.lower() not in PLOT_SUFFIXES:
-            raise ConfigurationError(
-                f"{plot.name}: unknown suffix {plot.suffix!r}; must be one of {', '.join(PLOT_SUFFIXES)}"
-            )
-        check_folder(plot.parent)
+    check_plot(plot)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("simulating", total=1.0)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.rollout import COMPLETED
+from model.plant import Plant
 from simulation.check import check, check_memory
 from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.engine import EngineName, engine
@@ -27,6 +28,7 @@ PIECE = 1_000_000
 def simulate(
     experiment: Experiment,
     *,
+    nominal: Plant | None = None,
     stride: int = 1,
     engine_name: EngineName = "compiled",
     progress: Callable[[float], None] | None = None,
@@ -35,6 +37,7 @@ def simulate(
 
     Args:
         experiment: plant, controller, reference, disturbances, sensors, simulation.
+        nominal: the plant the controller was designed for; default: the simulated one.
         stride: every how many samples a row is kept; 0 keeps none (the metrics count every sample all the same).
         engine_name: ``compiled`` (C) or ``interpreter`` (CasADi's, some hundred times slower, same answer).
         progress: called now and then in a long run with the share that is done.
@@ -50,7 +53,7 @@ def simulate(
     check_memory(experiment.samples, stride, len(COLUMNS))
     loop = closed_loop(structure_of(experiment))
     run = engine(loop, engine_name)
-    parameters = np.array(list(parameters_of(experiment).values()))
+    parameters = np.array(list(parameters_of(experiment, nominal).values()))
     state = np.array(list(initial_state_of(experiment).values()))
     kept: list[NDArray[np.float64]] = []
     outcome, done = COMPLETED, 0

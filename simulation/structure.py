@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from controllers.nominal import nominal_plant
+from model.plant import Plant
 from model.quantity import numbers
 from simulation.experiment import Experiment
 
@@ -38,16 +39,21 @@ def structure_of(experiment: Experiment) -> Structure:
     )
 
 
-def parameters_of(experiment: Experiment) -> dict[str, float]:
+def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
     """Every number of an experiment that the closed loop takes at run time, by its key.
 
     ``plant.*`` is the simulated plant, ``nominal.*`` the plant as the controller believes it to be.
+
+    Args:
+        experiment: gives the numbers.
+        nominal: the plant the controller was designed for, where ``controller.nominal`` does not say otherwise;
+            default: the simulated one.
     """
     disturbance = experiment.disturbance
     gains = numbers(experiment.controller, "controller.")
     values = (
         numbers(experiment.plant, "plant.")
-        | numbers(nominal_plant(experiment.controller.nominal, experiment.plant), "nominal.")
+        | numbers(nominal_plant(experiment.controller.nominal, nominal or experiment.plant), "nominal.")
         | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
         | {f"disturbance.{key}": float(getattr(disturbance, key)) for key in SWITCHES}
         | {f"disturbance.{key}": getattr(disturbance, key) for key in ("vortex_amplitude", "strouhal")}

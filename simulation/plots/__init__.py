@@ -1,12 +1,23 @@
-"""Figures of runs: the paper's Figures 5 to 21 and an overview of one run.
+"""Figures of runs: the paper's Figures 5 to 21, an overview of one run, and the fan chart of an ensemble.
 
 Every function returns a `matplotlib.figure.Figure` of its own; nothing here touches pyplot or global settings.
 """
 
 from simulation.plots.bars import steady_state_bars
+from simulation.plots.ensemble import fan_chart
 from simulation.plots.files import encode, save
 from simulation.plots.motion import error, trajectory
 from simulation.plots.overview import overview
 from simulation.plots.ropes import commands, tensions
 
-__all__ = ["commands", "encode", "error", "overview", "save", "steady_state_bars", "tensions", "trajectory"]
+__all__ = [
+    "commands",
+    "encode",
+    "error",
+    "fan_chart",
+    "overview",
+    "save",
+    "steady_state_bars",
+    "tensions",
+    "trajectory",
+]

@@ -14,8 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
+from dualwinch.ensembles import load_ensemble
 from simulation import plots
 from simulation.comparison import percent, reductions, steady_change
+from simulation.ensemble_result import EnsembleResult
+from simulation.ensemble_run import run_ensemble
 from simulation.errors import ConfigurationError
 from simulation.paper import CONTROLLERS, FIGURES, case
 from simulation.plots.motion import length_unit
@@ -286,3 +289,45 @@ def test_global_settings_are_left_alone(case_4: Results, monkeypatch: pytest.Mon
     assert mpl.rcParams.copy() == before
     with mpl.rc_context({"font.size": 20, "axes.grid": False, "svg.hashsalt": "other"}):
         assert plots.encode(plots.error(case_4), ".svg") == first
+
+
+@pytest.fixture(scope="module")
+def at_sea() -> EnsembleResult:
+    return run_ensemble(load_ensemble("sea"), 12, 7)
+
+
+def test_a_fan_chart_shows_median_bands_and_extremes(at_sea: EnsembleResult) -> None:
+    figure = plots.fan_chart(at_sea)
+    error, *ropes = figure.axes
+    traces = at_sea.traces
+    assert traces is not None
+    drawn = np.asarray(error.lines[0].get_ydata())
+    assert np.allclose(drawn, 1e3 * np.median(traces.sampled["e"], axis=0))
+    for axes, column, unit in zip((error, *ropes), ("e", "F1", "F2"), (1e-3, 1e3, 1e3), strict=True):
+        outer, middle, inner = (
+            np.ptp(np.asarray(band.get_paths()[0].vertices)[:, 1]) for band in list(axes.collections)[-3:]
+        )
+        assert (
+            inner
+            < middle
+            <= outer
+            == pytest.approx((traces.highest[column].max() - traces.lowest[column].min()) / unit)
+        )
+    limits = {6.0, 0.2}
+    for axes in ropes:
+        assert limits <= {float(np.asarray(one.get_ydata())[0]) for one in axes.lines}
+    assert legend_of(figure)[:4] == ["median", "50 %", "90 %", "all scenarios"]
+    words = texts(figure)
+    assert "FANDO-NFTSM in the ensemble “sea”" in words
+    assert "12 scenarios, seed 7; every one ran to its end" in words
+    assert f"worst {1e3 * at_sea.statistic('max_abs_error').worst:.3g} mm" in words
+
+
+def test_a_fan_chart_says_what_it_leaves_out(at_sea: EnsembleResult) -> None:
+    fewer = replace(at_sea, outcomes=(*at_sea.outcomes[:9], "diverged", "diverged", "left_track"))
+    assert "9 scenarios, seed 7; not drawn: 2 diverged, 1 left track" in texts(plots.fan_chart(fewer))
+
+
+def test_a_fan_chart_without_traces_is_refused(at_sea: EnsembleResult) -> None:
+    with pytest.raises(ConfigurationError, match="needs traces"):
+        plots.fan_chart(replace(at_sea, traces=None))

@@ -1,0 +1,118 @@
+"""An ensemble at a glance: how far the error and the tensions spread over the scenarios."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from simulation.ensemble_result import EnsembleResult, Traces
+from simulation.errors import ConfigurationError
+from simulation.paper import CONTROLLERS
+from simulation.plots.motion import length_unit
+from simulation.plots.ropes import KILO, draw_limits, limit_handle
+from simulation.plots.style import (
+    COLOURS,
+    GREY,
+    INK,
+    house_style,
+    legend_below,
+    new_figure,
+    shade,
+    steady_handle,
+    time_axis,
+)
+
+BANDS = ((0.05, 0.95, 0.28), (0.25, 0.75, 0.5))
+"""Lower and upper share of a band, and how dark it is."""
+
+ALL_SHADE = 0.12
+"""How dark the band from the smallest to the largest value is."""
+
+
+ASIDE = {"loc": "right", "fontsize": 7.5, "color": GREY}
+"""Style of what is said in words beside a panel's name."""
+
+
+def fan_chart(result: EnsembleResult) -> Figure:
+    """Error and rope tensions over time: median, the middle 50 % and 90 % of the scenarios, and all of them.
+
+    Args:
+        result: of an ensemble, with traces.
+
+    Raises:
+        ConfigurationError: no traces were kept, or no scenario ran to its end.
+    """
+    if result.traces is None:
+        raise ConfigurationError("a fan chart needs traces of scenarios that ran to their end: there are none")
+    experiment = result.ensemble.experiment
+    colour = COLOURS[experiment.controller.kind]
+    with house_style():
+        figure = new_figure(6.4, *_headings(result))
+        error, *ropes = figure.subplots(3, 1, sharex=True, height_ratios=(1.45, 1, 1))
+        for axes in (error, *ropes):
+            shade(axes, experiment)
+        _error(error, result, result.traces, colour)
+        for rope, axes in enumerate(ropes, start=1):
+            _tension(axes, result, result.traces, rope, colour)
+        time_axis(ropes[-1], experiment)
+        figure.align_ylabels()
+        legend_below(figure, [*_handles(colour), limit_handle(experiment), steady_handle()])
+    return figure
+
+
+def _headings(result: EnsembleResult) -> tuple[str, str]:
+    ensemble, counts = result.ensemble, result.outcome_counts
+    completed = counts.get("completed", 0)
+    others = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
+    title = f"{CONTROLLERS[ensemble.experiment.controller.kind]} in the ensemble “{ensemble.name}”"
+    words = f"{completed} scenarios, seed {result.seed}"
+    return title, words + (f"; not drawn: {', '.join(others)}" if others else "; every one ran to its end")
+
+
+def _error(axes: Axes, result: EnsembleResult, traces: Traces, colour: str) -> None:
+    unit, name = length_unit(result.statistic("max_abs_error").worst)
+    _fan(axes, traces, "e", unit, colour)
+    axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
+    axes.set_ylabel(rf"error $e = x - x_\mathrm{{ref}}$ ({name})")
+    axes.set_title("tracking error")
+    rms = np.sqrt(result.statistic("mse").mean)
+    largest = result.statistic("max_abs_error")
+    words = f"RMS {rms / unit:.3g} {name} · largest |e|: median {largest.median / unit:.3g}, "
+    axes.set_title(words + f"95 % {largest.p95 / unit:.3g}, worst {largest.worst / unit:.3g} {name}", **ASIDE)
+
+
+def _tension(axes: Axes, result: EnsembleResult, traces: Traces, rope: int, colour: str) -> None:
+    column = f"F{rope}"
+    _fan(axes, traces, column, KILO, colour)
+    draw_limits(axes, result.ensemble.experiment)
+    axes.set_ylabel(f"tension $F_{rope}$ (kN)")
+    axes.set_title(f"rope {rope}")
+    if rope == 1:
+        peak, slack = result.statistic("peak_tension"), result.statistic("slack_share")
+        words = f"both ropes: peak median {peak.median / KILO:.3g}, worst {peak.worst / KILO:.3g} kN"
+        words += f" · slack in {100 * slack.mean:.2g} % of the time, worst {100 * slack.worst:.2g} %"
+        axes.set_title(words, **ASIDE)
+
+
+def _fan(axes: Axes, traces: Traces, column: str, unit: float, colour: str) -> None:
+    t = traces.t
+    lowest, highest = traces.lowest[column] / unit, traces.highest[column] / unit
+    axes.fill_between(t, lowest, highest, color=colour, alpha=ALL_SHADE, linewidth=0)
+    for low, high, darkness in BANDS:
+        below, above = traces.quantiles(column, (low, high)) / unit
+        axes.fill_between(t, below, above, color=colour, alpha=darkness, linewidth=0)
+    (median,) = traces.quantiles(column, (0.5,)) / unit
+    axes.plot(t, median, color=INK, linewidth=0.9)
+
+
+def _handles(colour: str) -> list[Line2D | Patch]:
+    def patch(alpha: float, words: str) -> Patch:
+        return Patch(facecolor=colour, alpha=alpha, linewidth=0, label=words)
+
+    return [
+        Line2D([], [], color=INK, linewidth=0.9, label="median"),
+        patch(0.68, "50 %"),
+        patch(0.37, "90 %"),
+        patch(ALL_SHADE, "all scenarios"),
+    ]
