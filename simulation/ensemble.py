@@ -20,6 +20,8 @@ SEEDS = 2**53
 COMPILED = frozenset(
     {
         "controller.kind",
+        "controller.estimator",
+        "controller.coordination.kind",
         "plant.rope_slack",
         "simulation.integrator",
         "simulation.substeps",

@@ -73,7 +73,19 @@ def test_the_seed_of_a_scenario_can_be_fixed() -> None:
 
 
 def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
-    assert {key.rsplit(".", 1)[1] for key in COMPILED} == {field.name for field in fields(Structure)}
+    others = {
+        "controller.kind": "nftsm",
+        "controller.estimator": "kalman",
+        "controller.coordination.kind": "master-slave",
+        "plant.rope_slack": False,
+        "simulation.integrator": "rk4",
+        "simulation.substeps": 3,
+        "simulation.delay_samples": 4,
+    }
+    assert set(others) == COMPILED
+    assert len(COMPILED) == len(fields(Structure))
+    for key, value in others.items():
+        assert structure_of(override(SEA.experiment, {key: value})) != structure_of(SEA.experiment), key
     assert set(known_keys()) >= COMPILED | TIMING
 
 
