@@ -1,6 +1,5 @@
 """Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, fields
@@ -13,10 +12,11 @@ from codegen.batch import LANES, compile_batch
 from model.quantity import nearest, with_leaves
 from simulation.check import check
 from simulation.closed_loop import closed_loop, initial_state_of
+from simulation.cores import cores
 from simulation.environment import exogenous_signals
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
-from simulation.metrics import Metrics, finish
+from simulation.metrics import Metrics, metrics_of
 from simulation.simulate import OUTCOMES
 from simulation.structure import parameters_of, structure_of
 
@@ -61,11 +61,12 @@ def rollout(
     It equals `simulate`'s up to rounding (the elementary functions differ in their last bits).
 
     Args:
-        names: keys of the parameters that vary, e.g. ``["controller.nftsm.beta", "controller.observer.l0"]``.
+        names: keys of the parameters that vary, e.g. ``["controller.nftsm.beta", "controller.observer.l0"]``. A
+            ``plant.*`` leaves the plant the controller believes in as the scenario has it (``nominal.*``).
         parameters: (n, len(names)), a value for each name.
         scenarios: m experiments of one structure and length; they give every other value.
         stride: every how many samples a row is kept; 0 keeps none.
-        threads: default: one for each processor.
+        threads: default: one a core.
         progress: called now and then with the share that is done.
 
     Returns:
@@ -106,7 +107,7 @@ def rollout(
         outcome, done, rows = run(vector, [tables[j] for _, j in filled], state, stride)
         for lane, (i, j) in enumerate(chosen):
             final = dict(zip(loop.states, state[lane].tolist(), strict=True))
-            metrics = finish({key[8:]: value for key, value in final.items() if key.startswith("metrics.")})
+            metrics = metrics_of(final)
             for name, table in result.metrics.items():
                 table[i, j] = getattr(metrics, name)
             for place, name in enumerate(loop.columns if stride else ()):
@@ -125,7 +126,7 @@ def _start(scenario: Experiment, changes: dict[str, float]) -> Floats:
 
 def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> None:
     """Run jobs on threads; an interrupt lets those under way finish and drops the rest."""
-    pool = ThreadPoolExecutor(threads or os.cpu_count())
+    pool = ThreadPoolExecutor(threads or cores())
     waiting: set[Future[None]] = {pool.submit(job) for job in jobs}
     try:
         while waiting:

@@ -1,6 +1,5 @@
 """Run an ensemble: scenario after scenario on all cores, in memory that does not grow with their number."""
 
-import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -9,6 +8,7 @@ import numpy as np
 
 from simulation.check import check
 from simulation.closed_loop import closed_loop
+from simulation.cores import cores
 from simulation.engine import engine
 from simulation.ensemble import Ensemble, Scenario
 from simulation.ensemble_collector import TRACED, Collector, Finished
@@ -25,11 +25,6 @@ LARGEST = 1e30
 
 AHEAD = 2
 """Scenarios a worker has waiting, so that none idles and few are lost by an interrupt."""
-
-
-def cores() -> int:
-    """Number of cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def rollout_scenarios(

@@ -116,3 +116,9 @@ def finish(sums: Mapping[str, float]) -> Metrics:
         chatter=mean(sums["sum_change"], 2 * (samples - 1)),
         energy=measured(sums["work"], samples),
     )
+
+
+def metrics_of(final_state: Mapping[str, float]) -> Metrics:
+    """The metrics from the final state of a closed loop, given by name, whose ``metrics.*`` are the accumulators."""
+    prefix = "metrics."
+    return finish({name.removeprefix(prefix): value for name, value in final_state.items() if name.startswith(prefix)})

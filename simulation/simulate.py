@@ -12,14 +12,13 @@ from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.engine import EngineName, engine
 from simulation.environment import exogenous_pieces
 from simulation.experiment import Experiment
-from simulation.metrics import finish
+from simulation.metrics import metrics_of
 from simulation.result import Result
 from simulation.row import COLUMNS
 from simulation.structure import parameters_of, structure_of
 
 OUTCOMES = ("completed", "diverged", "left_track")
 """Names of the outcomes of `codegen.rollout`."""
-
 
 PIECE = 1_000_000
 """Samples that run between two looks at the clock and the keyboard."""
@@ -69,10 +68,9 @@ def simulate(
     columns = {name: np.full(len(rows), np.nan) for name in COLUMNS}
     columns |= {name: rows[:, place].copy() for place, name in enumerate(loop.columns)}
     final = dict(zip(loop.states, state.tolist(), strict=True))
-    sums = {key.removeprefix("metrics."): value for key, value in final.items() if key.startswith("metrics.")}
     return Result(
         columns=columns,
-        metrics=finish(sums),
+        metrics=metrics_of(final),
         outcome=OUTCOMES[outcome],
         end_time=done * experiment.simulation.sample_time,
         final_state=final,

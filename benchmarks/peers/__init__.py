@@ -1,10 +1,9 @@
 """The rows of the table: a new peer or algorithm is a new file, or none, and one line in `peers`."""
 
-import os
-
 from benchmarks.case import Case
 from benchmarks.peers import batch, compiled, hand_c, interpreter, mapaccum, numba_loop, scipy_ivp
 from benchmarks.peers.peer import Peer
+from simulation.cores import cores
 from simulation.experiment import Simulation
 
 LIMIT = "hand-c"
@@ -51,6 +50,6 @@ def peers(duration: float) -> list[Peer]:
             preferred,
             rollouts=batch.ROLLOUTS,
         )
-        for threads in sorted({1, os.cpu_count() or 1})
+        for threads in sorted({1, cores()})
     ]
     return rows

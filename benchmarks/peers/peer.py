@@ -1,6 +1,6 @@
 """What a peer is."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.case import Case
-from simulation.metrics import Metrics, finish
+from simulation.metrics import Metrics, metrics_of
 
 
 class UnavailableError(Exception):
@@ -60,8 +60,4 @@ class Peer:
 def closed_loop_answer(case: Case, state: NDArray[np.float64], positions: NDArray[np.float64] | None = None) -> Answer:
     """The answer in a final state of the symbolic closed loop."""
     final = dict(zip(case.loop.states, state.tolist(), strict=True))
-    return Answer(final["motion.plant.x"], finish(_sums(final)), positions)
-
-
-def _sums(state: Mapping[str, float]) -> dict[str, float]:
-    return {key.removeprefix("metrics."): value for key, value in state.items() if key.startswith("metrics.")}
+    return Answer(final["motion.plant.x"], metrics_of(final), positions)
