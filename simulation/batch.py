@@ -13,6 +13,7 @@ from model.quantity import nearest, with_leaves
 from simulation.check import check
 from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.cores import cores
+from simulation.ensemble import Scenario
 from simulation.environment import exogenous_signals
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
@@ -21,6 +22,9 @@ from simulation.simulate import OUTCOMES
 from simulation.structure import parameters_of, structure_of
 
 Floats = NDArray[np.float64]
+
+SIGNALS_KEPT = 64
+"""Scenarios whose signals are kept from call to call; 6 MB each for 50 s at 1 kHz."""
 
 NOT_RUN = "not_run"
 """Outcome of a pair that an interrupt left out."""
@@ -49,7 +53,7 @@ class BatchResult:
 def rollout(
     names: Sequence[str],
     parameters: ArrayLike,
-    scenarios: Sequence[Experiment],
+    scenarios: Sequence[Experiment | Scenario],
     *,
     stride: int = 0,
     threads: int | None = None,
@@ -64,7 +68,8 @@ def rollout(
         names: keys of the parameters that vary, e.g. ``["controller.nftsm.beta", "controller.observer.l0"]``. A
             ``plant.*`` leaves the plant the controller believes in as the scenario has it (``nominal.*``).
         parameters: (n, len(names)), a value for each name.
-        scenarios: m experiments of one structure and length; they give every other value.
+        scenarios: m experiments, or draws of an ensemble (whose controller believes in the undrawn plant), of one
+            structure and length; they give every other value.
         stride: every how many samples a row is kept; 0 keeps none.
         threads: default: one a core.
         progress: called now and then with the share that is done.
@@ -77,17 +82,20 @@ def rollout(
         DualwinchError: no compiler, or no usable cache folder.
     """
     values = np.asarray(parameters, float)
-    _check_batch(names, values, scenarios)
-    loop = closed_loop(structure_of(scenarios[0]))
+    experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
+    believed = [one.nominal if isinstance(one, Scenario) else None for one in scenarios]
+    _check_batch(names, values, experiments)
+    loop = closed_loop(structure_of(experiments[0]))
     run = compile_batch(loop.step, loop.shortcut)
     places = [loop.parameters.index(name) for name in names]
     pairs = [(i, j) for j in range(len(scenarios)) for i in range(len(values))]
-    samples, sample_time = scenarios[0].samples, scenarios[0].simulation.sample_time
-    signals = lru_cache(maxsize=4 * LANES)(lambda j: exogenous_signals(scenarios[j]))
-    vectors = lru_cache(maxsize=4 * LANES)(lambda j: np.array(list(parameters_of(scenarios[j]).values())))
+    samples, sample_time = experiments[0].samples, experiments[0].simulation.sample_time
+    vectors = lru_cache(maxsize=4 * LANES)(
+        lambda j: np.array(list(parameters_of(experiments[j], believed[j]).values()))
+    )
     shaping = [place for place, name in enumerate(names) if name.startswith(SHAPE_THE_START)]
     start = lru_cache(maxsize=4 * LANES)(
-        lambda j, chosen: _start(scenarios[j], dict(zip([names[place] for place in shaping], chosen, strict=True)))
+        lambda j, chosen: _start(experiments[j], dict(zip([names[place] for place in shaping], chosen, strict=True)))
     )
     shape = len(values), len(scenarios)
     kept = -(-samples // stride) if stride else 0
@@ -103,7 +111,7 @@ def rollout(
         vector = np.array([vectors(j) for _, j in filled])
         vector[:, places] = values[[i for i, _ in filled]]
         state = np.array([start(j, tuple(values[i, shaping].tolist())) for i, j in filled])
-        tables = {j: signals(j) for j in {j for _, j in filled}}
+        tables = {j: signals(experiments[j]) for j in {j for _, j in filled}}
         outcome, done, rows = run(vector, [tables[j] for _, j in filled], state, stride)
         for lane, (i, j) in enumerate(chosen):
             final = dict(zip(loop.states, state[lane].tolist(), strict=True))
@@ -118,6 +126,12 @@ def rollout(
     blocks = [pairs[first : first + LANES] for first in range(0, len(pairs), LANES)]
     _run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
     return result
+
+
+@lru_cache(maxsize=SIGNALS_KEPT)
+def signals(experiment: Experiment) -> Floats:
+    """The signals of an experiment (`exogenous_signals`), kept for the next call; not to be written to."""
+    return exogenous_signals(experiment)
 
 
 def _start(scenario: Experiment, changes: dict[str, float]) -> Floats:

@@ -6,6 +6,7 @@ import pytest
 
 from codegen.batch import LANES
 from dualwinch.config import override
+from dualwinch.ensembles import load_ensemble
 from simulation.batch import NOT_RUN, BatchResult, rollout
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
@@ -63,6 +64,17 @@ def test_a_lane_that_ends_early_leaves_the_others_alone() -> None:
     assert (np.delete(result.outcomes, 4) == "completed").all()
     for name, table in result.metrics.items():
         assert np.array_equal(np.delete(table, 4), np.delete(usual.metrics[name], 4))
+
+
+def test_a_draw_of_an_ensemble_keeps_the_plant_its_controller_believes_in() -> None:
+    sea = load_ensemble("sea")
+    short = replace(sea, experiment=override(sea.experiment, {"simulation.duration": 2.0}))
+    draws = list(short.scenarios(3, 7))
+    result = rollout([], np.empty((1, 0)), draws)
+    for j, draw in enumerate(draws):
+        single = simulate(draw.experiment, nominal=draw.nominal)
+        assert result.metrics["mse"][0, j] == pytest.approx(single.metrics.mse, rel=1e-6)
+        assert result.metrics["mse"][0, j] != pytest.approx(simulate(draw.experiment).metrics.mse, rel=1e-3)
 
 
 def test_preload_may_vary_from_pair_to_pair() -> None:
