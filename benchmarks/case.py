@@ -10,7 +10,7 @@ from simulation.closed_loop import ClosedLoop, closed_loop, initial_state_of
 from simulation.environment import exogenous_signals
 from simulation.experiment import Experiment, Simulation
 from simulation.paper import case
-from simulation.structure import parameters_of, structure_of
+from simulation.structure import parameters_of, structure_of, zeros_of
 
 REFERENCE = ("reference.x", "reference.v", "reference.a", "steady")
 """Columns of `Case.reference`."""
@@ -41,8 +41,8 @@ class Case:
 
     @cached_property
     def loop(self) -> ClosedLoop:
-        """The symbolic closed loop."""
-        return closed_loop(structure_of(self.experiment))
+        """The symbolic closed loop, without what this case switches off."""
+        return closed_loop(structure_of(self.experiment), zeros_of(self.named_parameters))
 
     @cached_property
     def named_parameters(self) -> dict[str, float]:

@@ -1,129 +1,189 @@
 /* Runs a sampled system for many samples and LANES sets of parameters at once, one in each vector lane.
-   Comes after elementary.h and the definitions, over arrays whose elements lie LANES apart, of
-     derive_step(parameters, derived)
-     step(state, exogenous, parameters, derived, next_state, row, margin)
-   and, where HAS_SHORTCUT is 1, of
-     derive_shortcut(parameters, derived)
-     shortcut(state, exogenous, parameters, derived, next_state, row, margin, valid)
-   and of LANES, STATES, EXOGENOUS, PARAMETERS, STEP_DERIVED, SHORTCUT_DERIVED, COLUMNS.
+   Comes after driver.h, elementary.h, the sizes and the functions of codegen/sampled.py, each with its
+   derive_NAME(parameters, derived), over arrays whose elements lie LANES apart. The work of two vectors is interleaved,
+   so that a processor has something to do while it waits for a result: where PAIRED, each call works on lanes l and
+   l + LANES/2, else the compiler is asked to.
 
-   What a lane gives depends on its own numbers alone: lanes never mix. */
+   What a lane gives depends on its own numbers alone: lanes never mix. Each loop over the lanes stands in a function
+   of its own with restrict pointers, or compilers do not see that lanes do not mix either. */
 
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
+#define LOOK_EVERY 16
+#define LANE_ARRAY __attribute__((aligned(64))) double /* a vector in no more than one cache line */
+#define IN_LANES static __attribute__((noinline)) void
+#define EACH_LANE for (int l = 0; l < LANES; ++l)
+#if PAIRED
+#define EACH_CALL for (int l = 0; l < LANES / 2; ++l)
 #else
-#define EXPORT __attribute__((visibility("default")))
+#define EACH_CALL _Pragma("clang loop vectorize(enable) interleave_count(2)") EACH_LANE
 #endif
 
-enum { COMPLETED = 0, DIVERGED = 1, LEFT = 2 };
-
-static __attribute__((noinline)) void derive_lanes(const double *restrict parameters, double *restrict derived
-#if HAS_SHORTCUT
-                                                   , double *restrict shortcut_derived
-#endif
-) {
-  for (int l = 0; l < LANES; ++l) derive_step(parameters + l, derived + l);
-#if HAS_SHORTCUT
-  for (int l = 0; l < LANES; ++l) derive_shortcut(parameters + l, shortcut_derived + l);
-#endif
+IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, double *restrict for_observe,
+                      double *restrict for_move) {
+  EACH_CALL {
+    derive_sample(p + l, for_sample + l);
+    derive_observe(p + l, for_observe + l);
+    derive_move(p + l, for_move + l);
+  }
 }
 
-static __attribute__((noinline)) void step_lanes(
-    const double *restrict state, const double *restrict exogenous, const double *restrict parameters,
-    const double *restrict derived, double *restrict next, double *restrict row, double *restrict margin) {
-  for (int l = 0; l < LANES; ++l)
-    step(state + l, exogenous + l, parameters + l, derived + l, next + l, row + l, margin + l);
+IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                      const double *restrict derived, double *restrict discrete, double *restrict held) {
+  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, held + l);
 }
 
-#if HAS_SHORTCUT
-static __attribute__((noinline)) void shortcut_lanes(
-    const double *restrict state, const double *restrict exogenous, const double *restrict parameters,
-    const double *restrict derived, double *restrict next, double *restrict row, double *restrict margin,
-    double *restrict valid) {
-  for (int l = 0; l < LANES; ++l)
-    shortcut(state + l, exogenous + l, parameters + l, derived + l, next + l, row + l, margin + l, valid + l);
+IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                       const double *restrict derived, double *restrict row) {
+  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
 }
 
-/* Takes the lanes over where the shortcut is not valid. */
-static __attribute__((noinline)) void take_over(const double *restrict valid, double *restrict into, const double *restrict from, int count) {
+IN_LANES move_lanes(const double *restrict motion, const double *restrict held, const double *restrict part,
+                    const double *restrict p, const double *restrict derived, double *restrict next,
+                    double *restrict margin) {
+  EACH_CALL move(motion + l, held + l, part, p + l, derived + l, next + l, margin + l);
+}
+
+/* All parts of the time until the next sample; `between` is room for another motion. */
+static void move_on(const double *now, const double *held, const double *p, const double *derived, double *between,
+                    double *next, double *margin) {
+  const double *from = now;
+  for (int part = 0; part < PARTS; ++part) {
+    const double number = part;
+    double *to = (PARTS - part) % 2 ? next : between;
+    move_lanes(from, held, &number, p, derived, to, margin);
+    from = to;
+  }
+}
+
+#if HAS_LEAP
+IN_LANES derive_leap_lanes(const double *restrict p, double *restrict for_leap) {
+  EACH_CALL derive_leap(p + l, for_leap + l);
+}
+
+IN_LANES leap_lanes(const double *restrict motion, const double *restrict held, const double *restrict p,
+                    const double *restrict derived, double *restrict next, double *restrict margin,
+                    double *restrict valid) {
+  EACH_CALL leap(motion + l, held + l, p + l, derived + l, next + l, margin + l, valid + l);
+}
+
+/* Takes the lanes over where the leap is not valid. */
+IN_LANES take_over(const double *restrict valid, double *restrict into, const double *restrict from, int count) {
   for (int i = 0; i < count; ++i)
-    for (int l = 0; l < LANES; ++l) into[i * LANES + l] = valid[l] > 0 ? into[i * LANES + l] : from[i * LANES + l];
+    EACH_LANE into[i * LANES + l] = valid[l] > 0 ? into[i * LANES + l] : from[i * LANES + l];
 }
 #endif
 
-/* By bits: the optimiser may take floating-point comparisons for granted. An exponent of ones overflows. */
-static __attribute__((noinline)) void find_finite(const double *restrict state, uint64_t *restrict finite) {
+/* One sample's signals, the same for all lanes. */
+IN_LANES share(const double *restrict line, double *restrict w) {
+  for (int i = 0; i < EXOGENOUS; ++i) EACH_LANE w[i * LANES + l] = line[i];
+}
+
+/* One sample's signals, of each lane its own; `place` is that of the sample's line in their tables. */
+IN_LANES gather(const double *const *tables, int64_t place, double *restrict w) {
+  EACH_LANE {
+    const double *line = tables[l] + place;
+    __builtin_prefetch(line + 16 * EXOGENOUS);
+    for (int i = 0; i < EXOGENOUS; ++i) w[i * LANES + l] = line[i];
+  }
+}
+
+static __attribute__((noinline)) int any_at_most_zero(const double *restrict values) {
+  int64_t found = 0;
+  EACH_LANE found |= values[l] <= 0 ? -1 : 0;
+  return found != 0;
+}
+
+IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
   uint64_t overflows[LANES] = {0};
   for (int i = 0; i < STATES; ++i)
-    for (int l = 0; l < LANES; ++l)
-      overflows[l] |= (to_bits(state[i * LANES + l]) & UINT64_C(0x7ff0000000000000)) + UINT64_C(0x0010000000000000);
-  for (int l = 0; l < LANES; ++l) finite[l] = !(overflows[l] >> 63);
+    EACH_LANE overflows[l] |= overflow(state[i * LANES + l]);
+  EACH_LANE finite[l] = !(overflows[l] >> 63);
 }
 
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
    exogenous[l] points to lane l's signals (samples, EXOGENOUS). Every stride-th sample writes a row of each lane to
-   rows (LANES, kept, COLUMNS); rows may be null. outcome and done have LANES elements. */
+   rows (LANES, kept, COLUMNS); rows may be null; those from sample done[l] on mean nothing. outcome and done have
+   LANES elements.
+
+   Whether all is finite is looked at every LOOK_EVERY samples. Where it is not, these samples are done again, looking
+   at each. */
 EXPORT void batch(const double *parameters, const double *const *exogenous, double *state, int64_t samples,
                   int64_t stride, double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
-  double p[PARAMETERS * LANES], derived[(STEP_DERIVED + 1) * LANES], w[(EXOGENOUS + 1) * LANES];
-  double first[STATES * LANES], second[STATES * LANES], row[COLUMNS * LANES], margin[LANES];
-#if HAS_SHORTCUT
-  double shortcut_derived[(SHORTCUT_DERIVED + 1) * LANES], careful[STATES * LANES], careful_row[COLUMNS * LANES];
-  double careful_margin[LANES], valid[LANES];
+  LANE_ARRAY p[PARAMETERS * LANES], w[(EXOGENOUS + 1) * LANES], held[HELD * LANES], row[COLUMNS * LANES];
+  LANE_ARRAY for_sample[(SAMPLE_DERIVED + 1) * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
+  LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES], first[STATES * LANES], second[STATES * LANES], margin[LANES];
+#if HAS_LEAP
+  LANE_ARRAY for_leap[(LEAP_DERIVED + 1) * LANES], moved[MOTION * LANES], moved_margin[LANES], valid[LANES];
 #endif
+  LANE_ARRAY kept_state[STATES * LANES], between[MOTION * LANES];
   uint64_t finite[LANES];
+  int64_t kept_at = 0, watch_until = 0;
   double *now = first, *next = second;
   int running = LANES, shared = 1;
-  for (int l = 0; l < LANES; ++l) {
+  EACH_LANE {
     for (int i = 0; i < PARAMETERS; ++i) p[i * LANES + l] = parameters[l * PARAMETERS + i];
     for (int i = 0; i < STATES; ++i) now[i * LANES + l] = state[l * STATES + i];
     outcome[l] = COMPLETED;
     done[l] = samples;
     shared = shared && exogenous[l] == exogenous[0];
   }
-#if HAS_SHORTCUT
-  derive_lanes(p, derived, shortcut_derived);
-#else
-  derive_lanes(p, derived);
+  memcpy(kept_state, now, sizeof kept_state);
+  derive_lanes(p, for_sample, for_observe, for_move);
+#if HAS_LEAP
+  derive_leap_lanes(p, for_leap);
 #endif
   for (int64_t k = 0; k < samples && running > 0; ++k) {
-    for (int i = 0; i < EXOGENOUS; ++i) {
-      if (shared)
-        for (int l = 0; l < LANES; ++l) w[i * LANES + l] = exogenous[0][k * EXOGENOUS + i];
-      else
-        for (int l = 0; l < LANES; ++l) w[i * LANES + l] = exogenous[l][k * EXOGENOUS + i];
-    }
-#if HAS_SHORTCUT
-    shortcut_lanes(now, w, p, shortcut_derived, next, row, margin, valid);
-    int missing = 0;
-    for (int l = 0; l < LANES; ++l) missing += !(valid[l] > 0) && done[l] == samples;
-    if (missing) {
-      step_lanes(now, w, p, derived, careful, careful_row, careful_margin);
-      take_over(valid, next, careful, STATES);
-      take_over(valid, row, careful_row, COLUMNS);
-      take_over(valid, margin, careful_margin, 1);
-    }
-#else
-    step_lanes(now, w, p, derived, next, row, margin);
-#endif
-    if (rows && k % stride == 0)
-      for (int l = 0; l < LANES; ++l)
+    if (shared) share(exogenous[0] + k * EXOGENOUS, w);
+    else gather(exogenous, k * EXOGENOUS, w);
+    if (rows && k % stride == 0) {
+      observe_lanes(now, w, p, for_observe, row);
+      EACH_LANE
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
-    find_finite(next, finite);
-    for (int l = 0; l < LANES; ++l) {
-      if (done[l] < samples || (finite[l] && !(margin[l] < 0))) continue;
-      outcome[l] = finite[l] ? LEFT : DIVERGED;
-      done[l] = k + 1;
-      --running;
-      for (int i = 0; i < STATES; ++i) state[l * STATES + i] = next[i * LANES + l];
+    }
+    sample_lanes(now, w, p, for_sample, next + MOTION * LANES, held);
+#if HAS_LEAP
+    leap_lanes(now, held, p, for_leap, next, margin, valid);
+    if (any_at_most_zero(valid)) {
+      int missing = 0;
+      EACH_LANE missing += !(valid[l] > 0) && done[l] == samples;
+      if (missing) {
+        move_on(now, held, p, for_move, between, moved, moved_margin);
+        take_over(valid, next, moved, MOTION);
+        take_over(valid, margin, moved_margin, 1);
+      }
+    }
+#else
+    move_on(now, held, p, for_move, between, next, margin);
+#endif
+    int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;
+    if (look || k < watch_until || any_at_most_zero(margin)) {
+      find_finite(next, finite);
+      int lost = 0;
+      EACH_LANE lost += !finite[l] && done[l] == samples;
+      if (lost && k >= watch_until) {
+        memcpy(now, kept_state, sizeof kept_state);
+        watch_until = k + 1;
+        k = kept_at - 1;
+        continue;
+      }
+      EACH_LANE {
+        if (done[l] < samples || (finite[l] && !(margin[l] < 0))) continue;
+        outcome[l] = finite[l] ? LEFT : DIVERGED;
+        done[l] = k + 1;
+        --running;
+        for (int i = 0; i < STATES; ++i) state[l * STATES + i] = next[i * LANES + l];
+      }
     }
     double *last = now;
     now = next;
     next = last;
+    if (look) {
+      memcpy(kept_state, now, sizeof kept_state);
+      kept_at = k + 1;
+    }
   }
-  for (int l = 0; l < LANES; ++l)
+  EACH_LANE
     if (outcome[l] == COMPLETED)
       for (int i = 0; i < STATES; ++i) state[l * STATES + i] = now[i * LANES + l];
 }

@@ -1,50 +1,32 @@
 """Many rollouts at once in compiled C: one set of parameters in each vector lane."""
 
 import ctypes
-import re
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
-from codegen.hoist import hoisted
-from codegen.rollout import sizes_of
-
-LANES = 16
-"""Rollouts that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
-
-BATCH_FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512")
-"""Beside the flags of every build. Contraction and reciprocals change last bits, the same way in every lane."""
-
-CALL = re.compile(r"(?<=[=(\-])(tanh|sin|exp|log|pow)\(")
-"""A call of an elementary function; `elementary.h` has one that runs in lanes."""
+from codegen.lanes import LANES, in_lanes, lane_flags, lane_macros
+from codegen.rollout import COMPLETED, driver_file, source_parts
+from codegen.sampled import Sampled
 
 Floats = NDArray[np.float64]
 
 
-def _in_lanes(source: str, functions: tuple[ca.Function, ...]) -> str:
-    """The functions of a C source over arrays whose elements lie LANES apart, without calls and null outputs."""
-    for function in functions:
-        for name in (*function.name_in(), *function.name_out()):
-            source = re.sub(rf"\bif \({name}\) {name}\[", f"{name}[", source)
-            source = re.sub(rf"\b{name}\[(\d+)\]", rf"{name}[\1*LANES]", source)
-    source = source.replace("static inline void", "static inline __attribute__((always_inline)) void")
-    return CALL.sub(r"inline_\1(", source)
-
-
-def batch_source(step: ca.Function, shortcut: ca.Function | None = None) -> str:
-    """C99 translation unit that runs a step for many samples in LANES lanes; arguments as for `rollout_source`."""
-    functions = hoisted(step) + (hoisted(shortcut) if shortcut is not None else ())
-    sizes = sizes_of(functions) | {"LANES": LANES}
-    lines = [f"#define {name} {size}" for name, size in sizes.items()]
-    elementary, driver = ((files("codegen") / name).read_text(encoding="utf-8") for name in ("elementary.h", "batch.c"))
-    return "\n".join([*lines, elementary, _in_lanes(c_source(list(functions)), functions), driver])
+def batch_source(system: Sampled, compiler: Compiler) -> str:
+    """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
+    sizes, functions = source_parts(system)
+    arrays = {
+        function.name(): {*function.name_in(), *function.name_out()} - {"part"}  # the same in all lanes
+        for function in functions
+    }
+    definitions = in_lanes(c_source(list(functions)), arrays, compiler)
+    parts = [lane_macros(compiler), sizes, driver_file("elementary.h"), definitions, driver_file("batch.c")]
+    return "\n".join(parts)
 
 
 @dataclass(frozen=True)
@@ -84,15 +66,18 @@ class Batch:
             outcome.ctypes.data,
             done.ctypes.data,
         )
+        for lane in np.flatnonzero(outcome != COMPLETED):
+            rows[lane, -(-done[lane] // stride) if stride else 0 :] = np.nan
         return outcome, done, rows
 
 
 @cache
-def compile_batch(step: ca.Function, shortcut: ca.Function | None = None, compiler: Compiler | None = None) -> Batch:
-    """Compile (or find in the cache) and load the batch rollout of a step; arguments as for `compile_rollout`."""
-    path = library(batch_source(step, shortcut), compiler or find_compiler(), BATCH_FLAGS)
+def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
+    """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""
+    chosen = compiler or find_compiler()
+    path = library(batch_source(system, chosen), chosen, lane_flags(chosen))
     call = ctypes.CDLL(str(path)).batch
     call.restype = None
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer, pointer, pointer, count, count, pointer, count, pointer, pointer]
-    return Batch(step.numel_out("row"), call)
+    return Batch(system.observe.numel_out("row"), call)

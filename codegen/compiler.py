@@ -50,6 +50,11 @@ class Compiler:
     version: str
 
     @property
+    def is_clang(self) -> bool:
+        """Whether it is clang, under whatever name."""
+        return self.name == "zig" or "clang" in self.version
+
+    @property
     def flags(self) -> tuple[str, ...]:
         """Flags of a shared library for this machine's processor."""
         native = () if self.name == "zig" or not _takes_native() else ("-march=native",)

@@ -1,20 +1,11 @@
 /* Elementary functions without branches, tables or calls, so that compilers inline them, overlap them and carry
    them out in vector lanes. Accurate to a few units in the last place over the ranges named; the same bits from
-   every compiler that does not contract products (-ffp-contract=off). Not for non-finite arguments. */
-
-#include <stdint.h>
-#include <string.h>
+   every compiler that does not contract products (-ffp-contract=off). Not for non-finite arguments. Comes after driver.h. */
 
 static inline double from_bits(uint64_t bits) {
   double value;
   memcpy(&value, &bits, sizeof value);
   return value;
-}
-
-static inline uint64_t to_bits(double value) {
-  uint64_t bits;
-  memcpy(&bits, &value, sizeof bits);
-  return bits;
 }
 
 static inline double limited(double value, double lower, double upper) {
@@ -86,6 +77,9 @@ static inline double inline_sin(double x) {
   double sine = r + r * q * p;
   return from_bits(to_bits(sine) ^ to_bits(odd));
 }
+
+/* cos(x) for |x| < 1e8; its absolute error grows with x like the spacing of numbers there */
+static inline double inline_cos(double x) { return inline_sin(x + 1.5707963267948966); }
 
 /* log(x) for positive normal x */
 static inline double inline_log(double x) {

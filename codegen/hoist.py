@@ -1,5 +1,8 @@
 """Moves work out of a step that runs a million times: what depends on the parameters alone is computed once."""
 
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -26,10 +29,26 @@ class _Reciprocals:
         return self._of[key]
 
 
+def _shared_divisors(function: ca.Function) -> dict[int, int]:
+    """Instruction → number of its divisor, for divisions by something that others are divided by as well."""
+    version: dict[int, int] = {}
+    divisor: dict[int, int] = {}
+    for step in range(function.n_instructions()):
+        operation = function.instruction_id(step)
+        if operation == ca.OP_DIV:
+            divisor[step] = version[function.instruction_input(step)[1]]
+        if operation != ca.OP_OUTPUT:
+            version[function.instruction_output(step)[0]] = step
+    counts = Counter(divisor.values())
+    return {step: number for step, number in divisor.items() if counts[number] > 1}
+
+
 def _without_divisions(function: ca.Function, inputs: list[ca.SX], reciprocals: _Reciprocals) -> list[ca.SX]:
     """The function's outputs, built anew from its instructions with divisions replaced where possible."""
     elements = [ca.vertsplit(symbol) for symbol in inputs]
     outputs = [[ca.SX(0)] * function.numel_out(place) for place in range(function.n_out())]
+    shared = _shared_divisors(function)
+    inverses: dict[int, ca.SX] = {}
     work: dict[int, ca.SX] = {}
     fixed: dict[int, bool] = {}  # whether a value depends on the parameters alone
     for step in range(function.n_instructions()):
@@ -50,6 +69,9 @@ def _without_divisions(function: ca.Function, inputs: list[ca.SX], reciprocals: 
             if operation == ca.OP_DIV and fixed[outof[1]] and not both_fixed:
                 inverse = 1 / float(right) if right.is_constant() else reciprocals.of(right)
                 work[target] = left * inverse
+            elif operation == ca.OP_DIV and step in shared:
+                inverse = inverses.setdefault(shared[step], 1 / right)
+                work[target] = left * inverse
             else:
                 work[target] = ca.SX.binary(operation, left, right)
             fixed[target] = both_fixed
@@ -58,6 +80,16 @@ def _without_divisions(function: ca.Function, inputs: list[ca.SX], reciprocals: 
 
 def _column(values: list[ca.SX]) -> ca.SX:
     return ca.vertcat(*values) if values else ca.SX(0, 1)
+
+
+@contextmanager
+def _as_written() -> Iterator[None]:
+    """Within, CasADi keeps x (1/y) as it is; else it makes x/y of it."""
+    ca.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        yield
+    finally:
+        ca.GlobalOptions.setSimplificationOnTheFly(True)
 
 
 @cache
@@ -76,9 +108,15 @@ def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
     inputs = [ca.SX.sym(name, step.size1_in(name)) for name in names]
     parameters = inputs[names.index("parameters")]
     reciprocals = _Reciprocals(names.index("parameters"))
-    outputs = _without_divisions(step, inputs, reciprocals)
-    ends = np.cumsum([0, *(output.numel() for output in outputs)])
+    with _as_written():
+        outputs = _without_divisions(step, inputs, reciprocals)
+        return _split(step, inputs, parameters, outputs, reciprocals)
 
+
+def _split(
+    step: ca.Function, inputs: list[ca.SX], parameters: ca.SX, outputs: list[ca.SX], reciprocals: _Reciprocals
+) -> tuple[ca.Function, ca.Function]:
+    ends = np.cumsum([0, *(output.numel() for output in outputs)])
     rest, symbols, values = ca.extract_parametric(ca.vertcat(*outputs), ca.vertcat(parameters, *reciprocals.symbols))
     symbol, value = _column(reciprocals.symbols), _column(reciprocals.values)
     values = ca.substitute(_column(values), symbol, value)
@@ -87,4 +125,4 @@ def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
         f"derive_{step.name()}", [parameters], [ca.cse(ca.vertcat(value, values))], ["parameters"], ["derived"]
     )
     parts = ca.vertsplit(ca.densify(ca.cse(rest)), [int(end) for end in ends])
-    return derive, ca.Function(step.name(), [*inputs, derived], parts, [*names, "derived"], step.name_out())
+    return derive, ca.Function(step.name(), [*inputs, derived], parts, [*step.name_in(), "derived"], step.name_out())

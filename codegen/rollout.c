@@ -1,30 +1,9 @@
-/* Runs a sampled system for many samples. Comes after the definitions of
-     derive_step(parameters, derived)
-     step(state, exogenous, parameters, derived, next_state, row, margin)
-   and of STATES, EXOGENOUS, PARAMETERS, STEP_DERIVED, COLUMNS; where HAS_SHORTCUT is 1 also of
-     derive_shortcut(parameters, derived)
-     shortcut(state, exogenous, parameters, derived, next_state, row, margin, valid)
-   and of SHORTCUT_DERIVED: a cheaper step that gives the same numbers wherever valid > 0. */
+/* Runs a sampled system for many samples. Comes after driver.h, the sizes and the functions of codegen/sampled.py,
+   each with its derive_NAME(parameters, derived) for what depends on the parameters alone. */
 
-#include <stdint.h>
-#include <string.h>
-
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-
-enum { COMPLETED = 0, DIVERGED = 1, LEFT = 2 };
-
-/* By bits: the optimiser may take floating-point comparisons for granted. An exponent of ones overflows. */
 static inline int all_finite(const double *values, int count) {
   uint64_t overflows = 0;
-  for (int i = 0; i < count; ++i) {
-    uint64_t bits;
-    memcpy(&bits, values + i, sizeof bits);
-    overflows |= (bits & UINT64_C(0x7ff0000000000000)) + UINT64_C(0x0010000000000000);
-  }
+  for (int i = 0; i < count; ++i) overflows |= overflow(values[i]);
   return !(overflows >> 63);
 }
 
@@ -34,28 +13,38 @@ static inline int all_finite(const double *values, int count) {
    Returns the outcome; *done is the number of samples stepped. */
 EXPORT int rollout(const double *parameters, const double *exogenous, double *state,
                    int64_t samples, int64_t stride, double *rows, int64_t *done) {
-  double derived[STEP_DERIVED + 1], buffer[STATES], margin = 0;
+  double for_sample[SAMPLE_DERIVED + 1], for_observe[OBSERVE_DERIVED + 1], for_move[MOVE_DERIVED + 1];
+  double held[HELD], buffer[STATES], moved[MOTION], margin = 0;
   double *now = state, *next = buffer;
   int outcome = COMPLETED;
   int64_t k = 0, until_row = 0;
-  derive_step(parameters, derived);
-#if HAS_SHORTCUT
-  double shortcut_derived[SHORTCUT_DERIVED + 1], valid = 0;
-  derive_shortcut(parameters, shortcut_derived);
+  derive_sample(parameters, for_sample);
+  derive_observe(parameters, for_observe);
+  derive_move(parameters, for_move);
+#if HAS_LEAP
+  double for_leap[LEAP_DERIVED + 1], valid = 0;
+  derive_leap(parameters, for_leap);
 #endif
   while (k < samples && outcome == COMPLETED) {
-    double *row = 0;
-    if (rows && until_row == 0) {
-      row = rows;
+    if (rows && until_row-- == 0) {
+      observe(now, exogenous, parameters, for_observe, rows);
       rows += COLUMNS;
-      until_row = stride;
+      until_row = stride - 1;
     }
-    --until_row;
-#if HAS_SHORTCUT
-    shortcut(now, exogenous, parameters, shortcut_derived, next, row, &margin, &valid);
+    sample(now, exogenous, parameters, for_sample, next + MOTION, held);
+#if HAS_LEAP
+    leap(now, held, parameters, for_leap, next, &margin, &valid);
     if (!(valid > 0))
 #endif
-      step(now, exogenous, parameters, derived, next, row, &margin);
+    {
+      const double *from = now;
+      for (int part = 0; part < PARTS; ++part) {
+        const double number = part;
+        double *to = (PARTS - part) % 2 ? next : moved;
+        move(from, held, &number, parameters, for_move, to, &margin);
+        from = to;
+      }
+    }
     if (!all_finite(next, STATES)) outcome = DIVERGED;
     else if (margin < 0) outcome = LEFT;
     double *last = now;

@@ -14,42 +14,32 @@ from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
 from codegen.hoist import hoisted
+from codegen.sampled import Sampled
 
 COMPLETED, DIVERGED, LEFT = 0, 1, 2
 """Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
 
 
-def sizes_of(functions: tuple[ca.Function, ...]) -> dict[str, int]:
-    """What the C drivers need to know: sizes of vectors by macro name.
-
-    Args:
-        functions: ``derive_step, step`` and, if there is a shortcut, ``derive_shortcut, shortcut``.
-    """
-    derive, step, *shortcut = functions
-    sizes = {
-        "STATES": step.numel_in("state"),
-        "EXOGENOUS": step.numel_in("exogenous"),
-        "PARAMETERS": step.numel_in("parameters"),
-        "COLUMNS": step.numel_out("row"),
-        "STEP_DERIVED": derive.numel_out("derived"),
-        "HAS_SHORTCUT": int(bool(shortcut)),
+def source_parts(system: Sampled) -> tuple[str, tuple[ca.Function, ...]]:
+    """The sizes as macros with what the drivers share, and the functions they call."""
+    functions = tuple(part for function in system.functions for part in hoisted(function))
+    sizes = system.sizes | {
+        f"{derive.name().removeprefix('derive_').upper()}_DERIVED": derive.numel_out("derived")
+        for derive in functions[::2]
     }
-    return sizes | ({"SHORTCUT_DERIVED": shortcut[0].numel_out("derived")} if shortcut else {})
-
-
-def rollout_source(step: ca.Function, shortcut: ca.Function | None = None) -> str:
-    """C99 translation unit that runs a step for many samples.
-
-    Args:
-        step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
-        shortcut: ``shortcut(state, exogenous, parameters) -> (next_state, row, margin, valid)``, a cheaper step
-            that gives the same numbers wherever ``valid > 0``; the step is then left out.
-    """
-    functions = hoisted(step) + (hoisted(shortcut) if shortcut is not None else ())
-    sizes = sizes_of(functions)
     lines = [f"#define {name} {size}" for name, size in sizes.items()]
-    driver = (files("codegen") / "rollout.c").read_text(encoding="utf-8")
-    return "\n".join([*lines, c_source(list(functions)), driver])
+    return "\n".join([*lines, driver_file("driver.h")]), functions
+
+
+def driver_file(name: str) -> str:
+    """The text of a C file beside this one."""
+    return (files("codegen") / name).read_text(encoding="utf-8")
+
+
+def rollout_source(system: Sampled) -> str:
+    """C99 translation unit that runs a sampled system for many samples."""
+    sizes, functions = source_parts(system)
+    return "\n".join([sizes, c_source(list(functions)), driver_file("rollout.c")])
 
 
 @dataclass(frozen=True)
@@ -100,14 +90,11 @@ class Rollout:
 
 
 @cache
-def compile_rollout(
-    step: ca.Function, shortcut: ca.Function | None = None, compiler: Compiler | None = None
-) -> Rollout:
-    """Compile (or find in the cache) and load the rollout of a step.
+def compile_rollout(system: Sampled, compiler: Compiler | None = None) -> Rollout:
+    """Compile (or find in the cache) and load the rollout of a sampled system.
 
     Args:
-        step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``.
-        shortcut: a cheaper step for where it is valid; see `rollout_source`.
+        system: what is run.
         compiler: by default the one `find_compiler` finds.
 
     Raises:
@@ -115,9 +102,9 @@ def compile_rollout(
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
     """
-    path = library(rollout_source(step, shortcut), compiler or find_compiler())
+    path = library(rollout_source(system), compiler or find_compiler())
     call = ctypes.CDLL(str(path)).rollout
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer, pointer, pointer, count, count, pointer, ctypes.POINTER(count)]
-    return Rollout(step.numel_out("row"), path, call)
+    return Rollout(system.observe.numel_out("row"), path, call)

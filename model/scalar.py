@@ -17,6 +17,8 @@ def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
     """`value` where the condition holds, else `otherwise` (both are evaluated)."""
     if isinstance(condition, np.ndarray):
         return np.where(condition, value, otherwise)
+    if isinstance(condition, ca.SX) and condition.is_constant():
+        return value if float(condition) else otherwise
     chosen = ca.if_else(condition, value, otherwise)
     return float(chosen) if isinstance(chosen, ca.DM) else chosen
 
@@ -71,9 +73,18 @@ def sqrt(value: Scalar) -> Scalar:
     return ca.sqrt(value)
 
 
+def reciprocals(first: Scalar, second: Scalar) -> tuple[Scalar, Scalar]:
+    """1/first and 1/second by one division, which costs as much as ten products; their product must not overflow."""
+    product = first * second
+    ca.GlobalOptions.setSimplificationOnTheFly(False)  # or CasADi makes two divisions of it again
+    inverses = second / product, first / product
+    ca.GlobalOptions.setSimplificationOnTheFly(True)
+    return inverses
+
+
 def power(base: Scalar, exponent: Scalar) -> Scalar:
-    """`base` to the `exponent`, for base >= 0."""
-    return base**exponent
+    """`base` to the `exponent`, for base > 0."""
+    return ca.exp(exponent * ca.log(base))
 
 
 def rounded(value: Scalar) -> Scalar:

@@ -19,7 +19,7 @@ from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.metrics import Metrics, metrics_of
 from simulation.simulate import OUTCOMES
-from simulation.structure import parameters_of, structure_of
+from simulation.structure import parameters_of, structure_of, zeros_of
 
 Floats = NDArray[np.float64]
 
@@ -85,14 +85,13 @@ def rollout(
     experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
     believed = [one.nominal if isinstance(one, Scenario) else None for one in scenarios]
     _check_batch(names, values, experiments)
-    loop = closed_loop(structure_of(experiments[0]))
-    run = compile_batch(loop.step, loop.shortcut)
+    numbers = [parameters_of(one, nominal) for one, nominal in zip(experiments, believed, strict=True)]
+    loop = closed_loop(structure_of(experiments[0]), zeros_of(*numbers) - set(names))
+    run = compile_batch(loop)
     places = [loop.parameters.index(name) for name in names]
     pairs = [(i, j) for j in range(len(scenarios)) for i in range(len(values))]
     samples, sample_time = experiments[0].samples, experiments[0].simulation.sample_time
-    vectors = lru_cache(maxsize=4 * LANES)(
-        lambda j: np.array(list(parameters_of(experiments[j], believed[j]).values()))
-    )
+    vectors = np.array([list(one.values()) for one in numbers])
     shaping = [place for place, name in enumerate(names) if name.startswith(SHAPE_THE_START)]
     start = lru_cache(maxsize=4 * LANES)(
         lambda j, chosen: _start(experiments[j], dict(zip([names[place] for place in shaping], chosen, strict=True)))
@@ -108,7 +107,7 @@ def rollout(
 
     def block(chosen: list[tuple[int, int]]) -> None:
         filled = (chosen * LANES)[:LANES]  # idle lanes repeat the block's pairs
-        vector = np.array([vectors(j) for _, j in filled])
+        vector = vectors[[j for _, j in filled]]
         vector[:, places] = values[[i for i, _ in filled]]
         state = np.array([start(j, tuple(values[i, shaping].tolist())) for i, j in filled])
         tables = {j: signals(experiments[j]) for j in {j for _, j in filled}}

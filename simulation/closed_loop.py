@@ -1,11 +1,12 @@
 """Plant and controller as one symbolic step of the sampled closed loop."""
 
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from typing import Annotated
 
 import casadi as ca
 
+from codegen.sampled import Sampled
 from controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from controllers.coordination import Coordination
 from model.plant import Environment, Plant, Torques, holding_torques, resting_state, tensions
@@ -42,23 +43,47 @@ class LoopState:
 
 
 @dataclass(frozen=True)
-class ClosedLoop:
+class Held:
+    """What acts on the plant between two samples: it is held."""
+
+    t: Annotated[Scalar, Quantity("s", "time of the sample's beginning")]
+    torques: Torques
+    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")]
+    normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")]
+
+
+@dataclass(frozen=True)
+class ClosedLoop(Sampled):
     """The closed loop as named CasADi functions, and the names of everything in their vectors.
 
+    At a sample the controller senses and acts, and the figures of merit are summed up; until the next one the plant
+    moves. `margin` in m is the distance of the next position to the nearer end of the track.
+
     Attributes:
-        step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``: one sample. `margin` in m is
-            the distance of the next position to the nearer end of the track; negative: the track was left.
-        shortcut: ``shortcut(state, exogenous, parameters) -> (next_state, row, margin, valid)``: a cheaper step
-            with the same result wherever ``valid > 0``; None where the integrator has none.
         states, exogenous, parameters, columns: names of the elements of those vectors.
     """
 
-    step: ca.Function
-    shortcut: ca.Function | None
     states: tuple[str, ...]
     exogenous: tuple[str, ...]
     parameters: tuple[str, ...]
     columns: tuple[str, ...]
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
+        vectors = {"state": self.states, "exogenous": self.exogenous, "parameters": self.parameters}
+        arguments = [ca.SX.sym(name, len(elements)) for name, elements in vectors.items()]
+        discrete, held = self.sample(*arguments)
+        start = arguments[0][: self.move.numel_in("motion")]
+        motion, margin = start, ca.SX(0)
+        for part in range(self.parts):
+            motion, margin = self.move(motion, held, part, arguments[2])
+        if self.leap:
+            leapt, leapt_margin, valid = self.leap(start, held, arguments[2])
+            motion = ca.if_else(valid > 0, leapt, motion)
+            margin = ca.if_else(valid > 0, leapt_margin, margin)
+        outputs = [ca.vertcat(motion, discrete), self.observe(*arguments), margin]
+        return ca.Function("step", arguments, outputs, list(vectors), ["next_state", "row", "margin"], {"cse": True})
 
 
 def _initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
@@ -84,8 +109,14 @@ def initial_state_of(experiment: Experiment) -> dict[str, float]:
 
 
 @cache
-def closed_loop(structure: Structure) -> ClosedLoop:
-    """Build the symbolic step of a structure (cached)."""
+def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset()) -> ClosedLoop:
+    """Build the symbolic functions of a structure (cached).
+
+    Args:
+        structure: what shapes them.
+        zeros: names of parameters that are zero for good (`structure.zeros_of`): the functions leave out what these
+            multiply and do not look at their values.
+    """
     template = Experiment(
         plant=Plant(rope_slack=structure.rope_slack),
         controller=Controller(
@@ -105,6 +136,7 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     of_state, outside, values = (
         dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
     )
+    values |= dict.fromkeys(zeros, ca.SX(0))
     plant = with_leaves(template.plant, values, "plant.")
     nominal = with_leaves(template.plant, values, "nominal.")
     controller = with_leaves(template.controller, values, "controller.")
@@ -123,21 +155,28 @@ def closed_loop(structure: Structure) -> ClosedLoop:
 
     # until the next sample: the plant moves on under the torques that reach the motors
     queue = [*(of_state[name] for name in queued), said.tau1, said.tau2]
-    torques = Torques(queue[0], queue[1])
-    sea = Environment(current=exogenous.current, normal_force_variation=exogenous.normal_force_variation)
-    problem = Problem(
+    held = Held(
         t=state.sample * sample_time,
-        duration=sample_time,
-        torques=torques,
-        environment=sea,
-        disturbance=with_leaves(template.disturbance, values, "disturbance."),
-        plant=plant,
+        torques=Torques(queue[0], queue[1]),
+        current=exogenous.current,
+        normal_force_variation=exogenous.normal_force_variation,
     )
+    disturbance = with_leaves(template.disturbance, values, "disturbance.")
 
-    environment = problem.environment_at(problem.t, plant_state.v, state.motion.phase)
-    row = row_of(problem.t, plant_state, forces, exogenous.reference, said, environment, plant, nominal)
-    power_1 = plant.winch_1.gear_ratio * torques.tau_1 * plant_state.omega_1
-    power_2 = plant.winch_2.gear_ratio * torques.tau_2 * plant_state.omega_2
+    def problem_of(held: Held) -> Problem:
+        return Problem(
+            t=held.t,
+            duration=sample_time,
+            torques=held.torques,
+            environment=Environment(current=held.current, normal_force_variation=held.normal_force_variation),
+            disturbance=disturbance,
+            plant=plant,
+        )
+
+    environment = problem_of(held).environment_at(held.t, plant_state.v, state.motion.phase)
+    row = row_of(held.t, plant_state, forces, exogenous.reference, said, environment, plant, nominal)
+    power_1 = plant.winch_1.gear_ratio * held.torques.tau_1 * plant_state.omega_1
+    power_2 = plant.winch_2.gear_ratio * held.torques.tau_2 * plant_state.omega_2
     sample = Sample(
         error=row["e"],
         F1=row["F1"],
@@ -148,28 +187,41 @@ def closed_loop(structure: Structure) -> ClosedLoop:
         steady=exogenous.steady,
     )
     sums = accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time)
+    moving = list(leaves(state.motion, "motion."))
+    following = leaves(LoopState(state.motion, controller_state, encoders, state.sample + 1))
+    following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
+    discrete = [following[name] for name in vectors["state"][len(moving) :]]
+
+    # the plant for itself
+    motion = ca.SX.sym("motion", len(moving))
+    given = ca.SX.sym("held", len(leaves(held)))
+    start = with_leaves(state.motion, dict(zip(moving, ca.vertsplit(motion), strict=True)), "motion.")
+    problem = problem_of(with_leaves(held, dict(zip(leaves(held), ca.vertsplit(given), strict=True))))
     overrun = plant.track.rope_offset / 2
 
-    def outputs(motion: Motion) -> list[ca.SX]:
-        following = leaves(LoopState(motion, controller_state, encoders, state.sample + 1))
-        following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
-        margin = minimum(motion.plant.x + overrun, plant.track.length + overrun - motion.plant.x)
-        return [
-            ca.vertcat(*(following[name] for name in vectors["state"])),
-            ca.vertcat(*row.values()),
-            margin,
-        ]
+    def moved(following: Motion) -> dict[str, ca.SX]:
+        margin = minimum(following.plant.x + overrun, plant.track.length + overrun - following.plant.x)
+        return {"next_motion": ca.vertcat(*leaves(following).values()), "margin": margin}
 
     integrator = INTEGRATORS[structure.integrator]
-    names = ["next_state", "row", "margin"]
-    moved = integrator.advance(problem, state.motion, structure.substeps)
-    shortcut = None
-    if integrator.shortcut:
-        quick, valid = integrator.shortcut(problem, state.motion)
-        shortcut = _function("shortcut", symbols, [*outputs(quick), valid], [*names, "valid"])
+    parameters, leap = symbols["parameters"], None
+    if integrator.leap:
+        quick, valid = integrator.leap(problem, start)
+        leap = _function(
+            "leap", {"motion": motion, "held": given, "parameters": parameters}, moved(quick) | {"valid": valid}
+        )
+    part = ca.SX.sym("part")
+    h = sample_time / structure.substeps
+    careful = integrator.substep(problem, start, problem.t + part * h, h)
+    at_sample = {"discrete": ca.vertcat(*discrete), "held": ca.vertcat(*leaves(held).values())}
     return ClosedLoop(
-        step=_function("step", symbols, outputs(moved), names),
-        shortcut=shortcut,
+        sample=_function("sample", symbols, at_sample),
+        observe=_function("observe", symbols, {"row": ca.vertcat(*row.values())}),
+        move=_function(
+            "move", {"motion": motion, "held": given, "part": part, "parameters": parameters}, moved(careful)
+        ),
+        parts=structure.substeps,
+        leap=leap,
         states=vectors["state"],
         exogenous=vectors["exogenous"],
         parameters=vectors["parameters"],
@@ -177,5 +229,5 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     )
 
 
-def _function(name: str, inputs: dict[str, ca.SX], outputs: list[ca.SX], names: list[str]) -> ca.Function:
-    return ca.Function(name, list(inputs.values()), outputs, list(inputs), names, {"cse": True})
+def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})

@@ -15,7 +15,7 @@ from simulation.experiment import Experiment
 from simulation.metrics import metrics_of
 from simulation.result import Result
 from simulation.row import COLUMNS
-from simulation.structure import parameters_of, structure_of
+from simulation.structure import parameters_of, structure_of, zeros_of
 
 OUTCOMES = ("completed", "diverged", "left_track")
 """Names of the outcomes of `codegen.rollout`."""
@@ -50,9 +50,10 @@ def simulate(
     """
     check(experiment)
     check_memory(experiment.samples, stride, len(COLUMNS))
-    loop = closed_loop(structure_of(experiment))
+    values = parameters_of(experiment, nominal)
+    loop = closed_loop(structure_of(experiment), zeros_of(values))
     run = engine(loop, engine_name)
-    parameters = np.array(list(parameters_of(experiment, nominal).values()))
+    parameters = np.array(list(values.values()))
     state = np.array(list(initial_state_of(experiment).values()))
     kept: list[NDArray[np.float64]] = []
     outcome, done = COMPLETED, 0

@@ -1,5 +1,6 @@
 """What of an experiment shapes the compiled code, and what are numbers it takes at run time."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from controllers.nominal import nominal_plant
@@ -61,3 +62,8 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
         | {"simulation.sample_time": experiment.simulation.sample_time}
     )
     return {key: float(value) for key, value in values.items()}
+
+
+def zeros_of(*parameters: Mapping[str, float]) -> frozenset[str]:
+    """The parameters that are zero in all of these: what they multiply can be left out of the compiled code."""
+    return frozenset(name for name in parameters[0] if not any(values[name] for values in parameters))

@@ -1,52 +1,44 @@
-"""The exponential integrator in one step where that is good enough, and in several where it is not.
+"""The exponential integrator in one step, and where that is good enough.
 
-One step is enough where neither rope can go slack within the sample and no dry friction bends. That is most of the
+It is where neither rope can go slack within the sample and no dry friction bends. That is most of the
 time; start-up, slack and the first centimetres of a hard start get the careful steps.
 """
 
 from functools import reduce
 
-from model.quantity import leaves, with_leaves
 from model.scalar import Scalar, absolute, maximum, minimum, where
 from model.winch import FRICTION_SPEED
-from simulation.integrators.exponential import exponential, in_equal_steps
+from simulation.integrators.exponential import exponential_step
 from simulation.integrators.problem import Motion, Problem
 
-FRICTION_REACH = 4.0
-"""Speed over the friction's own beyond which friction is constant: tanh(4) = 0.9993."""
+FRICTION_REACH = 3.0
+"""Speed over the friction's own beyond which friction is constant: tanh(3) = 0.995."""
 
-FRICTION_STEP = 0.02
-"""Change of speed over the friction's own that one step may bridge where friction bends."""
-
-
-def adaptive(problem: Problem, motion: Motion, substeps: int) -> Motion:
-    """Motion at the end of the sample: in one step where `single_step` is good enough, else in equal sub-steps."""
-    quick, valid = single_step(problem, motion)
-    careful, values = leaves(exponential(problem, motion, substeps)), leaves(quick)
-    return with_leaves(quick, {key: where(valid > 0, values[key], careful[key]) for key in values})
+RAIL_STEP, WINCH_STEP = 0.02, 0.2
+"""Change of speed over the friction's own that one step may bridge where friction bends, on the rail and in a winch."""
 
 
-def single_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
+def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
     """Motion at the end of the sample in one step, and a number that is positive where that is good enough.
 
     It is where both ropes surely stay taut and no dry friction bends, on the rail or in a winch.
     """
-    moved, clearance = in_equal_steps(problem, motion, 1, slack=False)
+    moved, clearance = exponential_step(problem, motion, problem.t, problem.duration, slack=False)
     before, after, plant = motion.plant, moved.plant, problem.plant
-    margins = [_straightness(before.v, after.v, plant.vehicle.friction_velocity)]
+    margins = [_straightness(before.v, after.v, plant.vehicle.friction_velocity, RAIL_STEP)]
     for winch, start, end in (
         (plant.winch_1, before.omega_1, after.omega_1),
         (plant.winch_2, before.omega_2, after.omega_2),
     ):
-        margins.append(where(winch.coulomb_friction > 0, _straightness(start, end, FRICTION_SPEED), 1.0))
+        margins.append(where(winch.coulomb_friction > 0, _straightness(start, end, FRICTION_SPEED, WINCH_STEP), 1.0))
     if plant.rope_slack:
         margins.append(clearance)
     return moved, reduce(minimum, margins)
 
 
-def _straightness(start: Scalar, end: Scalar, scale: Scalar) -> Scalar:
+def _straightness(start: Scalar, end: Scalar, scale: Scalar, step: float) -> Scalar:
     """Positive where tanh(speed/scale) does not bend on the way: too fast to change, or hardly a change of speed."""
     least = where(start * end > 0, minimum(absolute(start), absolute(end)), 0.0)
     fast = least / scale - FRICTION_REACH
-    steady = FRICTION_STEP - absolute(end - start) / scale
+    steady = step - absolute(end - start) / scale
     return maximum(fast, steady)

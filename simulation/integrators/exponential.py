@@ -13,35 +13,17 @@ the Kelvin–Voigt rope.
 
 from model.disturbance import vortex_frequency
 from model.plant import PlantState, vehicle_acceleration
-from model.rope import Rope, rope_lengths, stiffness
-from model.scalar import Scalar, minimum
+from model.rope import Rope, rope_lengths
+from model.scalar import Scalar, minimum, reciprocals
 from model.vehicle import inertia
 from model.winch import Winch, friction_slope, friction_torque
 from simulation.integrators.oscillator import Oscillator
 from simulation.integrators.problem import Motion, Problem
 
 
-def exponential(problem: Problem, motion: Motion, substeps: int) -> Motion:
-    """Motion at the end of the sample, in equal sub-steps."""
-    return in_equal_steps(problem, motion, substeps, slack=problem.plant.rope_slack)[0]
-
-
-def in_equal_steps(problem: Problem, motion: Motion, substeps: int, *, slack: bool) -> tuple[Motion, Scalar]:
-    """Motion at the end of the sample, and a bound in N below both tensions all through it, ropes taut.
-
-    Args:
-        problem: the sample.
-        motion: at its beginning.
-        substeps: number of equal steps.
-        slack: whether ropes can go slack on the way; without, the result holds where the bound is positive.
-    """
-    h = problem.duration / substeps
-    slow = _slow_acceleration(problem, problem.t, motion.plant.v, motion.phase)
-    clearance = 1.0
-    for index in range(substeps):
-        motion, slow, least = _substep(problem, motion, slow, problem.t + index * h, h, slack)
-        clearance = minimum(clearance, least)
-    return motion, clearance
+def exponential(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
+    """Motion after a step of length h in s from the time t in s."""
+    return exponential_step(problem, motion, t, h, slack=problem.plant.rope_slack)[0]
 
 
 def _slow_acceleration(problem: Problem, t: Scalar, v: Scalar, phase: Scalar) -> Scalar:
@@ -49,24 +31,30 @@ def _slow_acceleration(problem: Problem, t: Scalar, v: Scalar, phase: Scalar) ->
     return vehicle_acceleration(v, 0.0, problem.environment_at(t, v, phase), problem.plant.vehicle)
 
 
-def _substep(
-    problem: Problem, motion: Motion, last_slow: Scalar, t: Scalar, h: Scalar, slack: bool
-) -> tuple[Motion, Scalar, Scalar]:
-    """One sub-step of length h from the time t (s).
+def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, slack: bool) -> tuple[Motion, Scalar]:
+    """The motion after one step, and a number that is positive only if taut ropes stay taut all through it.
 
-    Returns:
-        The motion after it, the slow acceleration at its middle in m/s², and the ropes' clearance from going slack.
+    The speed at mid-step, where the slow acceleration is taken, follows from that of the last step.
+
+    Args:
+        problem: what is solved.
+        motion: at the beginning of the step.
+        t: time of its beginning in s.
+        h: its length in s.
+        slack: whether ropes can go slack; without, the result holds where the number is positive.
     """
     plant, state = problem.plant, motion.plant
     rope_1, rope_2 = _oscillators(problem, state, h, slack)
     (fixed_1, slope_1), (fixed_2, slope_2) = rope_1.impulse(), rope_2.impulse()
     momentum = h * inertia(plant.vehicle)
 
+    yielding = 1 / (momentum - slope_1 + slope_2)
+
     def mean_acceleration(slow: Scalar) -> Scalar:
         """From the vehicle's momentum balance: h mass a = h mass slow + impulse_1(a) − impulse_2(a)."""
-        return (momentum * slow + fixed_1 - fixed_2) / (momentum - slope_1 + slope_2)
+        return (momentum * slow + fixed_1 - fixed_2) * yielding
 
-    middle_v = state.v + h / 2 * mean_acceleration(last_slow)
+    middle_v = state.v + h / 2 * mean_acceleration(motion.slow)
     frequency = vortex_frequency(middle_v, problem.disturbance, plant.vehicle)
     slow = _slow_acceleration(problem, t + h / 2, middle_v, motion.phase + h / 2 * frequency)
     a = mean_acceleration(slow)
@@ -85,13 +73,14 @@ def _substep(
         omega_2=(rate_2 - v) / radius_2,
     )
     clearance = minimum(rope_1.clearance(a), rope_2.clearance(a))
-    return Motion(following, motion.phase + h * frequency), slow, clearance
+    return Motion(following, motion.phase + h * frequency, slow), clearance
 
 
 def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) -> tuple[Oscillator, Oscillator]:
     """Both ropes with their drums, the rope lengths at mid-step."""
     plant, torques = problem.plant, problem.torques
     length_1, length_2 = rope_lengths(state.x + h / 2 * state.v, plant.track)
+    closeness_1, closeness_2 = reciprocals(length_1, length_2)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     rope_1 = _oscillator(
         radius_1 * state.theta_1 - state.x,
@@ -99,8 +88,9 @@ def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) ->
         -1.0,
         state.omega_1,
         torques.tau_1,
-        stiffness(length_1, plant.rope_1),
-        state.v / length_1,
+        length_1,
+        closeness_1,
+        -state.v,
         plant.rope_1,
         plant.winch_1,
         slack,
@@ -112,8 +102,9 @@ def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) ->
         1.0,
         state.omega_2,
         torques.tau_2,
-        stiffness(length_2, plant.rope_2),
-        -state.v / length_2,
+        length_2,
+        closeness_2,
+        state.v,
         plant.rope_2,
         plant.winch_2,
         slack,
@@ -128,14 +119,15 @@ def _oscillator(
     sign: float,
     omega: Scalar,
     torque: Scalar,
-    spring: Scalar,
-    stiffening: Scalar,
+    length: Scalar,
+    closeness: Scalar,
+    lengthening: Scalar,
     rope: Rope,
     winch: Winch,
     slack: bool,
     h: Scalar,
 ) -> Oscillator:
-    """One rope and its drum; `sign` is that of the vehicle's position in the stretch."""
+    """One rope and its drum; `sign` is that of the vehicle's position in the stretch, `closeness` 1/length in 1/m."""
     radius, drag = winch.drum_radius, friction_slope(omega, winch) / winch.inertia
     motor = winch.gear_ratio * torque - friction_torque(omega, winch)
     return Oscillator(
@@ -143,9 +135,10 @@ def _oscillator(
         rate=rate,
         drive=radius / winch.inertia * motor + drag * rate,
         sign=sign,
-        spring=spring,
+        spring=rope.modulus * rope.area * closeness,
+        compliance=length / (rope.modulus * rope.area),
         damper=rope.damping,
-        stiffening=stiffening,
+        stiffening=-lengthening * closeness,
         mobility=radius**2 / winch.inertia,
         drag=drag,
         h=h,

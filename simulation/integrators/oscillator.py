@@ -1,9 +1,10 @@
 """One rope and its drum over a sub-step: a damped oscillator while taut, free flight while slack."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from model.scalar import Scalar, absolute, both, clip, exp, maximum, sqrt, where
+from model.scalar import Scalar, absolute, both, clip, exp, maximum, minimum, reciprocals, sqrt, where
 
 SERIES_ORDER = 8
 """Order of the power series that carries a taut rope over a part of a sub-step."""
@@ -11,17 +12,20 @@ SERIES_ORDER = 8
 DOUBLINGS = 3
 """Doublings of the angle behind `cosine_and_sine`; its series is then exact to rounding up to two oscillations."""
 
+ANGLE_ORDER = 8
+"""Terms of that series beyond the first."""
+
 TINY = 1e-100
 """Floor under square roots and divisors on branches not taken; small, yet its square and its slope are numbers."""
 
 
 def cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
     """cos(r) and sin(r)/r from r², which may be negative (then cosh and sinh); made of products only."""
-    part = square / 4**DOUBLINGS
-    cosine, sine = 1.0, 1.0
-    for order in range(8, 0, -1):
-        cosine = 1 - part / ((2 * order - 1) * 2 * order) * cosine
-        sine = 1 - part / (2 * order * (2 * order + 1)) * sine
+    part = -square / 4**DOUBLINGS
+    cosine, sine = 0.0, 0.0
+    for order in range(ANGLE_ORDER, -1, -1):
+        cosine = cosine * part + 1 / math.factorial(2 * order)
+        sine = sine * part + 1 / math.factorial(2 * order + 1)
     for _ in range(DOUBLINGS):
         cosine, sine = 2 * cosine**2 - 1, sine * cosine
     return cosine, sine
@@ -36,32 +40,48 @@ def crossing(start: Scalar, slope: Scalar, end: Scalar, h: Scalar) -> Scalar:
 
 
 @dataclass(frozen=True)
-class Flow:
-    """Linear flow over a time: stretch and rate at its end, from those at its beginning and a drive g + ramp t."""
-
-    stretch_stretch: Scalar
-    stretch_rate: Scalar
-    rate_stretch: Scalar
-    rate_rate: Scalar
-    stretch_drive: Scalar
-    rate_drive: Scalar
-    stretch_ramp: Scalar
-    rate_ramp: Scalar
-
-    def __call__(self, stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar) -> tuple[Scalar, Scalar]:
-        """Stretch and rate at the end."""
-        driven = self.stretch_drive * g + self.stretch_ramp * ramp, self.rate_drive * g + self.rate_ramp * ramp
-        return (
-            self.stretch_stretch * stretch + self.stretch_rate * rate + driven[0],
-            self.rate_stretch * stretch + self.rate_rate * rate + driven[1],
-        )
-
-
-def taut_flow(kappa: Scalar, damping: Scalar, stiffening: Scalar, h: Scalar) -> Flow:
-    """Flow of s'' = g + ramp t − kappa r s − damping s' over h in s, with r growing from 1 − stiffening h/2.
+class Swing:
+    """A taut rope and its drum over h: s'' = g + ramp t − kappa r s − damping s', with r = 1 + stiffening (t − h/2).
 
     The rope gets stiffer or softer as it gets shorter or longer. The variable that swings is r s, the spring's force
     over its stiffness at mid-step: its equilibrium stays where it is.
+
+    Attributes:
+        force_force, force_rate, rate_force, rate_rate: flow of r s and its rate.
+        to_drive, to_ramp: what a unit of g and of the ramp add to r s; `force_rate` and `to_drive` add to its rate.
+        start, end: r at the beginning, 1/r at the end.
+        stiffening: relative rate of the stiffness in 1/s.
+    """
+
+    force_force: Scalar
+    force_rate: Scalar
+    rate_force: Scalar
+    rate_rate: Scalar
+    to_drive: Scalar
+    to_ramp: Scalar
+    start: Scalar
+    end: Scalar
+    stiffening: Scalar
+
+    def carried(self, stretch: Scalar, rate: Scalar, g: Scalar) -> tuple[Scalar, Scalar]:
+        """Stretch and rate at the end, from those at the beginning and a constant drive g."""
+        force, force_rate = self.start * stretch, self.start * rate + self.stiffening * stretch
+        return self._from_force(
+            self.force_force * force + self.force_rate * force_rate + self.to_drive * g,
+            self.rate_force * force + self.rate_rate * force_rate + self.force_rate * g,
+        )
+
+    def driven(self, growth: Scalar) -> tuple[Scalar, Scalar]:
+        """Stretch and rate at the end, from rest and a drive 1 + growth t."""
+        return self._from_force(self.to_drive + growth * self.to_ramp, self.force_rate + growth * self.to_drive)
+
+    def _from_force(self, force: Scalar, force_rate: Scalar) -> tuple[Scalar, Scalar]:
+        stretch = force * self.end
+        return stretch, (force_rate - self.stiffening * stretch) * self.end
+
+
+def swing(kappa: Scalar, damping: Scalar, stiffening: Scalar, h: Scalar) -> Swing:
+    """The swing of a taut rope over h in s.
 
     Args:
         kappa: square of the frequency at mid-step in 1/s².
@@ -74,43 +94,33 @@ def taut_flow(kappa: Scalar, damping: Scalar, stiffening: Scalar, h: Scalar) -> 
     cosine, sine = cosine_and_sine((kappa - delta**2 / 4) * h**2)
     decay = exp(-delta * h / 2)
     even, odd = decay * cosine, decay * sine * h
-    force_force, force_rate, rate_rate = even + delta / 2 * odd, odd, even - delta / 2 * odd
-    to_drive = (1 - force_force) / kappa
-    to_ramp = (h - force_rate - delta * to_drive) / kappa
-    # from s and s' to r s and (r s)', and back
-    start, end = 1 - stiffening * h / 2, 1 / (1 + stiffening * h / 2)
-    by_stretch = force_force * start + force_rate * stiffening, -kappa * odd * start + rate_rate * stiffening
-    by_rate = force_rate * start, rate_rate * start
-    turn = stiffening * end
-    return Flow(
-        stretch_stretch=by_stretch[0] * end,
-        stretch_rate=by_rate[0] * end,
-        rate_stretch=(by_stretch[1] - by_stretch[0] * turn) * end,
-        rate_rate=(by_rate[1] - by_rate[0] * turn) * end,
-        stretch_drive=to_drive * end,
-        rate_drive=(force_rate - to_drive * turn) * end,
-        stretch_ramp=to_ramp * end,
-        rate_ramp=(to_drive - to_ramp * turn) * end,
+    force_force, force_rate = even + delta / 2 * odd, odd
+    inverse, end = reciprocals(kappa, 1 + stiffening * h / 2)
+    to_drive = (1 - force_force) * inverse
+    return Swing(
+        force_force=force_force,
+        force_rate=force_rate,
+        rate_force=-kappa * odd,
+        rate_rate=even - delta / 2 * odd,
+        to_drive=to_drive,
+        to_ramp=(h - force_rate - delta * to_drive) * inverse,
+        start=1 - stiffening * h / 2,
+        end=end,
+        stiffening=stiffening,
     )
 
 
-def free_flow(drag: Scalar, h: Scalar) -> Flow:
-    """Flow of s'' = g + ramp t − drag s' over h in s, with the (2, 3) Padé form of exp(−drag h), 1 for drag = 0."""
+def free_flight(
+    stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar, drag: Scalar, h: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Stretch and rate after h in s of s'' = g + ramp t − drag s', with the (2, 3) Padé form of exp(−drag h)."""
     z = drag * h
     scale = 1 / (60 + z * (36 + z * (9 + z)))
     once = h * (60 + z * (6 + z)) * scale
     twice = h**2 * (30 + z * (8 + z)) * scale
     thrice = h**3 * (10 + z * (3.5 + 0.5 * z)) * scale
-    return Flow(
-        stretch_stretch=1.0,
-        stretch_rate=once,
-        rate_stretch=0.0,
-        rate_rate=(60 + z * (3 * z - 24)) * scale,
-        stretch_drive=twice,
-        rate_drive=once,
-        stretch_ramp=thrice,
-        rate_ramp=twice,
-    )
+    kept = (60 + z * (3 * z - 24)) * scale
+    return stretch + once * rate + twice * g + thrice * ramp, kept * rate + once * g + twice * ramp
 
 
 @dataclass(frozen=True)
@@ -124,6 +134,7 @@ class Oscillator:
         drive: acceleration in m/s² by motor and friction.
         sign: of the vehicle's position in the stretch.
         spring, damper: of the rope at mid-step, in N/m and N s/m.
+        compliance: 1/spring.
         stiffening: relative rate of the spring in 1/s.
         mobility: radius²/inertia of the drum in 1/kg.
         drag: slope of the winch friction over the inertia in 1/s.
@@ -136,6 +147,7 @@ class Oscillator:
     drive: Scalar
     sign: float
     spring: Scalar
+    compliance: Scalar
     damper: Scalar
     stiffening: Scalar
     mobility: Scalar
@@ -144,9 +156,9 @@ class Oscillator:
     slack: bool
 
     @cached_property
-    def _taut_flow(self) -> Flow:
+    def _swing(self) -> Swing:
         damping = self.mobility * self.damper + self.drag
-        return taut_flow(self.mobility * self.spring, damping, self.stiffening, self.h)
+        return swing(self.mobility * self.spring, damping, self.stiffening, self.h)
 
     def _driven(self, a: Scalar) -> tuple[Scalar, Scalar]:
         return self.drive + self.sign * a, self.drag * self.sign * a
@@ -159,41 +171,56 @@ class Oscillator:
         return both(self.stretch > 0, self._pull(self.stretch, self.rate) > 0)
 
     def clearance(self, a: Scalar) -> Scalar:
-        """A bound in N below the tension all through the sub-step, with the acceleration a in m/s² and the rope taut.
+        """Positive only if a taut rope stays taut all through the sub-step, with the acceleration a in m/s².
 
-        The oscillation about the equilibrium never swings further than it would without damping.
+        The oscillation about the equilibrium never swings further than it would without damping, so that
+        spring (equilibrium − amplitude) > damper √kappa amplitude is enough. Written without divisions and roots,
+        times kappa/spring: (x + y)² is at most (1 + m) x² + (1 + 1/m) y² for any m > 0.
         """
         kappa = self.mobility * self.spring
         g, ramp = self._driven(a)
-        equilibrium = g / kappa
-        amplitude = sqrt((self.stretch - equilibrium) ** 2 + self.rate**2 / kappa) + absolute(ramp) * self.h / kappa
-        return self.spring * (equilibrium - amplitude) - self.damper * sqrt(kappa) * amplitude
+        amplitude_square = (kappa * self.stretch - g) ** 2 + kappa * self.rate**2
+        amplitude_square = 1.1 * amplitude_square + 11.0 * (ramp * self.h) ** 2
+        share = self.damper**2 * self.mobility * self.compliance  # (damper √kappa / spring)²
+        return minimum(g, g * absolute(g) - (1.25 + 5.0 * share) * amplitude_square)
 
     def _impulse_of(self, g: Scalar, ramp: Scalar, stretch: Scalar, rate: Scalar) -> Scalar:
         gained = rate - self.rate + self.drag * (stretch - self.stretch)
         return (self.h * (g + ramp * self.h / 2) - gained) / self.mobility
 
+    @cached_property
+    def _held(self) -> tuple[Scalar, Scalar]:
+        """Stretch in m and rate in m/s at the end if the rope stays taut and a is zero."""
+        return self._swing.carried(self.stretch, self.rate, self.drive)
+
+    @cached_property
+    def _slopes(self) -> tuple[Scalar, Scalar]:
+        """Slopes of stretch and rate at the end over a, if the rope stays taut."""
+        stretch, rate = self._swing.driven(self.drag)
+        return self.sign * stretch, self.sign * rate
+
     def impulse(self) -> tuple[Scalar, Scalar]:
         """Rope impulse in N s as (at a = 0, slope over a), if the rope stays as it is."""
-        flow, drag, h = self._taut_flow, self.drag, self.h
-        fixed = self._impulse_of(self.drive, 0.0, *flow(self.stretch, self.rate, self.drive, 0.0))
-        rate, stretch = flow.rate_drive + drag * flow.rate_ramp, flow.stretch_drive + drag * flow.stretch_ramp
-        slope = self.sign * (h * (1 + drag * h / 2) - rate - drag * stretch) / self.mobility
+        fixed = self._impulse_of(self.drive, 0.0, *self._held)
+        stretch, rate = self._slopes
+        given = self.sign * self.h * (1 + self.drag * self.h / 2)
+        slope = (given - rate - self.drag * stretch) / self.mobility
         if not self.slack:
             return fixed, slope
         return where(self._taut, fixed, 0.0), where(self._taut, slope, 0.0)
 
     def end(self, a: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Stretch in m, its rate in m/s and the rope impulse in N s at the end, with the acceleration a in m/s²."""
+        (stretch, rate), (stretch_slope, rate_slope) = self._held, self._slopes
+        stretch, rate = stretch + stretch_slope * a, rate + rate_slope * a
         g, ramp = self._driven(a)
-        stretch, rate = self._taut_flow(self.stretch, self.rate, g, ramp)
         if self.slack:
             stretch, rate = self._with_slack(g, ramp, stretch, rate)
         return stretch, rate, self._impulse_of(g, ramp, stretch, rate)
 
     def _with_slack(self, g: Scalar, ramp: Scalar, taut_stretch: Scalar, taut_rate: Scalar) -> tuple[Scalar, Scalar]:
         taut = self._taut
-        free_stretch, free_rate = free_flow(self.drag, self.h)(self.stretch, self.rate, g, ramp)
+        free_stretch, free_rate = free_flight(self.stretch, self.rate, g, ramp, self.drag, self.h)
         stretch, rate = where(taut, taut_stretch, free_stretch), where(taut, taut_rate, free_rate)
         taut_at_end = both(stretch > 0, self._pull(stretch, rate) > 0)
         switched_stretch, switched_rate = self._switched(g, ramp, stretch, rate)
@@ -219,7 +246,7 @@ class Oscillator:
         when = where(taut, when_pull, tightens)
 
         # the taut part: first if the rope goes slack, last if it tightens
-        flown = free_flow(self.drag, when)(self.stretch, self.rate, g, ramp)
+        flown = free_flight(self.stretch, self.rate, g, ramp, self.drag, when)
         start = where(taut, self.stretch, flown[0]), where(taut, self.rate, flown[1])
         g_start, lasts = where(taut, g, g + ramp * when), where(taut, when, h - when)
         stretch, rate = self._taut_series(*start, g_start, ramp, lasts)
@@ -230,7 +257,7 @@ class Oscillator:
         missed = clip(-self._pull(stretch, rate) / where(fall < 0, fall, -1 / TINY), -when, h - when)
         late_stretch = stretch + missed * (rate + missed * curve / 2)
         leaves = when + missed
-        landed = free_flow(self.drag, h - leaves)(late_stretch, rate + missed * curve, g + ramp * leaves, ramp)
+        landed = free_flight(late_stretch, rate + missed * curve, g + ramp * leaves, ramp, self.drag, h - leaves)
         return where(taut, landed[0], stretch), where(taut, landed[1], rate)
 
     def _taut_series(self, stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar, t: Scalar) -> tuple[Scalar, Scalar]:

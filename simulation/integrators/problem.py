@@ -11,10 +11,11 @@ from model.scalar import Scalar
 
 @dataclass(frozen=True)
 class Motion:
-    """What moves between two samples: the plant, and the phase of the vortex shedding."""
+    """What moves between two samples: the plant, the phase of the vortex shedding, and an integrator's memory."""
 
     plant: PlantState
     phase: Annotated[Scalar, Quantity("rad", "integral of the vortex frequency")] = 0.0
+    slow: Annotated[Scalar, Quantity("m/s^2", "acceleration by all but the ropes amid the last step")] = 0.0
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,21 @@ def divisions(function: ca.Function) -> int:
 
 
 def test_divisions_by_parameters_become_products() -> None:
-    derive, lean = hoisted(oscillator())
-    assert divisions(oscillator()) == 1
+    move = oscillator().move
+    derive, lean = hoisted(move)
+    assert divisions(move) == 1
     assert divisions(lean) == 0
     assert divisions(derive) == 1
+
+
+def test_divisions_by_the_same_become_products_with_one_reciprocal() -> None:
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p")
+    divisor = ca.sin(x[2]) + p
+    function = ca.Function("thirds", [x, p], [ca.vertcat(x[0], x[1], x[2]) / divisor], ["x", "parameters"], ["y"])
+    derive, lean = hoisted(function)
+    assert (divisions(function), divisions(lean)) == (3, 1)
+    expected = np.array([1.0, 2.0, 3.0]) / (np.sin(3.0) + 4.0)
+    assert np.array(lean([1, 2, 3], 4, derive(4))).ravel() == pytest.approx(expected, rel=1e-15)
 
 
 def test_a_function_with_nothing_to_hoist_is_left_alone() -> None:

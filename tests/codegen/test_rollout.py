@@ -26,7 +26,7 @@ def by_hand(samples: int, force: float = 0.0) -> np.ndarray:
 
 
 def test_rows_are_those_of_a_plain_loop() -> None:
-    run, state = compile_rollout(oscillator()), np.array([0.5, 0.0])
+    run, state = compile_rollout(oscillator()), np.array([0.5, 0.0, 0.0])
     outcome, done, rows = run(PARAMETERS, np.zeros((20, 1)), state)
     assert (outcome, done) == (COMPLETED, 20)
     np.testing.assert_allclose(rows, by_hand(20), rtol=1e-14)
@@ -35,12 +35,12 @@ def test_rows_are_those_of_a_plain_loop() -> None:
 @pytest.mark.parametrize("stride", [1, 3, 20, 50])
 def test_stride_keeps_every_nth_row(stride: int) -> None:
     run = compile_rollout(oscillator())
-    _, _, rows = run(PARAMETERS, np.zeros((20, 1)), np.array([0.5, 0.0]), stride)
+    _, _, rows = run(PARAMETERS, np.zeros((20, 1)), np.array([0.5, 0.0, 0.0]), stride)
     np.testing.assert_allclose(rows, by_hand(20)[::stride], rtol=1e-14)
 
 
 def test_no_rows_on_request_and_the_state_goes_on() -> None:
-    run, whole, halves = compile_rollout(oscillator()), np.array([0.5, 0.0]), np.array([0.5, 0.0])
+    run, whole, halves = compile_rollout(oscillator()), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
     assert run(PARAMETERS, np.zeros((20, 1)), whole, 0)[2].shape == (0, 2)
     for samples in (7, 13):
         run(PARAMETERS, np.zeros((samples, 1)), halves, 0)
@@ -48,7 +48,7 @@ def test_no_rows_on_request_and_the_state_goes_on() -> None:
 
 
 def test_a_crossed_margin_ends_the_run() -> None:
-    run, state = compile_rollout(oscillator()), np.array([0.5, 0.0])
+    run, state = compile_rollout(oscillator()), np.array([0.5, 0.0, 0.0])
     outcome, done, rows = run(PARAMETERS, np.full((1000, 1), 100.0), state)
     assert outcome == LEFT
     assert abs(state[0]) > 1
@@ -58,18 +58,18 @@ def test_a_crossed_margin_ends_the_run() -> None:
 
 @pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
 def test_a_non_finite_number_ends_the_run(poison: float) -> None:
-    run, state = compile_rollout(oscillator()), np.array([0.5, 0.0])
+    run, state = compile_rollout(oscillator()), np.array([0.5, 0.0, 0.0])
     force = np.zeros((100, 1))
     force[41] = poison
     outcome, done, rows = run(PARAMETERS, force, state)
     assert (outcome, done, len(rows)) == (DIVERGED, 42, 42)
 
 
-def test_a_shortcut_is_taken_only_where_it_is_valid() -> None:
-    with_shortcut, without = (compile_rollout(oscillator(), oscillator(shortcut=True)), compile_rollout(oscillator()))
-    states = np.array([0.5, 0.0]), np.array([0.5, 0.0])
+def test_a_leap_is_taken_only_where_it_is_valid() -> None:
+    with_leap, without = (compile_rollout(oscillator(leaps=True)), compile_rollout(oscillator()))
+    states = np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
     force = 10 * np.sin(np.arange(300.0))[:, None]
-    results = [run(PARAMETERS, force, state) for run, state in zip((with_shortcut, without), states, strict=True)]
+    results = [run(PARAMETERS, force, state) for run, state in zip((with_leap, without), states, strict=True)]
     np.testing.assert_array_equal(results[0][2], results[1][2])
     np.testing.assert_array_equal(*states)
 
@@ -82,7 +82,7 @@ def test_the_closed_loop_is_clean_under_sanitizers(kind: str, tmp_path: Path) ->
         pytest.skip("needs gcc with its sanitizers")
     loop = closed_loop(structure_of(case(4, kind)))
     harness = (Path(__file__).parent / "sanitised.c").read_text()
-    (tmp_path / "unit.c").write_text(rollout_source(loop.step, loop.shortcut) + harness)
+    (tmp_path / "unit.c").write_text(rollout_source(loop) + harness)
     built = subprocess.run(
         [gcc, "-std=c99", "-O1", "-g", *SANITISERS, "unit.c", "-o", "unit", "-lm"],
         cwd=tmp_path,

@@ -1,19 +1,34 @@
 """A small sampled system that knows nothing of winches: a damped oscillator with a limit on its position."""
 
+from functools import cache
+
 import casadi as ca
 
+from codegen.sampled import Sampled
 
-def oscillator(*, shortcut: bool = False) -> ca.Function:
-    """``step(state, exogenous, parameters) -> (next_state, row, margin[, valid])``; leaves beyond |x| = 1."""
-    state, exogenous, parameters = ca.SX.sym("state", 2), ca.SX.sym("exogenous", 1), ca.SX.sym("parameters", 3)
-    x, v = ca.vertsplit(state)
+
+@cache
+def oscillator(*, leaps: bool = False) -> Sampled:
+    """Position and speed under a held force, and the number of samples; it leaves beyond |x| = 1."""
+    state, exogenous, parameters = ca.SX.sym("state", 3), ca.SX.sym("exogenous", 1), ca.SX.sym("parameters", 3)
+    motion, held, part = ca.SX.sym("motion", 2), ca.SX.sym("held", 1), ca.SX.sym("part")
     stiffness, mass, dt = ca.vertsplit(parameters)
-    # written so that a shortcut and the step it stands for share every operation
-    acceleration = (exogenous - stiffness * x) / (2 * mass)
-    following = ca.vertcat(x + dt * v, v + dt * acceleration)
-    outputs = {"next_state": following, "row": ca.vertcat(x, acceleration), "margin": 1 - ca.fabs(following[0])}
-    if shortcut:
-        outputs["valid"] = ca.if_else(x > 0, 1, -1)
-    inputs = {"state": state, "exogenous": exogenous, "parameters": parameters}
-    name = "shortcut" if shortcut else "step"
-    return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs))
+
+    def acceleration(x: ca.SX, force: ca.SX) -> ca.SX:
+        return (force - stiffness * x) / (2 * mass)
+
+    def function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+        return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs))
+
+    at_sample = {"state": state, "exogenous": exogenous, "parameters": parameters}
+    between = {"motion": motion, "held": held, "parameters": parameters}
+    x, v = ca.vertsplit(motion)
+    following = ca.vertcat(x + dt * v, v + dt * acceleration(x, held))
+    moved = {"next_motion": following, "margin": 1 - ca.fabs(following[0])}
+    return Sampled(
+        sample=function("sample", at_sample, {"discrete": state[2] + 1, "held": exogenous}),
+        observe=function("observe", at_sample, {"row": ca.vertcat(state[0], acceleration(state[0], exogenous))}),
+        move=function("move", {"motion": motion, "held": held, "part": part, "parameters": parameters}, moved),
+        parts=1,
+        leap=function("leap", between, moved | {"valid": ca.if_else(x > 0, 1, -1)}) if leaps else None,
+    )

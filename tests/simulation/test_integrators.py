@@ -51,19 +51,20 @@ class Stretch:
 
     def error(self, name: str, steps: int) -> NDArray[np.float64]:
         """Error of the state at the end after so many equal samples of one sub-step each."""
-        state, h = self.start, self.duration / steps
+        motion, h = np.append(self.start, [0.0, 0.0]), self.duration / steps
         for index in range(steps):
-            state = one_step(name)(self.t + index * h, h, state, self.torques)
-        return np.abs(np.array(state).ravel() - self.end)
+            motion = one_step(name)(self.t + index * h, h, motion, self.torques)
+        return np.abs(np.array(motion).ravel()[:6] - self.end)
 
 
 @cache
 def one_step(name: str) -> ca.Function:
-    """``(t, h, state, torques) -> state`` at t + h."""
-    t, h, state, torques = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("state", 6), ca.SX.sym("torques", 2)
+    """``(t, h, motion, torques) -> motion`` at t + h."""
+    t, h, motion, torques = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("motion", 8), ca.SX.sym("torques", 2)
     problem = Problem(t, h, Torques(*ca.vertsplit(torques)), Environment(), Disturbance(vortex=True), Plant())
-    after = INTEGRATORS[name].advance(problem, Motion(PlantState(*ca.vertsplit(state))), 1).plant
-    return ca.Function("one_step", [t, h, state, torques], [ca.vertcat(*leaves(after).values())])
+    *state, phase, slow = ca.vertsplit(motion)
+    after = INTEGRATORS[name].advance(problem, Motion(PlantState(*state), phase, slow), 1)
+    return ca.Function("one_step", [t, h, motion, torques], [ca.vertcat(*leaves(after).values())])
 
 
 SMOOTH = Stretch(25.0, 1.2, (3000.0, 1500.0), (0.02, -0.03), (60.0, 35.0), duration=20e-3)

@@ -1,0 +1,25 @@
+/* What the drivers share. */
+
+#include <stdint.h>
+#include <string.h>
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+/* Ran to its end; a state is not finite; the margin was negative. */
+enum { COMPLETED = 0, DIVERGED = 1, LEFT = 2 };
+
+static inline uint64_t to_bits(double value) {
+  uint64_t bits;
+  memcpy(&bits, &value, sizeof bits);
+  return bits;
+}
+
+/* Overflows into the highest bit for infinities and NaN, whose exponent is all ones. By bits, as the optimiser may
+   take floating-point comparisons for granted. */
+static inline uint64_t overflow(double value) {
+  return (to_bits(value) & UINT64_C(0x7ff0000000000000)) + UINT64_C(0x0010000000000000);
+}

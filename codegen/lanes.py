@@ -1,0 +1,71 @@
+"""Turns generated C functions into ones that compilers carry out in vector lanes."""
+
+import re
+from collections.abc import Collection, Mapping
+
+from codegen.compiler import Compiler
+
+LANES = 16
+"""Computations that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
+
+FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512")
+"""Beside the flags of every build. Contraction and reciprocals change last bits, the same way in every lane."""
+
+GCC_FLAGS = ("-fschedule-insns",)
+"""Flags that only gcc knows: it orders instructions before it hands out registers, which leaves them less waiting."""
+
+DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
+"""A generated function (`codegen.c_source`)."""
+
+CALL = re.compile(r"(?<=[=(\-])(tanh|sin|cos|exp|log|pow)\(")
+"""A call of an elementary function; `elementary.h` has one that runs in lanes."""
+
+STATEMENT = re.compile(r"^  (double a\d|a\d+=|(if \(\w+\) )?\w+\[)|^      *a\d")
+"""A line of a generated function that declares or computes something."""
+
+OPTIONAL = re.compile(r"\bif \(\w+\) (?=\w+\[)")
+"""What lets a generated function leave an output out."""
+
+
+def lane_flags(compiler: Compiler) -> tuple[str, ...]:
+    """Flags of a build with lanes, beside those of every build."""
+    return FLAGS if compiler.is_clang else FLAGS + GCC_FLAGS
+
+
+def lane_macros(compiler: Compiler) -> str:
+    """``LANES``, and ``PAIRED``: whether `in_lanes` interleaves the work of two vectors (clang does it by itself)."""
+    return f"#define LANES {LANES}\n#define PAIRED {int(not compiler.is_clang)}"
+
+
+def in_lanes(source: str, arrays: Mapping[str, Collection[str]], compiler: Compiler) -> str:
+    """The same functions over arrays whose elements lie LANES apart, without calls and without null outputs.
+
+    Args:
+        source: definitions by `codegen.c_source`.
+        arrays: function name → names of those of its arguments that have a number for each lane. Functions not named
+            here stay as they are.
+        compiler: what it is for. For others than clang each statement stands twice, for a lane and for the one
+            LANES/2 further on, so that a processor has something to do while it waits for a result.
+    """
+
+    def replaced(definition: re.Match[str]) -> str:
+        name = definition.group(1)
+        return (
+            _in_lanes(definition.group(), arrays[name], not compiler.is_clang) if name in arrays else definition.group()
+        )
+
+    return DEFINITION.sub(replaced, source)
+
+
+def _in_lanes(definition: str, arrays: Collection[str], paired: bool) -> str:
+    element = re.compile(rf"\b({'|'.join(arrays)})\[(\d+)\]")
+    lines: list[str] = []
+    for line in CALL.sub(r"inline_\1(", definition).splitlines():
+        if not STATEMENT.match(line):
+            lines.append(line.replace("static inline void", "static inline __attribute__((always_inline)) void"))
+            continue
+        once = OPTIONAL.sub("", line)
+        lines.append(element.sub(r"\1[\2*LANES]", once))
+        if paired:
+            lines.append(re.sub(r"\ba(\d+)\b", r"b\1", element.sub(r"\1[\2*LANES+LANES/2]", once)))
+    return "\n".join(lines)
