@@ -10,23 +10,23 @@ from numpy.typing import NDArray
 from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
-from codegen.lanes import LANES, in_lanes, lane_flags, lane_macros
-from codegen.rollout import COMPLETED, driver_file, source_parts
+from codegen.lanes import LANES, in_lanes, lane_flags, lane_sizes
+from codegen.rollout import COMPLETED
 from codegen.sampled import Sampled
+from codegen.unit import hoisted_all, unit
 
 Floats = NDArray[np.float64]
 
 
 def batch_source(system: Sampled, compiler: Compiler) -> str:
     """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
-    sizes, functions = source_parts(system)
+    functions = hoisted_all(system.functions)
     arrays = {
         function.name(): {*function.name_in(), *function.name_out()} - {"part"}  # the same in all lanes
         for function in functions
     }
-    definitions = in_lanes(c_source(list(functions)), arrays, compiler)
-    parts = [lane_macros(compiler), sizes, driver_file("elementary.h"), definitions, driver_file("batch.c")]
-    return "\n".join(parts)
+    sizes = system.sizes | lane_sizes(compiler)
+    return unit(sizes, functions, "elementary.h", in_lanes(c_source(functions), arrays, compiler), "batch.c")
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,9 @@ def lane_flags(compiler: Compiler) -> tuple[str, ...]:
     return FLAGS if compiler.is_clang else FLAGS + GCC_FLAGS
 
 
-def lane_macros(compiler: Compiler) -> str:
+def lane_sizes(compiler: Compiler) -> dict[str, int]:
     """``LANES``, and ``PAIRED``: whether `in_lanes` interleaves the work of two vectors (clang does it by itself)."""
-    return f"#define LANES {LANES}\n#define PAIRED {int(not compiler.is_clang)}"
+    return {"LANES": LANES, "PAIRED": int(not compiler.is_clang)}
 
 
 def in_lanes(source: str, arrays: Mapping[str, Collection[str]], compiler: Compiler) -> str:

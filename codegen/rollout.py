@@ -3,43 +3,25 @@
 import ctypes
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
-from codegen.hoist import hoisted
 from codegen.sampled import Sampled
+from codegen.unit import hoisted_all, unit
 
 COMPLETED, DIVERGED, LEFT = 0, 1, 2
 """Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
 
 
-def source_parts(system: Sampled) -> tuple[str, tuple[ca.Function, ...]]:
-    """The sizes as macros with what the drivers share, and the functions they call."""
-    functions = tuple(part for function in system.functions for part in hoisted(function))
-    sizes = system.sizes | {
-        f"{derive.name().removeprefix('derive_').upper()}_DERIVED": derive.numel_out("derived")
-        for derive in functions[::2]
-    }
-    lines = [f"#define {name} {size}" for name, size in sizes.items()]
-    return "\n".join([*lines, driver_file("driver.h")]), functions
-
-
-def driver_file(name: str) -> str:
-    """The text of a C file beside this one."""
-    return (files("codegen") / name).read_text(encoding="utf-8")
-
-
 def rollout_source(system: Sampled) -> str:
     """C99 translation unit that runs a sampled system for many samples."""
-    sizes, functions = source_parts(system)
-    return "\n".join([sizes, c_source(list(functions)), driver_file("rollout.c")])
+    functions = hoisted_all(system.functions)
+    return unit(system.sizes, functions, c_source(functions), "rollout.c")
 
 
 @dataclass(frozen=True)

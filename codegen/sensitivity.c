@@ -1,11 +1,11 @@
 /* Runs a sampled system with the sensitivities of its state to LANES directions in its parameters, one in each lane.
-   Comes after driver.h, elementary.h, the sizes and the functions of codegen/sampled.py; of codegen/sensitivity.py
-     slopes_sample(state, exogenous, parameters, derived, slopes)      what the next two multiply tangents with
-     slopes_leap(motion, held, parameters, derived, slopes)
-   and over arrays of tangents, whose elements lie LANES apart,
+   Comes after driver.h, elementary.h, the sizes and the functions of codegen/sensitivity.py:
+     sloped_sample(state, exogenous, parameters, derived, discrete, held, slopes)
+     sloped_leap(motion, held, parameters, derived, next_motion, margin, valid, slopes)
+   which also give what the next two multiply tangents with; and over tangents, whose elements lie LANES apart,
      spread_sample(slopes, state_tangent, direction, discrete_tangent, held_tangent)
      spread_leap(slopes, motion_tangent, held_tangent, next_motion_tangent)
-     along_move(motion, held, parameters, motion_tangent, held_tangent, next_motion_tangent) */
+     along_move(motion, held, part, parameters, motion_tangent, held_tangent, next_motion_tangent) */
 
 #define IN_LANES static __attribute__((noinline)) void
 #if PAIRED
@@ -27,10 +27,10 @@ IN_LANES spread_leap_lanes(const double *restrict slopes, const double *restrict
 }
 #endif
 
-IN_LANES along_move_lanes(const double *restrict motion, const double *restrict held, const double *restrict p,
-                          const double *restrict motion_tangent, const double *restrict held_tangent,
-                          double *restrict next) {
-  EACH_CALL along_move(motion, held, p, motion_tangent + l, held_tangent + l, next + l);
+IN_LANES along_move_lanes(const double *restrict motion, const double *restrict held, const double *restrict part,
+                          const double *restrict p, const double *restrict motion_tangent,
+                          const double *restrict held_tangent, double *restrict next) {
+  EACH_CALL along_move(motion, held, part, p, motion_tangent + l, held_tangent + l, next + l);
 }
 
 static int all_finite(const double *values, int count) {
@@ -47,8 +47,8 @@ static int all_finite(const double *values, int count) {
 EXPORT int sensitivity(const double *parameters, const double *direction, const double *exogenous, double *state,
                        double *tangent, int64_t samples, int64_t stride, double *values, double *tangents,
                        int64_t *done) {
-  double for_sample[SAMPLE_DERIVED + 1], for_move[MOVE_DERIVED + 1], for_slopes[SLOPES_SAMPLE_DERIVED + 1];
-  double held[HELD], now[STATES], next[STATES], slopes[SAMPLE_SLOPES + 1], margin = 0;
+  double for_sample[SLOPED_SAMPLE_DERIVED + 1], for_move[MOVE_DERIVED + 1], slopes[SLOPED_SAMPLE_SLOPES + 1];
+  double held[HELD], now[STATES], next[STATES], margin = 0;
   LANE_ARRAY seeds[GAINS * LANES], ours[STATES * LANES], theirs[STATES * LANES], held_tangent[HELD * LANES];
   double *now_tangent = ours, *next_tangent = theirs;
   int outcome = COMPLETED;
@@ -56,13 +56,11 @@ EXPORT int sensitivity(const double *parameters, const double *direction, const 
   memcpy(seeds, direction, sizeof seeds);
   memcpy(now, state, sizeof now);
   memcpy(now_tangent, tangent, sizeof ours);
-  derive_sample(parameters, for_sample);
+  derive_sloped_sample(parameters, for_sample);
   derive_move(parameters, for_move);
-  derive_slopes_sample(parameters, for_slopes);
 #if HAS_LEAP
-  double for_leap[LEAP_DERIVED + 1], for_leap_slopes[SLOPES_LEAP_DERIVED + 1], leap_slopes[LEAP_SLOPES + 1], valid = 0;
-  derive_leap(parameters, for_leap);
-  derive_slopes_leap(parameters, for_leap_slopes);
+  double for_leap[SLOPED_LEAP_DERIVED + 1], leap_slopes[SLOPED_LEAP_SLOPES + 1], valid = 0;
+  derive_sloped_leap(parameters, for_leap);
 #endif
   for (; k < samples && outcome == COMPLETED; ++k, exogenous += EXOGENOUS) {
     if (values && k % stride == 0) {
@@ -70,20 +68,22 @@ EXPORT int sensitivity(const double *parameters, const double *direction, const 
       memcpy(tangents, now_tangent + TRACKED * LANES, LANES * sizeof *tangents);
       tangents += LANES;
     }
-    sample(now, exogenous, parameters, for_sample, next + MOTION, held);
-    slopes_sample(now, exogenous, parameters, for_slopes, slopes);
+    sloped_sample(now, exogenous, parameters, for_sample, next + MOTION, held, slopes);
     spread_sample_lanes(slopes, now_tangent, seeds, next_tangent + MOTION * LANES, held_tangent);
 #if HAS_LEAP
-    leap(now, held, parameters, for_leap, next, &margin, &valid);
-    if (valid > 0) {
-      slopes_leap(now, held, parameters, for_leap_slopes, leap_slopes);
-      spread_leap_lanes(leap_slopes, now_tangent, held_tangent, next_tangent);
-    } else
+    sloped_leap(now, held, parameters, for_leap, next, &margin, &valid, leap_slopes);
+    if (valid > 0) spread_leap_lanes(leap_slopes, now_tangent, held_tangent, next_tangent);
+    else
 #endif
-    {
-      move(now, held, parameters, for_move, next, &margin);
-      along_move_lanes(now, held, parameters, now_tangent, held_tangent, next_tangent);
-    }
+      for (int part = 0; part < PARTS; ++part) { /* each starts from `now`, where the last one is put */
+        const double number = part;
+        along_move_lanes(now, held, &number, parameters, now_tangent, held_tangent, next_tangent);
+        move(now, held, &number, parameters, for_move, next, &margin);
+        if (part < PARTS - 1) {
+          memcpy(now, next, MOTION * sizeof *now);
+          memcpy(now_tangent, next_tangent, MOTION * LANES * sizeof *now_tangent);
+        }
+      }
     if (!all_finite(next, STATES)) outcome = DIVERGED;
     else if (margin < 0) outcome = LEFT;
     memcpy(now, next, sizeof now);

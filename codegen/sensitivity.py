@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
-from codegen.hoist import hoisted
-from codegen.lanes import LANES, in_lanes, lane_flags, lane_macros
-from codegen.rollout import driver_file, source_parts
+from codegen.lanes import LANES, in_lanes, lane_flags, lane_sizes
 from codegen.sampled import Sampled
+from codegen.unit import hoisted_all, unit
 
 Floats = NDArray[np.float64]
 
@@ -24,104 +23,80 @@ class Spread:
     """How tangents pass through a function: its slopes, computed once, and products with them, once a direction.
 
     Attributes:
-        slopes: ``slopes_NAME(...) -> slopes``: the elements of the Jacobian that are not constant.
+        sloped: ``sloped_NAME(...) -> ..., slopes``: the function itself with one more output, the elements of the
+            Jacobian that are not constant.
         spread: ``spread_NAME(slopes, tangent of each input, ...) -> tangent of each output, ...``.
     """
 
-    slopes: ca.Function
+    sloped: ca.Function
     spread: ca.Function
 
 
-def spread(function: ca.Function, along: dict[str, ca.SX | None], tangents: list[str], outputs: list[str]) -> Spread:
+def spread(
+    function: ca.Function, smooth: ca.Function, along: dict[str, tuple[str, list[int] | None]], outputs: list[str]
+) -> Spread:
     """Split the derivative of a function into its slopes and products with them.
 
     Args:
         function: of SX expressions.
-        along: input name → indices of the elements it is differentiated by as a column, or None for all.
-        tangents: names of the tangents of these inputs, in the same order.
-        outputs: output name of the function → which are differentiated; their tangents are ``NAME_tangent``.
+        smooth: what is differentiated in its place, of the same inputs and outputs.
+        along: input name → name of its tangent, and indices of the elements it is differentiated by (None: all).
+        outputs: names of the outputs that are differentiated; their tangents are ``NAME_tangent``.
     """
     inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
-    values = function.call(inputs)
-    chosen = [inputs[name] if places is None else inputs[name][places] for name, places in along.items()]
-    jacobian = ca.jacobian(ca.vertcat(*(values[name] for name in outputs)), ca.vertcat(*chosen))
+    columns = [inputs[name] if places is None else inputs[name][places] for name, (_, places) in along.items()]
+    differentiated = smooth.call(inputs)
+    jacobian = ca.jacobian(ca.vertcat(*(differentiated[name] for name in outputs)), ca.vertcat(*columns))
     varying = [place for place in range(jacobian.nnz()) if not jacobian.nz[place].is_constant()]
+    called = function.call(inputs)
+    values = {name: called[name] for name in function.name_out()}
+    values["slopes"] = ca.densify(ca.vertcat(*(jacobian.nz[place] for place in varying)))
+
     slopes = ca.SX.sym("slopes", len(varying))
     product = ca.SX(jacobian)
     product.nz[varying] = slopes
-    seeds = [ca.SX.sym(name, column.numel()) for name, column in zip(tangents, chosen, strict=True)]
-    ends = np.cumsum([0, *(values[name].numel() for name in outputs)]).tolist()
-    spread_values = ca.vertsplit(ca.densify(ca.mtimes(product, ca.vertcat(*seeds))), ends)
+    tangents = [tangent for tangent, _ in along.values()]
+    seeds = [ca.SX.sym(name, column.numel()) for name, column in zip(tangents, columns, strict=True)]
+    ends = np.cumsum([0, *(differentiated[name].numel() for name in outputs)]).tolist()
+    products = ca.vertsplit(ca.densify(ca.mtimes(product, ca.vertcat(*seeds))), ends)
     return Spread(
-        slopes=ca.Function(
-            f"slopes_{function.name()}",
-            list(inputs.values()),
-            [ca.densify(ca.vertcat(*(jacobian.nz[place] for place in varying)))],
-            list(inputs),
-            ["slopes"],
-            {"cse": True},
-        ),
-        spread=ca.Function(
+        sloped=_function(f"sloped_{function.name()}", inputs, values),
+        spread=_function(
             f"spread_{function.name()}",
-            [slopes, *seeds],
-            spread_values,
-            ["slopes", *tangents],
-            [f"{name}_tangent" for name in outputs],
+            {"slopes": slopes} | dict(zip(tangents, seeds, strict=True)),
+            {f"{name}_tangent": value for name, value in zip(outputs, products, strict=True)},
         ),
     )
 
 
-def _along(function: ca.Function) -> ca.Function:
-    """``along_NAME(..., motion_tangent, held_tangent) -> next_motion_tangent``: the derivative in one direction."""
-    inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
+def _along(move: ca.Function) -> ca.Function:
+    """``along_move(motion, held, part, parameters, motion_tangent, held_tangent) -> next_motion_tangent``."""
+    inputs = {name: ca.SX.sym(name, move.size1_in(name)) for name in move.name_in()}
     seeds = {f"{name}_tangent": ca.SX.sym(f"{name}_tangent", inputs[name].numel()) for name in ("motion", "held")}
-    moved = function.call(inputs)["next_motion"]
+    moved = move.call(inputs)["next_motion"]
     tangent = ca.jtimes(moved, ca.vertcat(inputs["motion"], inputs["held"]), ca.vertcat(*seeds.values()))
-    arguments = inputs | seeds
-    return ca.Function(
-        f"along_{function.name()}",
-        list(arguments.values()),
-        [ca.densify(tangent)],
-        list(arguments),
-        ["next_motion_tangent"],
-        {"cse": True},
-    )
+    return _function("along_move", inputs | seeds, {"next_motion_tangent": ca.densify(tangent)})
+
+
+def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})
 
 
 def sensitivity_source(system: Sampled, smooth: Sampled, gains: tuple[int, ...], compiler: Compiler) -> str:
     """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`."""
-    sizes, functions = source_parts(system)
-    at_sample = spread(
-        smooth.sample,
-        {"state": None, "parameters": list(gains)},  # pyright: ignore[reportArgumentType]
-        ["state_tangent", "direction"],
-        ["discrete", "held"],
-    )
-    spreads = [at_sample]
-    if smooth.leap:
-        spreads.append(
-            spread(smooth.leap, {"motion": None, "held": None}, ["motion_tangent", "held_tangent"], ["next_motion"])
-        )
-    slopes = [part for one in spreads for part in hoisted(one.slopes)]
+    by_gains = {"state": ("state_tangent", None), "parameters": ("direction", list(gains))}
+    spreads = [spread(system.sample, smooth.sample, by_gains, ["discrete", "held"])]
+    if system.leap and smooth.leap:
+        between = {"motion": ("motion_tangent", None), "held": ("held_tangent", None)}
+        spreads.append(spread(system.leap, smooth.leap, between, ["next_motion"]))
     along = _along(smooth.move)
-    lanes = {one.spread.name(): (*one.spread.name_in()[1:], *one.spread.name_out()) for one in spreads}
-    lanes[along.name()] = ("motion_tangent", "held_tangent", "next_motion_tangent")
-    definitions = c_source([*functions, *slopes, *(one.spread for one in spreads), along])
-    macros = {"GAINS": len(gains), "TRACKED": 0, "SAMPLE_SLOPES": at_sample.slopes.numel_out("slopes")}
-    if smooth.leap:
-        macros["LEAP_SLOPES"] = spreads[1].slopes.numel_out("slopes")
-    for derive in slopes[::2]:
-        macros[f"{derive.name().removeprefix('derive_').upper()}_DERIVED"] = derive.numel_out("derived")
-    return "\n".join(
-        [
-            lane_macros(compiler),
-            *(f"#define {name} {size}" for name, size in macros.items()),
-            sizes,
-            driver_file("elementary.h"),
-            in_lanes(definitions, lanes, compiler),
-            driver_file("sensitivity.c"),
-        ]
-    )
+    lanes = {one.spread.name(): {*one.spread.name_in(), *one.spread.name_out()} - {"slopes"} for one in spreads}
+    lanes["along_move"] = {"motion_tangent", "held_tangent", "next_motion_tangent"}
+    functions = hoisted_all((system.move, *(one.sloped for one in spreads)))
+    definitions = c_source([*functions, *(one.spread for one in spreads), along])
+    sizes = system.sizes | lane_sizes(compiler) | {"GAINS": len(gains), "TRACKED": 0}
+    sizes |= {f"{one.sloped.name().upper()}_SLOPES": one.sloped.numel_out("slopes") for one in spreads}
+    return unit(sizes, functions, "elementary.h", in_lanes(definitions, lanes, compiler), "sensitivity.c")
 
 
 @dataclass(frozen=True)

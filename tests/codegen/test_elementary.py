@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codegen.compiler import find_compiler
-from codegen.rollout import driver_file
+from codegen.unit import c_file
 
 FUNCTIONS = {"exp": np.exp, "tanh": np.tanh, "sin": np.sin, "log": np.log}
 FORM = '__attribute__((visibility("default"))) double call_{0}(double x) {{ return inline_{0}(x); }}\n'
@@ -17,7 +17,7 @@ FORM = '__attribute__((visibility("default"))) double call_{0}(double x) {{ retu
 
 @pytest.fixture(scope="module")
 def lanes(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    header = driver_file("driver.h") + driver_file("elementary.h")
+    header = c_file("driver.h") + c_file("elementary.h")
     power = '__attribute__((visibility("default"))) double call_pow(double x, double y) { return inline_pow(x, y); }\n'
     target: Path = tmp_path_factory.mktemp("elementary") / "elementary.so"
     find_compiler().build(header + "".join(FORM.format(name) for name in FUNCTIONS) + power, target)
