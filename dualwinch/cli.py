@@ -154,6 +154,39 @@ def config_(
     sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))
 
 
+@app.command(
+    help_epilogue="""Examples:
+
+    dualwinch certify --case 4
+    dualwinch certify --case 3 --plot lyapunov.png --out certificate.json
+    dualwinch certify --case 4 --controller nftsm --set controller.nftsm.k=2
+"""
+)
+def certify(
+    *,
+    case: Case = None,
+    config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None,
+    controller: Annotated[
+        Literal["fando-nftsm", "nftsm"] | None, Parameter(help="Position law the theorem is about.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        Parameter(name="--set", help="key=value, any key of `dualwinch config`; may be repeated.", negative=""),
+    ] = None,
+    out: Annotated[Path | None, Parameter(help="File for the report: .json.")] = None,
+    plot: Annotated[Path | None, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
+) -> None:
+    """Hold the paper's stability theorem against given gains and a scenario.
+
+    Prints every condition with both its sides and a verdict, over how much of the run the theorem's Lyapunov
+    function decreases, nearby gains that would satisfy the conditions (or why there are none), and what the proof
+    takes for granted.
+    """
+    from dualwinch.certify import certify as run
+
+    run(case, config, controller, set_ or [], out, plot)
+
+
 @app.command
 def doctor() -> None:
     """Say which compiler, cache folder, processor features and optional parts are in use."""

@@ -1,13 +1,11 @@
-"""A gain set's certificate: the theorem's conditions, its Lyapunov function along a run, and gains that would do."""
+"""The theorem held against one experiment: its conditions, and its Lyapunov function along the run."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.auxiliary import AuxiliaryGains
-from model.quantity import leaves, with_leaves
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.result import Result
@@ -18,7 +16,6 @@ from simulation.stability import (
     Bounds,
     Condition,
     LyapunovTerms,
-    auxiliary_weight_needed,
     bounds,
     claimed_decay,
     conditions,
@@ -31,12 +28,6 @@ Floats = NDArray[np.float64]
 
 KINDS = ("fando-nftsm", "nftsm")
 """Position laws the theorem is about; the second has no observer, and V then no terms for one."""
-
-ROUNDS = 8
-"""Gain sets the search for satisfying gains tries."""
-
-HEADROOM = 1.02
-"""How far beyond its bound the search sets a gain that has to rise: the next run's bound will not be quite the same."""
 
 
 @dataclass(frozen=True)
@@ -72,23 +63,6 @@ class Certificate:
         return self.certified and all(c.holds for c in self.conditions)
 
 
-@dataclass(frozen=True)
-class NearbyGains:
-    """The search for gains that satisfy every condition, from the given ones upwards.
-
-    Attributes:
-        certificate: of the last gain set tried.
-        changes: key → (given, tried), of every gain that differs.
-        found: whether that gain set satisfies every condition in its own run.
-        history: for every gain set tried, in words, what it lacked.
-    """
-
-    certificate: Certificate
-    changes: dict[str, tuple[float, float]]
-    found: bool
-    history: list[str]
-
-
 def certify(experiment: Experiment, *, progress: Callable[[float], None] | None = None) -> Certificate:
     """Run an experiment and hold the paper's stability theorem against it (Section 3.1.5).
 
@@ -107,6 +81,12 @@ def certify(experiment: Experiment, *, progress: Callable[[float], None] | None 
     if controller.kind == "fando-nftsm" and controller.observer.l0 <= 0:
         raise ConfigurationError("controller.observer.l0 = 0: must be > 0, V divides by the observer's gain")
     result = simulate(experiment, progress=progress)
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is a result too
+        return _judged(result)
+
+
+def _judged(result: Result) -> Certificate:
+    experiment, controller = result.experiment, result.experiment.controller
     columns, mass = result.columns, nominal_mass(experiment)
     s, Z_a = columns["s"], columns["Z_a"]
     gains, observer = controller.nftsm, controller.observer
@@ -128,61 +108,3 @@ def certify(experiment: Experiment, *, progress: Callable[[float], None] | None 
         decreasing=float(np.mean(rate < 0)) if rate.size else np.nan,
         within_claim=float(np.mean(rate <= claim)) if rate.size else np.nan,
     )
-
-
-def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None = None) -> NearbyGains:
-    """Raise the gains that fall short, run again, and repeat: a change of gains also changes the bounds.
-
-    Raised are ``k``, ``l0``, ``k_a`` (where it is 0), ``gamma`` and ``gamma_force``, each to where the last run's
-    bounds put it; nothing is lowered.
-
-    Args:
-        given: the certificate to start from.
-        progress: called after every run with the share of `ROUNDS` that is done.
-    """
-    start = given.result.experiment
-    tried, history = given, [_shortfall(given)]
-    for number in range(ROUNDS):
-        if tried.certified or tried.result.outcome != "completed":
-            break
-        tried = certify(_raised(tried))
-        history.append(_shortfall(tried))
-        if progress:
-            progress((number + 1) / ROUNDS)
-    before, after = leaves(start.controller), leaves(tried.result.experiment.controller)
-    return NearbyGains(
-        certificate=tried,
-        changes={f"controller.{key}": (before[key], value) for key, value in after.items() if value != before[key]},
-        found=tried.certified,
-        history=history,
-    )
-
-
-def _raised(certificate: Certificate) -> Experiment:
-    """The experiment with every gain that falls short set to what the certificate's run asks for."""
-    experiment, seen = certificate.result.experiment, certificate.bounds[IDEAL]
-    controller = experiment.controller
-    k_a = controller.auxiliary.k_a or AuxiliaryGains().k_a
-    weight = auxiliary_weight_needed(controller.coordination.tension_max, k_a)
-    wanted = {"auxiliary.k_a": k_a, "auxiliary.gamma": weight, "auxiliary.gamma_force": weight}
-    for condition in certificate.conditions:
-        if condition.name == "switching gain" and condition.basis == IDEAL and not condition.holds:
-            wanted["nftsm.k"] = HEADROOM * condition.right
-    if seen.observer_gain < seen.disturbance_rate:
-        wanted["observer.l0"] = HEADROOM * seen.disturbance_rate
-    before = leaves(controller)
-    rising = {key: max(before[key], value) for key, value in wanted.items()}
-    return replace(experiment, controller=with_leaves(controller, rising))
-
-
-def _shortfall(certificate: Certificate) -> str:
-    """What a gain set lacks, in one line."""
-    result = certificate.result
-    if result.outcome != "completed":
-        return f"the run {result.outcome.replace('_', ' ')} at {result.end_time:.4g} s"
-    lacking = [
-        f"{condition.name} {condition.left:.4g} < {condition.right:.4g} {condition.unit}".rstrip()
-        for condition in certificate.conditions
-        if condition.basis != REAL and not condition.holds
-    ]
-    return "; ".join(lacking) or "every condition holds"

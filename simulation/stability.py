@@ -1,4 +1,4 @@
-"""The paper's stability theorem as it is printed: its Lyapunov function and its conditions on the gains (Section 3.1.5).
+"""The paper's stability theorem as it is printed: Lyapunov function and conditions on the gains (Section 3.1.5).
 
 The theorem regards the vehicle as driven by the force command itself, ``dv/dt = (u - F_f - F_w)/M + d``, with
 ``|d| <= D/M`` and ``|dd/dt| <= Delta``. Its terms have different units and are added as numbers in SI units.
@@ -20,6 +20,15 @@ Floats = NDArray[np.float64]
 
 IDEAL, REAL = "ideal ropes", "real ropes"
 """What counts as disturbance: what the sea and a wrong model do; or also the force the ropes do not deliver."""
+
+GAPS = (
+    "The derivative of V has p/(q beta) |e2 + gamma Z_a|^(p/q-1) before the reaching law too; the paper drops it (E7).",
+    "Inside the boundary layer, |s| < phi, the switching term shrinks with s and dominates no disturbance.",
+    "Delta L = K_f FLS >= 0, so its term Delta L FLS in dV/dt is never negative: it cannot be <= -mu Delta L^2.",
+    "While the force is cut off, dZ_a/dt holds Z_a (u - u_sat), which no condition bounds by k_a Z_a^2.",
+    "Ropes, winches and sampling are left out: the force on the vehicle is taken to be the command.",
+)
+"""What the proof takes for granted whatever the gains: conditions that hold do not make V decrease."""
 
 
 @dataclass(frozen=True)
@@ -100,9 +109,7 @@ def claimed_decay(s: Scalar, Z_a: Scalar, d_tilde: Scalar, eta: Scalar, k_a: Sca
     return -eta * s**2 - k_a * Z_a**2 - mass / 2 * d_tilde**2
 
 
-def switching_gain_needed(
-    disturbance: Scalar, speed_error: Scalar, ratio: Scalar, beta: Scalar, eta: Scalar
-) -> Scalar:
+def switching_gain_needed(disturbance: Scalar, speed_error: Scalar, ratio: Scalar, beta: Scalar, eta: Scalar) -> Scalar:
     """Right side of the switching condition: 2 p D/(q β M) max|e2 + γ Z_a|^(p/q−1) + η (paper Section 3.1.5).
 
     Args:
@@ -179,7 +186,5 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
     needed = auxiliary_weight_needed(controller.coordination.tension_max, auxiliary.k_a)
     weights = leaves(auxiliary)
     for name, where in (("gamma", "in the surface"), ("gamma_force", "in the force")):
-        at_least(
-            f"weight of Z_a {where}", f"{name} >= 2 F_max/k_a", weights[name], needed, units[f"auxiliary.{name}"]
-        )
+        at_least(f"weight of Z_a {where}", f"{name} >= 2 F_max/k_a", weights[name], needed, units[f"auxiliary.{name}"])
     return found
