@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from model.plant import Plant, plant
     from model.reference import Reference
     from simulation.batch import BatchResult, rollout
+    from simulation.certificate import Certificate, certify
     from simulation.ensemble import Ensemble, Scenario
     from simulation.ensemble_result import EnsembleResult
     from simulation.ensemble_run import run_ensemble
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from simulation.errors import ConfigurationError
     from simulation.experiment import Experiment, Simulation
     from simulation.metrics import Metrics
+    from simulation.nearby_gains import NearbyGains, nearby_gains
     from simulation.paper import case
     from simulation.result import Result
     from simulation.sensors import Sensors
@@ -32,6 +34,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "BatchResult": "simulation.batch",
+    "Certificate": "simulation.certificate",
     "ConfigurationError": "simulation.errors",
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
@@ -40,6 +43,7 @@ _HOME = {
     "EnsembleResult": "simulation.ensemble_result",
     "Experiment": "simulation.experiment",
     "Metrics": "simulation.metrics",
+    "NearbyGains": "simulation.nearby_gains",
     "Plant": "model.plant",
     "Reference": "model.reference",
     "Result": "simulation.result",
@@ -47,10 +51,12 @@ _HOME = {
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
     "case": "simulation.paper",
+    "certify": "simulation.certificate",
     "controller_function": "controllers.controller",
     "load": "dualwinch.config",
     "load_ensemble": "dualwinch.ensembles",
     "override": "dualwinch.config",
+    "nearby_gains": "simulation.nearby_gains",
     "plant": "model.plant",
     "run_ensemble": "simulation.ensemble_run",
     "save": "simulation.storage",
@@ -62,6 +68,7 @@ _HOME = {
 
 __all__ = [
     "BatchResult",
+    "Certificate",
     "ConfigurationError",
     "Controller",
     "Disturbance",
@@ -70,6 +77,7 @@ __all__ = [
     "EnsembleResult",
     "Experiment",
     "Metrics",
+    "NearbyGains",
     "Plant",
     "Reference",
     "Result",
@@ -78,9 +86,11 @@ __all__ = [
     "Simulation",
     "__version__",
     "case",
+    "certify",
     "controller_function",
     "load",
     "load_ensemble",
+    "nearby_gains",
     "override",
     "plant",
     "rollout",

@@ -182,7 +182,7 @@ def certify(
     function decreases, nearby gains that would satisfy the conditions (or why there are none), and what the proof
     takes for granted.
     """
-    from dualwinch.certify import certify as run
+    from dualwinch.certification import certify as run
 
     run(case, config, controller, set_ or [], out, plot)
 
