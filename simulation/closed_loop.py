@@ -19,6 +19,9 @@ from simulation.row import row_of
 from simulation.sensors import EncoderState, Noise, Sensors, measure, read_encoders
 from simulation.structure import Structure, parameters_of
 
+CUTS = {"u": "u_sat", "tau_1": "tau1", "tau_2": "tau2"}
+"""Where the loop can be cut: signal → the column of what arrives at the cut."""
+
 
 @dataclass(frozen=True)
 class Exogenous:
@@ -47,7 +50,8 @@ class ClosedLoop:
 
     Attributes:
         step: ``step(state, exogenous, parameters) -> (next_state, row, margin)``: one sample. `margin` in m is
-            the distance of the next position to the nearer end of the track; negative: the track was left.
+            the distance of the next position to the nearer end of the track; negative: the track was left. Where
+            the loop is cut, what leaves the cut is a fourth input, ``cut``.
         shortcut: ``shortcut(state, exogenous, parameters) -> (next_state, row, margin, valid)``: a cheaper step
             with the same result wherever ``valid > 0``; None where the integrator has none.
         states, exogenous, parameters, columns: names of the elements of those vectors.
@@ -84,8 +88,13 @@ def initial_state_of(experiment: Experiment) -> dict[str, float]:
 
 
 @cache
-def closed_loop(structure: Structure) -> ClosedLoop:
-    """Build the symbolic step of a structure (cached)."""
+def closed_loop(structure: Structure, cut: str = "") -> ClosedLoop:
+    """Build the symbolic step of a structure (cached).
+
+    Args:
+        structure: what shapes the step.
+        cut: one of `CUTS`, to have the loop cut there for analysis; then there is no shortcut.
+    """
     template = Experiment(
         plant=Plant(rope_slack=structure.rope_slack),
         controller=Controller(
@@ -102,9 +111,12 @@ def closed_loop(structure: Structure) -> ClosedLoop:
         "parameters": tuple(parameters_of(template)),
     }
     symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
+    injected = {cut: ca.SX.sym("cut")} if cut else {}
     of_state, outside, values = (
         dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
     )
+    if cut:
+        symbols["cut"] = injected[cut]
     plant = with_leaves(template.plant, values, "plant.")
     nominal = with_leaves(template.plant, values, "nominal.")
     controller = with_leaves(template.controller, values, "controller.")
@@ -118,11 +130,18 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     forces = tensions(plant_state, plant)
     encoders, measurement = measure(plant_state, forces, exogenous.noise, state.encoders, plant, sensors, sample_time)
     controller_state, said = controller_step(
-        state.controller, measurement, exogenous.reference, controller, nominal, sample_time
+        state.controller,
+        measurement,
+        exogenous.reference,
+        controller,
+        nominal,
+        sample_time,
+        shared_force=injected.get("u"),
     )
 
     # until the next sample: the plant moves on under the torques that reach the motors
-    queue = [*(of_state[name] for name in queued), said.tau1, said.tau2]
+    sent = injected.get("tau_1", said.tau1), injected.get("tau_2", said.tau2)
+    queue = [*(of_state[name] for name in queued), *sent]
     torques = Torques(queue[0], queue[1])
     sea = Environment(current=exogenous.current, normal_force_variation=exogenous.normal_force_variation)
     problem = Problem(
@@ -164,7 +183,7 @@ def closed_loop(structure: Structure) -> ClosedLoop:
     names = ["next_state", "row", "margin"]
     moved = integrator.advance(problem, state.motion, structure.substeps)
     shortcut = None
-    if integrator.shortcut:
+    if integrator.shortcut and not cut:
         quick, valid = integrator.shortcut(problem, state.motion)
         shortcut = _function("shortcut", symbols, [*outputs(quick), valid], [*names, "valid"])
     return ClosedLoop(

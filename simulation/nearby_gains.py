@@ -109,14 +109,15 @@ def _reason(given: Certificate, tried: Certificate) -> str:
         return "the force is never cut off in this run, so Z_a stays 0 and the weights of Z_a may be anything"
     if tried.certified:
         return "the raised gains satisfy every condition in their own run"
-    excess = float(np.max(np.abs(columns["u"] - columns["u_sat"])))
+    cut_off = np.abs(columns["u"] - columns["u_sat"])
+    excess = float(cut_off[np.argmax(cut_off > 0)])
     if not excess > 0:
         return f"after {ROUNDS} rounds the bounds still grow as fast as the gains"
     sample_time = experiment.simulation.sample_time
     least = auxiliary_weight_needed(experiment.controller.coordination.tension_max, 1 / sample_time)
     return (
-        f"the force is cut off, by up to {excess:.4g} N. Z_a forgets within a sample at most (k_a <= 1/Ts), so gamma "
-        f"must be >= 2 F_max Ts = {least:.4g}, and one such sample puts gamma Ts {excess:.4g} N = "
+        f"the force is cut off, at first by {excess:.4g} N. Z_a forgets within a sample at most (k_a <= 1/Ts), so "
+        f"gamma must be >= 2 F_max Ts = {least:.4g}, and that one sample puts gamma Ts {excess:.4g} N = "
         f"{least * sample_time * excess:.4g} m/s into "
         "e2 + gamma Z_a: the force is cut off the more, and the loop runs away"
     )
