@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.coordination import force_limit
+from model.operating_point import operating_point
 from model.plant import Plant, PlantState, tensions
 from model.quantity import leaves, numbers, with_leaves
 from model.vehicle import drag, friction
@@ -40,7 +41,7 @@ PRESSED = 1.0
 
 
 @dataclass(frozen=True)
-class SteadyCruise:
+class LoopCruise:
     """A point of the closed loop around which it is linear.
 
     Attributes:
@@ -60,7 +61,7 @@ class SteadyCruise:
     residual: float
 
 
-def steady_cruise(experiment: Experiment, x: float, v: float) -> SteadyCruise:
+def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
     """Solve for steady cruise through a position; at v = 0 that is rest.
 
     Everything repeats but what the motion itself carries on: positions by ``v Ts``, drums by what keeps the tensions.
@@ -76,7 +77,7 @@ def steady_cruise(experiment: Experiment, x: float, v: float) -> SteadyCruise:
             with which nothing is steady.
     """
     calm = _calm(experiment)
-    _check(calm, x, v)
+    _check(calm, v)
     structure = replace(structure_of(calm), rope_slack=False)
     loop = closed_loop(structure)
     parameters = np.array(list(parameters_of(calm).values()))
@@ -91,7 +92,7 @@ def steady_cruise(experiment: Experiment, x: float, v: float) -> SteadyCruise:
         state, exogenous, residual = _solved(structure, parameters, np.where(taken, solution, start[0]), start[1], v)
     row = dict(zip(loop.columns, np.array(loop.step(state, exogenous, parameters)[1]).ravel().tolist(), strict=True))
     _check_solution(calm, row, residual, v)
-    return SteadyCruise(loop, calm, state, exogenous, parameters, row, residual)
+    return LoopCruise(loop, calm, state, exogenous, parameters, row, residual)
 
 
 def _solved(
@@ -102,7 +103,7 @@ def _solved(
     state, exogenous = state.copy(), exogenous.copy()
     rows = np.array([not name.startswith(BOOKKEEPING) for name in loop.states])
     unknown = rows & np.array([name != "motion.plant.x" for name in loop.states])
-    scale, place = np.maximum(np.abs(state[unknown]), 1e-2), loop.exogenous.index("reference.x")
+    place = loop.exogenous.index("reference.x")
     residual = np.inf
     for _ in range(ITERATIONS):
         change, slope_state, slope_reference = (np.array(value) for value in evaluate(state, exogenous, parameters, v))
@@ -110,11 +111,21 @@ def _solved(
         residual = float(np.max(np.abs(kept) / np.maximum(np.abs(state[rows]), 1.0)))
         if not np.isfinite(residual) or (last < TOLERANCE and residual >= last / 2):
             break
-        matrix = np.column_stack([slope_state[np.ix_(rows, unknown)] * scale, slope_reference[rows, place]])
-        step = np.linalg.lstsq(matrix, -kept, rcond=1e-14)[0]
-        state[unknown] += scale * step[:-1]
+        matrix = np.column_stack([slope_state[np.ix_(rows, unknown)], slope_reference[rows, place]])
+        step = _least_step(matrix, kept)
+        state[unknown] += step[:-1]
         exogenous[place] += step[-1]
     return state, exogenous, residual
+
+
+def _least_step(matrix: Floats, change: Floats) -> Floats:
+    """Newton step, in units in which rows and columns are of one size; zero along what moves nothing."""
+    rows, columns = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
+    for _ in range(4):
+        scaled = np.abs(matrix / rows[:, None] * columns)
+        rows *= np.where(scaled.any(axis=1), np.sqrt(scaled.max(axis=1)), 1.0)
+        columns /= np.where(scaled.any(axis=0), np.sqrt(scaled.max(axis=0)), 1.0)
+    return columns * np.linalg.lstsq(matrix / rows[:, None] * columns, -change / rows, rcond=1e-13)[0]
 
 
 def _calm(experiment: Experiment) -> Experiment:
@@ -124,11 +135,9 @@ def _calm(experiment: Experiment) -> Experiment:
     return replace(experiment, disturbance=disturbance, sensors=sensors)
 
 
-def _check(experiment: Experiment, x: float, v: float) -> None:
+def _check(experiment: Experiment, v: float) -> None:
     check(experiment)
-    track, vehicle = experiment.plant.track, experiment.plant.vehicle
-    if not 0 <= x <= track.length:
-        raise ConfigurationError(f"x = {x:g}: must be 0 to {track.length:g} m (plant.track.length)")
+    vehicle = experiment.plant.vehicle
     limit = force_limit(experiment.controller.coordination)
     needed = friction(v, vehicle) + drag(v, vehicle)
     if not abs(needed) < limit:
@@ -151,17 +160,10 @@ def _check_solution(experiment: Experiment, row: dict[str, float], residual: flo
 
 def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -> tuple[Floats, Floats]:
     """The steady cruise of a perfect controller: no errors, tensions as commanded."""
-    plant = experiment.plant
-    force = friction(v, plant.vehicle) + drag(v, plant.vehicle)
-    preload = experiment.controller.coordination.preload
-    guess = dict.fromkeys(loop.states, 0.0) | initial_state_of(experiment)
-    length_1, length_2 = plant.track.length - x + plant.track.rope_offset, x + plant.track.rope_offset
-    stretch_1 = (preload + force) / 2 * length_1 / (plant.rope_1.modulus * plant.rope_1.area)
-    stretch_2 = (preload - force) / 2 * length_2 / (plant.rope_2.modulus * plant.rope_2.area)
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    motion = PlantState(x, v, (stretch_1 + x) / radius_1, v / radius_1, (stretch_2 - x) / radius_2, -v / radius_2)
-    guess |= leaves(motion, "motion.plant.")
-    guess |= _pressed_integrals(guess, force, experiment)
+    plant, limits = experiment.plant, experiment.controller.coordination
+    point = operating_point(x, v, limits.preload, plant, tension_min=limits.tension_min, tension_max=limits.tension_max)
+    guess = dict.fromkeys(loop.states, 0.0) | initial_state_of(experiment) | leaves(point.state, "motion.plant.")
+    guess |= _pressed_integrals(guess, point.F1 - point.F2, experiment)
     known = {"x": x, "v": v, "primed": 1.0}
     for name in guess:
         if name.startswith("controller.") and name.rsplit(".", 1)[1] in known:
