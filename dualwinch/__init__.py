@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from dualwinch.config import load, override, to_toml
     from dualwinch.ensembles import load_ensemble
     from model.disturbance import Disturbance
+    from model.linear_system import LinearSystem
+    from model.linearisation import linearise
+    from model.modes import modes
+    from model.operating_point import operating_point
     from model.plant import Plant, plant
     from model.reference import Reference
     from simulation.batch import BatchResult, rollout
@@ -39,6 +43,7 @@ _HOME = {
     "Ensemble": "simulation.ensemble",
     "EnsembleResult": "simulation.ensemble_result",
     "Experiment": "simulation.experiment",
+    "LinearSystem": "model.linear_system",
     "Metrics": "simulation.metrics",
     "Plant": "model.plant",
     "Reference": "model.reference",
@@ -48,8 +53,11 @@ _HOME = {
     "Simulation": "simulation.experiment",
     "case": "simulation.paper",
     "controller_function": "controllers.controller",
+    "linearise": "model.linearisation",
     "load": "dualwinch.config",
     "load_ensemble": "dualwinch.ensembles",
+    "modes": "model.modes",
+    "operating_point": "model.operating_point",
     "override": "dualwinch.config",
     "plant": "model.plant",
     "run_ensemble": "simulation.ensemble_run",
@@ -69,6 +77,7 @@ __all__ = [
     "Ensemble",
     "EnsembleResult",
     "Experiment",
+    "LinearSystem",
     "Metrics",
     "Plant",
     "Reference",
@@ -79,8 +88,11 @@ __all__ = [
     "__version__",
     "case",
     "controller_function",
+    "linearise",
     "load",
     "load_ensemble",
+    "modes",
+    "operating_point",
     "override",
     "plant",
     "rollout",

@@ -124,6 +124,47 @@ def simulate(
 
 
 @app.command(
+    help_epilogue="""Examples:
+
+    dualwinch linearise --x 25 --v 1.8
+    dualwinch linearise --x 25 --out plant.json --plot bode.png
+    dualwinch linearise --sweep x=1:47:2 --plot modes.png --out track.mat
+    dualwinch linearise --sweep v=0:2.4:0.2 --plot poles.svg --figure poles
+"""
+)
+def linearise(
+    *,
+    x: Annotated[float | None, Parameter(help="Position in m (default 25).")] = None,
+    v: Annotated[float | None, Parameter(help="Speed in m/s (default 0); negative: towards winch 2.")] = None,
+    preload: Annotated[
+        float | None, Parameter(help="Sum of both tensions in N (default: controller.coordination.preload).")
+    ] = None,
+    sweep: Annotated[str | None, Parameter(help="Many points: name=first:last:step, the name x, v or preload.")] = None,
+    loop: Annotated[Literal["open"], Parameter(help="What to linearise: the plant without its controller.")] = "open",
+    dt: Annotated[
+        float | None, Parameter(help="Sample time in s: discrete time, inputs held (default: continuous).")
+    ] = None,
+    case: Case = None,
+    config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set", help="key=value; may be repeated.", negative="")] = None,
+    out: Annotated[Path | None, Parameter(help="File for the matrices: .json, .mat or .npz.")] = None,
+    plot: Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")] = None,
+    figure: Annotated[
+        Literal["bode", "modes", "poles", "shapes"] | None,
+        Parameter(help="Which figure (default: bode for one point, modes for a sweep)."),
+    ] = None,
+) -> None:
+    """Linearise the plant at an operating point or along a sweep; print its modes and what they demand.
+
+    At rest the operating point is an equilibrium, else a steady cruise with constant tensions. Every derivative is
+    exact.
+    """
+    from dualwinch.linearise import linearise as run
+
+    run(case, config, set_ or [], x, v, preload, sweep, loop, dt, out, plot, figure)
+
+
+@app.command(
     name="config",
     help_epilogue="""Examples:
 
