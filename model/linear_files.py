@@ -2,12 +2,15 @@
 
 Every format holds the same entries: ``A, B, C, D, dt, states, inputs, outputs, units, operating_point``. A
 continuous system has ``dt`` null in JSON and 0 elsewhere, so that ``ss(A, B, C, D, dt)`` is right in MATLAB and Octave.
+
+A sweep of systems fills the same entries: matrices get one more axis over the points (the first; in MATLAB files the
+last, so that ``A(:, :, k)`` is a matrix), and every number of the operating point becomes a list.
 """
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +20,20 @@ from model.errors import ConfigurationError
 from model.linear_system import LinearSystem
 
 
-def save(system: LinearSystem, path: Path) -> None:
-    """Write a linear system to a file; the file appears whole or not at all.
+@dataclass(frozen=True)
+class Content:
+    """What a file holds: one system, or a sweep of systems whose names and sample time are those of the first."""
+
+    first: LinearSystem
+    matrices: Mapping[str, NDArray[np.float64]]
+    operating_point: Mapping[str, float | list[float]]
+
+
+def save(system: LinearSystem | Sequence[LinearSystem], path: Path) -> None:
+    """Write a linear system, or a sweep of them, to a file; the file appears whole or not at all.
 
     Args:
-        system: what to write.
+        system: what to write; systems of a sweep have the same names.
         path: its suffix chooses the format: json, mat, npz.
 
     Raises:
@@ -30,10 +42,18 @@ def save(system: LinearSystem, path: Path) -> None:
     """
     write = writer(path)
     with atomic(path) as unfinished:
-        write(unfinished, system)
+        write(unfinished, _content(system))
 
 
-def writer(path: Path) -> Callable[[Path, LinearSystem], None]:
+def _content(system: LinearSystem | Sequence[LinearSystem]) -> Content:
+    if isinstance(system, LinearSystem):
+        return Content(system, {name: getattr(system, name) for name in "ABCD"}, system.operating_point)
+    matrices = {name: np.array([getattr(one, name) for one in system]) for name in "ABCD"}
+    values = {name: [one.operating_point[name] for one in system] for name in system[0].operating_point}
+    return Content(system[0], matrices, values)
+
+
+def writer(path: Path) -> Callable[[Path, Content], None]:
     """What writes the format of a path's suffix.
 
     Raises:
@@ -46,51 +66,49 @@ def writer(path: Path) -> Callable[[Path, LinearSystem], None]:
         raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
 
 
-def as_json(system: LinearSystem) -> dict[str, Any]:
-    """The entries of the JSON file: matrices as lists of rows."""
-    return {
-        **{name: matrix.tolist() for name, matrix in _matrices(system).items()},
-        "dt": system.dt,
-        "states": list(system.states),
-        "inputs": list(system.inputs),
-        "outputs": list(system.outputs),
-        "units": dict(system.units),
-        "operating_point": dict(system.operating_point),
+def _write_json(path: Path, content: Content) -> None:
+    first = content.first
+    entries = {
+        **{name: matrix.tolist() for name, matrix in content.matrices.items()},
+        "dt": first.dt,
+        "states": list(first.states),
+        "inputs": list(first.inputs),
+        "outputs": list(first.outputs),
+        "units": dict(first.units),
+        "operating_point": dict(content.operating_point),
     }
+    path.write_text(json.dumps(entries, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _matrices(system: LinearSystem) -> dict[str, NDArray[np.float64]]:
-    return {"A": system.A, "B": system.B, "C": system.C, "D": system.D}
-
-
-def _write_json(path: Path, system: LinearSystem) -> None:
-    path.write_text(json.dumps(as_json(system), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _write_npz(path: Path, system: LinearSystem) -> None:
+def _write_npz(path: Path, content: Content) -> None:
+    first = content.first
     np.savez_compressed(
         path,
-        **_matrices(system),
-        dt=np.array(system.dt or 0.0),
-        states=np.array(system.states),
-        inputs=np.array(system.inputs),
-        outputs=np.array(system.outputs),
-        units=np.array(json.dumps(dict(system.units))),
-        operating_point=np.array(json.dumps(dict(system.operating_point))),
+        **content.matrices,
+        dt=np.array(first.dt or 0.0),
+        states=np.array(first.states),
+        inputs=np.array(first.inputs),
+        outputs=np.array(first.outputs),
+        units=np.array(json.dumps(dict(first.units))),
+        operating_point=np.array(json.dumps(dict(content.operating_point))),
     )
 
 
-def _write_mat(path: Path, system: LinearSystem) -> None:
+def _write_mat(path: Path, content: Content) -> None:
     from scipy.io import savemat
 
+    first = content.first
     entries = {
-        **_matrices(system),
-        "dt": system.dt or 0.0,
-        "states": _cells(system.states),
-        "inputs": _cells(system.inputs),
-        "outputs": _cells(system.outputs),
-        "units": {_field(name): unit for name, unit in system.units.items()},
-        "operating_point": {_field(name): value for name, value in system.operating_point.items()},
+        **{
+            name: np.moveaxis(matrix, 0, -1) if matrix.ndim == 3 else matrix
+            for name, matrix in content.matrices.items()
+        },
+        "dt": first.dt or 0.0,
+        "states": _cells(first.states),
+        "inputs": _cells(first.inputs),
+        "outputs": _cells(first.outputs),
+        "units": {_field(name): unit for name, unit in first.units.items()},
+        "operating_point": {_field(name): value for name, value in content.operating_point.items()},
     }
     savemat(path, entries, long_field_names=True)
 
@@ -105,7 +123,7 @@ def _field(name: str) -> str:
     return name.replace(".", "_")
 
 
-WRITERS: dict[str, Callable[[Path, LinearSystem], None]] = {
+WRITERS: dict[str, Callable[[Path, Content], None]] = {
     ".json": _write_json,
     ".mat": _write_mat,
     ".npz": _write_npz,

@@ -83,7 +83,7 @@ def _by_energies(moved: Shape, plant: Plant, x: float) -> str:
     drum = "both drums" if len(turning) == 2 else f"drum {turning[0]}" if turning else ""
     if len(turning) == 2 and not vehicle:
         together = (moved.drum_1 * moved.drum_2.conjugate()).real > 0
-        return f"{rope} – {drum}, {'the same way' if together else 'in opposition'}"
+        return "both drums " + ("together" if together else "opposed")
     if not vehicle:
         return f"{rope} – {drum}"
     return f"vehicle on {rope}" + (f", with {drum}" if drum else "")

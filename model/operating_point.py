@@ -36,13 +36,11 @@ class OperatingPoint:
     tau_2: Annotated[float, Quantity("N m", "motor torque of winch 2")]
     F1: Annotated[float, Quantity("N", "tension of rope 1")]
     F2: Annotated[float, Quantity("N", "tension of rope 2")]
-    preload: Annotated[float, Quantity("N", "sum of both tensions that was asked for")]
+    preload: Annotated[float, Quantity("N", "sum of both tensions asked for")]
     force: Annotated[float, Quantity("N", "disturbance force along the track")]
     current: Annotated[float, Quantity("m/s", "ambient current along the track")]
-    residual: Annotated[
-        float, Quantity("m/s^2", "largest acceleration left, of the vehicle or at a drum's rim; round-off")
-    ]
-    tension_rate: Annotated[float, Quantity("N/s", "largest rate of a tension left; round-off")]
+    residual: Annotated[float, Quantity("m/s^2", "largest acceleration left (round-off)")]
+    tension_rate: Annotated[float, Quantity("N/s", "largest rate of a tension left (round-off)")]
     slack_1: Annotated[bool, Quantity("", "rope 1 hangs loose")]
     slack_2: Annotated[bool, Quantity("", "rope 2 hangs loose")]
     violations: Annotated[tuple[str, ...], Quantity("", "limits that are not respected, in words")]

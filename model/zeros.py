@@ -78,9 +78,9 @@ def dc_gains(system: LinearSystem) -> Array:
     k = int(integrators)
     coupling = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < len(T) else np.zeros((k, len(T) - k))
     B, C = Z.conj().T @ part.B, part.C @ Z
-    B_still, C_moving = B[:k] - coupling @ B[k:], C[:, :k] @ coupling + C[:, k:]
+    chain, C_moving = B[:k] - coupling @ B[k:], C[:, :k] @ coupling + C[:, k:]
     gains = part.D - (C_moving @ np.linalg.solve(T[k:, k:], B[k:])).real
-    chain = B_still
+    gains = np.where(np.abs(gains) > SILENT * np.abs(gains).max(axis=1, keepdims=True), gains, 0.0)
     for _ in range(k):
         reached = (C[:, :k] @ chain).real
         gains = np.where(np.abs(reached) > SILENT, np.copysign(math.inf, reached), gains)

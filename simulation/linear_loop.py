@@ -138,7 +138,7 @@ def _named(
         inputs,
         outputs,
         units | {name: state_units[name] for name in states},
-        cruise.row | {"residual": cruise.residual},
+        cruise.row | {"preload": cruise.experiment.controller.coordination.preload, "residual": cruise.residual},
     )
 
 
