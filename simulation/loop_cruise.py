@@ -92,6 +92,7 @@ def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
         state, exogenous, residual = _solved(structure, parameters, np.where(taken, solution, start[0]), start[1], v)
     row = dict(zip(loop.columns, np.array(loop.step(state, exogenous, parameters)[1]).ravel().tolist(), strict=True))
     _check_solution(calm, row, residual, v)
+    row |= {"x": x, "v": v}  # as asked for, without round-off
     return LoopCruise(loop, calm, state, exogenous, parameters, row, residual)
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,10 +115,11 @@ def frequencies(loop: LinearSystem) -> Floats:
 
 def _crossings(omega: Floats, values: Floats, function: Callable[[float], float]) -> list[float]:
     """Where a function of the frequency changes its sign."""
-    from scipy.optimize import brentq
+    from scipy import optimize
 
+    root: Any = optimize.brentq  # its stub knows neither plain floats nor the plain answer
     places = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return [float(brentq(function, omega[k], omega[k + 1], xtol=1e-13, rtol=1e-13)) for k in places]
+    return [float(root(function, omega[k], omega[k + 1], xtol=1e-13, rtol=1e-13)) for k in places]
 
 
 def _largest(omega: Floats, values: Floats, function: Callable[[float], float]) -> float:

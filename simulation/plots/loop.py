@@ -14,6 +14,9 @@ from simulation.margins import Margins
 from simulation.plots.linear import curve_handles, point_in_words, shades, spread
 from simulation.plots.style import BLUE, GOLD, GREEN, GREY, INK, VERMILION, house_style, legend_below, new_figure
 
+DEADBEAT = 1e-9
+"""Eigenvalues smaller than this are zero but for round-off: gone after a sample, with no rate."""
+
 LOWEST = 1e-2
 """Lowest frequency of the Bode diagram in Hz."""
 
@@ -87,7 +90,7 @@ def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None)
         for system, colour in zip(chosen, colours, strict=True):
             poles = system.poles()
             circle.plot(poles.real, poles.imag, "x", color=colour, markersize=5)
-            rates = np.log(poles[np.abs(poles) > 0]) / (system.dt or 1.0)
+            rates = np.log(poles[np.abs(poles) > DEADBEAT]) / (system.dt or 1.0)
             plane.plot(rates.real, rates.imag / (2 * np.pi), "x", color=colour, markersize=5)
         circle.set_aspect("equal")
         circle.set_title("eigenvalues of one sample")

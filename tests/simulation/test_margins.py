@@ -1,6 +1,7 @@
 """Margins against python-control, and against gains and delays put into the nonlinear simulation."""
 
 import math
+from typing import Any
 
 import control
 import numpy as np
@@ -19,7 +20,7 @@ KICK = {"motion.plant.v": 1e-7}
 
 
 def loop(numerator: list[float], denominator: list[float], dt: float) -> LinearSystem:
-    found = control.ss(control.c2d(control.tf(numerator, denominator), dt))
+    found: Any = control.ss(control.c2d(control.tf(numerator, denominator), dt))
     states = tuple(f"x{k}" for k in range(found.nstates))
     units = dict.fromkeys((*states, "in", "out"), "1")
     return LinearSystem(found.A, found.B, found.C, found.D, dt, states, ("in",), ("out",), units)
