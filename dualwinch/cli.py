@@ -159,7 +159,7 @@ def linearise(
     At rest the operating point is an equilibrium, else a steady cruise with constant tensions. Every derivative is
     exact.
     """
-    from dualwinch.linearise import linearise as run
+    from dualwinch.linearise_command import linearise as run
 
     run(case, config, set_ or [], x, v, preload, sweep, loop, dt, out, plot, figure)
 

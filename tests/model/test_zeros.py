@@ -26,8 +26,8 @@ def test_zeros_are_python_controls(x: float, inputs: list[str], outputs: list[st
         assert min(abs(theirs - zero)) < 1e-7 * max(abs(zero), 1)
 
 
-def test_no_torque_keeps_a_tension_changed_while_position_stands_still() -> None:
-    """With vehicle and position held, each drum swings on its rope alone: the zeros from the force D to x."""
+def test_drums_swinging_on_their_ropes_take_up_a_force_on_the_vehicle() -> None:
+    """The vehicle stands still while each drum swings on its rope alone: the zeros from the force D to x."""
     found = zeros(linearise(x=10.0).between(["D"], ["x"]))
     for length in (40.5, 10.5):
         drum = np.roots([1.8, 1000 * 0.8**2, 80e9 * 4.52e-4 / length * 0.8**2])

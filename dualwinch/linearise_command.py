@@ -1,4 +1,7 @@
-"""The command ``linearise``: the plant at an operating point or along a sweep, its modes, its data and its figure."""
+"""The command ``linearise``: the plant at an operating point or along a sweep, its modes, its data and its figure.
+
+The module does not bear the command's name: importing it would hide the function ``dualwinch.linearise``.
+"""
 
 import math
 from collections.abc import Callable, Sequence
