@@ -118,6 +118,6 @@ def test_octave_reads_the_file_and_finds_the_same_poles(tmp_path: Path) -> None:
     if "control" in done.stderr and done.returncode:
         pytest.skip("needs Octave's control package")
     *poles, names = done.stdout.splitlines()
-    found = [complex(*map(float, line.split())) for line in poles]
+    found = np.array([complex(*map(float, line.split())) for line in poles])
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(system.poles()), rtol=1e-9)
     assert names == "F1 N"

@@ -47,7 +47,7 @@ def test_frequencies_are_drawn_against_position(sweep: list[LinearSystem]) -> No
     assert labels[:3] == ["rigid drift: speed", "rope 1 – drum 1", "rope 2 – drum 2"]
     rope_1 = figure.axes[0].lines[1]
     expected = 0.8 * np.sqrt(80e9 * 4.52e-4 / (50.5 - X) / 1.8) / (2 * np.pi)
-    np.testing.assert_allclose(rope_1.get_xdata(), X)
+    np.testing.assert_allclose(np.asarray(rope_1.get_xdata()), X)
     np.testing.assert_allclose(np.asarray(rope_1.get_ydata()), expected, rtol=1e-3)
     assert [np.asarray(line.get_ydata())[0] for line in figure.axes[0].lines[3:]] == [500.0, 100.0]
 
