@@ -83,6 +83,7 @@ def test_figures_of_a_sweep(figure: str, tmp_path: Path) -> None:
         (["--sweep", "y=1:2:1"], "--sweep y=1:2:1: unknown name 'y'; did you mean 'x'? One of x, v, preload"),
         (["--sweep", "x=1:2"], "--sweep x=1:2: must be name=first:last:step, e.g. x=1:47:2"),
         (["--sweep", "x=5:1:1"], "the step must be finite, not 0, and lead from first to last"),
+        (["--sweep", "x=5:5:1"], "--sweep x=5:5:1: one point only; give --x 5"),
         (["--sweep", "x=0:50:1e-3"], "50001 points, must be <= 10000"),
         (["--sweep", "x=0:60:1"], "x = 51: must be"),
         (["--sweep", "x=1:2:1", "--x", "4"], "--x and --sweep x: give one of them"),
