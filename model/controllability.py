@@ -84,7 +84,8 @@ def _distances(A: Array, C: Array, eigenvalues: NDArray[np.complex128]) -> Array
     size = np.linalg.norm(A, 2)
     pencils = (A - eigenvalues[:, None, None] * np.eye(len(A))) / size
     rows = np.broadcast_to(C, (len(eigenvalues), *C.shape))
-    return np.linalg.svd(np.concatenate([pencils, rows], axis=1), compute_uv=False)[:, -1]
+    sizes = np.linalg.svd(np.concatenate([pencils, rows], axis=1), compute_uv=False)
+    return sizes[:, -1].astype(np.float64)
 
 
 def is_controllable(system: LinearSystem, inputs: Sequence[str] | None = None) -> bool:

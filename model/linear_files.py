@@ -82,16 +82,16 @@ def _write_json(path: Path, content: Content) -> None:
 
 def _write_npz(path: Path, content: Content) -> None:
     first = content.first
-    np.savez_compressed(
-        path,
+    arrays = {
         **content.matrices,
-        dt=np.array(first.dt or 0.0),
-        states=np.array(first.states),
-        inputs=np.array(first.inputs),
-        outputs=np.array(first.outputs),
-        units=np.array(json.dumps(dict(first.units))),
-        operating_point=np.array(json.dumps(dict(content.operating_point))),
-    )
+        "dt": np.array(first.dt or 0.0),
+        "states": np.array(first.states),
+        "inputs": np.array(first.inputs),
+        "outputs": np.array(first.outputs),
+        "units": np.array(json.dumps(dict(first.units))),
+        "operating_point": np.array(json.dumps(dict(content.operating_point))),
+    }
+    np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
 
 
 def _write_mat(path: Path, content: Content) -> None:

@@ -112,8 +112,8 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
         for side_by_side in _jacobians(plant.rope_slack)(*arguments)
     ]
     systems = [
-        LinearSystem(*matrices, None, STATES, INPUTS, OUTPUTS, UNITS, numbers(point))
-        for *matrices, point in zip(*jacobians, points, strict=True)
+        LinearSystem(A, B, C, D, None, STATES, INPUTS, OUTPUTS, UNITS, numbers(point))
+        for A, B, C, D, point in zip(*jacobians, points, strict=True)
     ]
     return systems if dt is None else [system.discretised(dt) for system in systems]
 

@@ -165,20 +165,22 @@ def _left(rope_slack: bool) -> ca.Function:
 def _point(
     column: NDArray[np.float64], asked: NDArray[np.float64], plant: Plant, limits: tuple[float, float]
 ) -> OperatingPoint:
-    *state_and_input, force_1, force_2, residual, tension_rate = (float(value) + 0.0 for value in column)
+    values = [float(value) + 0.0 for value in column]  # -0.0 becomes 0.0
+    state, torques, forces, left = PlantState(*values[:6]), Torques(*values[6:8]), values[8:10], values[10:]
     _, v, preload, force, current = (float(value) for value in asked[:5])
-    forces = (force_1, force_2)
     slack = [plant.rope_slack and tension <= 0 for tension in forces]
     return OperatingPoint(
-        *state_and_input,
-        *forces,
+        **leaves(state),
+        **leaves(torques),
+        F1=forces[0],
+        F2=forces[1],
         preload=preload,
         force=force,
         current=current,
-        residual=residual,
-        tension_rate=tension_rate,
+        residual=left[0],
+        tension_rate=left[1],
         slack_1=slack[0],
         slack_2=slack[1],
-        violations=violations(v, forces, state_and_input[6:8], plant, limits),
+        violations=violations(v, forces, values[6:8], plant, limits),
         remarks=remarks(preload, forces),
     )

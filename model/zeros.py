@@ -1,7 +1,7 @@
 """Transmission zeros and DC gains of a linear system."""
 
 import math
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +74,8 @@ def dc_gains(system: LinearSystem) -> Array:
     part = balanced(system)
     A = part.A if system.dt is None else part.A - np.eye(len(part.A))
     near = STILL * float(np.linalg.norm(A, 2))
-    T, Z, integrators = schur(A, output="complex", sort=lambda pole: abs(pole) < near)
+    ordered: Any = schur(A, output="complex", sort=lambda pole: abs(pole) < near)
+    T, Z, integrators = ordered
     k = int(integrators)
     coupling = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < len(T) else np.zeros((k, len(T) - k))
     B, C = Z.conj().T @ part.B, part.C @ Z

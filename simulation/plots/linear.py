@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from model.linear_system import LinearSystem
@@ -49,11 +51,11 @@ def bode(systems: Sequence[LinearSystem], swept: str | None = None) -> Figure:
             panels[0, column].set_title(f"{cause} → {effect}")
             panels[0, column].set_ylabel(f"gain ({units[effect]} per {units[cause]})")
             panels[1, column].set_ylabel("phase (°)")
-            panels[1, column].yaxis.set_major_locator(mpl.ticker.MultipleLocator(45))
+            panels[1, column].yaxis.set_major_locator(MultipleLocator(45))
             panels[1, column].set_xlabel("frequency (Hz)")
         figure.align_ylabels()
         if swept is not None:
-            legend_below(figure, curve_handles(chosen, colours, swept))
+            legend_below(figure, [*curve_handles(chosen, colours, swept)])
     return figure
 
 
@@ -115,7 +117,7 @@ def spread(systems: Sequence[LinearSystem]) -> list[LinearSystem]:
 def shades(count: int) -> list[str]:
     """Colours from one end of a sweep to the other, of even steps in lightness."""
     scale = mpl.colormaps["viridis"]
-    return [mpl.colors.to_hex(scale(0.92 * place / max(count - 1, 1))) for place in range(count)]
+    return [to_hex(scale(0.92 * place / max(count - 1, 1))) for place in range(count)]
 
 
 def curve_handles(systems: Sequence[LinearSystem], colours: Sequence[str], swept: str) -> list[Line2D]:

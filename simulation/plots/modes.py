@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from itertools import cycle
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ def modal_frequencies(systems: Sequence[LinearSystem], swept: str, plant: Plant,
             frequency.semilogy(values, track.natural_frequencies / TIME, color=colour)
             damping.plot(values, track.dampings, color=colour)
             handles.append(Line2D([], [], color=colour, label=track.label))
-        for samples, dashes in ((2, "--"), (SAMPLES_A_PERIOD, ":")):
+        for samples, dashes in ((2, (0, (5, 2))), (SAMPLES_A_PERIOD, (0, (1, 1.5)))):
             frequency.axhline(1 / (samples * sample_time), color=GREY, linewidth=0.8, linestyle=dashes)
             words = f"{samples} samples a period at {1 / sample_time:g} Hz"
             handles.append(Line2D([], [], color=GREY, linewidth=0.8, linestyle=dashes, label=words))
@@ -69,7 +70,7 @@ def modal_frequencies(systems: Sequence[LinearSystem], swept: str, plant: Plant,
         damping.set_ylim(bottom=min(0.0, *(track.dampings.min() for track in tracks)))
         damping.set_xlim(min(values), max(values))
         figure.align_ylabels()
-        legend_below(figure, handles)
+        legend_below(figure, [*handles])
     return figure
 
 
@@ -85,7 +86,7 @@ def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant) -> Figur
     with house_style():
         figure = new_figure(4.2, f"Poles of the plant along {swept}", point_in_words(systems[0], swept))
         fast, slow = figure.subplots(1, 2)
-        norm = mpl.colors.Normalize(values.min(), values.max())
+        norm = Normalize(values.min(), values.max())
         handles = [_poles(fast, track.rates.imag, track, values, norm, place) for place, track in enumerate(swinging)]
         handles += [_poles(slow, values, track, values, norm, 2 + place) for place, track in enumerate(drifting)]
         fast.set_title("oscillations (upper half plane)")
@@ -96,8 +97,8 @@ def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant) -> Figur
         slow.set_title("without oscillation")
         slow.set_xlabel("real part (1/s)")
         slow.set_ylabel(AXIS_NAMES[swept])
-        figure.colorbar(mpl.cm.ScalarMappable(norm, "viridis"), ax=[fast, slow], label=AXIS_NAMES[swept], aspect=30)
-        legend_below(figure, handles)
+        figure.colorbar(ScalarMappable(norm, "viridis"), ax=[fast, slow], label=AXIS_NAMES[swept], aspect=30)
+        legend_below(figure, [*handles])
     return figure
 
 
@@ -106,7 +107,7 @@ def _poles(
     heights: NDArray[np.float64],
     track: ModeTrack,
     values: NDArray[np.float64],
-    norm: mpl.colors.Normalize,
+    norm: Normalize,
     place: int,
 ) -> Line2D:
     """Draw a track with the marker of its place; returns its legend entry."""

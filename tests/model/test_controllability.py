@@ -14,7 +14,7 @@ from model.linearisation import linearise
 
 
 def test_a_mode_without_input_and_a_mode_without_output_are_found() -> None:
-    units = dict.fromkeys(("a", "b", "u", "y", "z"), "1")
+    units = dict.fromkeys("abuyz", "1")
     A, B = np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]])
     system = LinearSystem(
         A, B, np.array([[0.0, 3.0], [1.0, 1.0]]), np.zeros((2, 1)), None, ("a", "b"), ("u",), ("y", "z"), units

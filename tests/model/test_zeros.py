@@ -26,8 +26,8 @@ def test_zeros_are_python_controls(x: float, inputs: list[str], outputs: list[st
         assert min(abs(theirs - zero)) < 1e-7 * max(abs(zero), 1)
 
 
-def test_no_torque_keeps_a_tension_changed_while_position_stands_still() -> None:
-    """With vehicle and position held, each drum swings on its rope alone: the zeros from the force D to x."""
+def test_drums_swinging_on_their_ropes_take_up_a_force_on_the_vehicle() -> None:
+    """The vehicle stands still while each drum swings on its rope alone: the zeros from the force D to x."""
     found = zeros(linearise(x=10.0).between(["D"], ["x"]))
     for length in (40.5, 10.5):
         drum = np.roots([1.8, 1000 * 0.8**2, 80e9 * 4.52e-4 / length * 0.8**2])
@@ -37,7 +37,7 @@ def test_no_torque_keeps_a_tension_changed_while_position_stands_still() -> None
 
 
 def test_more_outputs_than_inputs_and_hidden_modes() -> None:
-    names, units = ("a", "b"), dict.fromkeys(("a", "b", "u", "y", "z"), "1")
+    names, units = ("a", "b"), dict.fromkeys("abuyz", "1")
     A, B = np.diag([-1.0, -2.0]), np.array([[1.0], [1.0]])
     both = LinearSystem(A, B, np.eye(2), np.zeros((2, 1)), None, names, ("u",), ("y", "z"), units)
     assert zeros(both).size == 0
@@ -58,7 +58,7 @@ def test_dc_gains_are_the_physics(dt: float | None) -> None:
 
 
 def test_a_double_integrator_has_no_dc_gain() -> None:
-    units = dict.fromkeys(("x", "v", "u", "y", "w"), "1")
+    units = dict.fromkeys("xvuyw", "1")
     A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [-2.0]])
     system = LinearSystem(A, B, np.eye(2), np.array([[0.0], [1.0]]), None, ("x", "v"), ("u",), ("y", "w"), units)
     assert dc_gains(system).tolist() == [[-np.inf], [-np.inf]]

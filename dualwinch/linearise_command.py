@@ -1,4 +1,7 @@
-"""The command ``linearise``: the plant at an operating point or along a sweep, its modes, its data and its figure."""
+"""The command ``linearise``: the plant at an operating point or along a sweep, its modes, its data and its figure.
+
+The module does not bear the command's name: importing it would hide the function ``dualwinch.linearise``.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -76,17 +79,20 @@ def linearise(
     _check_figure(figure, sweep)
     values = grid({"x": x, "v": v, "preload": preload}, sweep, experiment)
     points = _operating_points(experiment, values)
-    systems = LOOPS[loop](experiment, points, dt)
+    console = Console(stderr=True)
+    with console.status("linearising"):
+        systems = LOOPS[loop](experiment, points, dt)
+        tracks = track_modes(systems, experiment.plant)
     if sweep is None:
         print_point(systems[0], points[0], experiment.plant)
     else:
-        print_sweep(track_modes(systems, experiment.plant), points, _swept_name(sweep))
-    console = Console(stderr=True)
+        print_sweep(tracks, points, _swept_name(sweep))
     if out:
         save(systems[0] if sweep is None else systems, out)
         console.print(f"wrote {out}")
     if plot:
-        _draw(systems, experiment, _swept_name(sweep) if sweep else None, plot, figure)
+        with console.status(f"drawing {plot}"):
+            _draw(systems, experiment, _swept_name(sweep) if sweep else None, plot, figure)
         console.print(f"wrote {plot}")
 
 
@@ -140,6 +146,8 @@ def _range(sweep: str) -> list[float]:
     if not all(map(math.isfinite, (first, last, step))) or step == 0 or (last - first) / step < 0:
         raise ConfigurationError(f"{wrong}; the step must be finite, not 0, and lead from first to last")
     count = math.floor((last - first) / step * (1 + 1e-12) + 1e-9) + 1
+    if count < 2:
+        raise ConfigurationError(f"--sweep {sweep}: one point only; give --{sweep.partition('=')[0]} {first:g}")
     if count > MOST_POINTS:
         raise ConfigurationError(f"--sweep {sweep}: {count} points, must be <= {MOST_POINTS}")
     return [round(first + k * step, 12) for k in range(count)]
