@@ -1,6 +1,7 @@
 """A rollout with its exact sensitivities in compiled C: the run once, one direction in each vector lane."""
 
 import ctypes
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -33,7 +34,7 @@ class Spread:
 
 
 def spread(
-    function: ca.Function, smooth: ca.Function, along: dict[str, tuple[str, list[int] | None]], outputs: list[str]
+    function: ca.Function, smooth: ca.Function, along: Mapping[str, tuple[str, list[int] | None]], outputs: list[str]
 ) -> Spread:
     """Split the derivative of a function into its slopes and products with them.
 

@@ -102,6 +102,7 @@ def controller_step(
     controller: Controller,
     nominal: Plant,
     sample_time: Scalar,
+    shared_force: Scalar | None = None,
 ) -> tuple[ControllerState, ControllerOutput]:
     """One sample of the whole controller.
 
@@ -112,6 +113,7 @@ def controller_step(
         controller: position law and gains.
         nominal: the plant as the controller believes it to be.
         sample_time: in s.
+        shared_force: force in N that the winches share in place of the position law's u_sat: cuts the loop there.
 
     Returns:
         The next state and this sample's torques, commands and inner signals.
@@ -121,8 +123,9 @@ def controller_step(
     )
     law = POSITION_LAWS[controller.kind]
     position, output = law.step(state.position, seen, setpoint, controller, nominal, sample_time)
+    force = output.u_sat if shared_force is None else shared_force
     coordination, winches = COORDINATIONS[controller.coordination.kind].step(
-        state.coordination, output.u_sat, seen, setpoint, controller, nominal, sample_time
+        state.coordination, force, seen, setpoint, controller, nominal, sample_time
     )
     said = ControllerOutput(
         position=output,

@@ -7,15 +7,16 @@ import annotated_types as at
 
 from model.quantity import Quantity
 from model.scalar import Scalar, clip
+from model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
 
 
 @dataclass(frozen=True)
 class Coordination:
     """Preload and limits of the two tensions, 2 tension_min < preload < 2 tension_max; and how the winches share."""
 
-    preload: Annotated[float, at.Gt(0), Quantity("N", "sum of both tension commands", "paper Section 4.1")] = 2000.0
-    tension_min: Annotated[float, at.Gt(0), Quantity("N", "lower force limit of a winch", "Table 1")] = 200.0
-    tension_max: Annotated[float, at.Gt(0), Quantity("N", "upper force limit of a winch", "Table 1")] = 6000.0
+    preload: Annotated[float, at.Gt(0), Quantity("N", "sum of both tension commands", "paper Section 4.1")] = PRELOAD
+    tension_min: Annotated[float, at.Gt(0), Quantity("N", "lower force limit of a winch", "Table 1")] = TENSION_MIN
+    tension_max: Annotated[float, at.Gt(0), Quantity("N", "upper force limit of a winch", "Table 1")] = TENSION_MAX
     kind: Annotated[
         Literal["differential-tension", "master-slave", "force-position"],
         Quantity("", "how the winches share the force; the last two are what the paper argues against", "paper 1.1"),

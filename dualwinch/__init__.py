@@ -12,16 +12,25 @@ if TYPE_CHECKING:
     from dualwinch.config import load, override, to_toml
     from dualwinch.ensembles import load_ensemble
     from model.disturbance import Disturbance
+    from model.linear_system import LinearSystem
+    from model.linearisation import linearise
+    from model.modes import modes
+    from model.operating_point import operating_point
     from model.plant import Plant, plant
     from model.reference import Reference
     from simulation.batch import BatchResult, rollout
+    from simulation.certificate import Certificate, certify
+    from simulation.describing_function import AmplitudePoint, amplitude_sweep
     from simulation.ensemble import Ensemble, Scenario
     from simulation.ensemble_result import EnsembleResult
     from simulation.ensemble_run import run_ensemble
     from simulation.ensemble_storage import save_ensemble
     from simulation.errors import ConfigurationError
     from simulation.experiment import Experiment, Simulation
+    from simulation.linear_loop import linear_broken_loop, linear_closed_loop
+    from simulation.margins import Margins, margins
     from simulation.metrics import Metrics
+    from simulation.nearby_gains import NearbyGains, nearby_gains
     from simulation.paper import case
     from simulation.result import Result
     from simulation.sensors import Sensors
@@ -31,7 +40,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "AmplitudePoint": "simulation.describing_function",
     "BatchResult": "simulation.batch",
+    "Certificate": "simulation.certificate",
     "ConfigurationError": "simulation.errors",
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
@@ -39,17 +50,29 @@ _HOME = {
     "Ensemble": "simulation.ensemble",
     "EnsembleResult": "simulation.ensemble_result",
     "Experiment": "simulation.experiment",
+    "LinearSystem": "model.linear_system",
+    "Margins": "simulation.margins",
     "Metrics": "simulation.metrics",
+    "NearbyGains": "simulation.nearby_gains",
     "Plant": "model.plant",
     "Reference": "model.reference",
     "Result": "simulation.result",
     "Scenario": "simulation.ensemble",
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
+    "amplitude_sweep": "simulation.describing_function",
     "case": "simulation.paper",
+    "certify": "simulation.certificate",
     "controller_function": "controllers.controller",
+    "linear_broken_loop": "simulation.linear_loop",
+    "linear_closed_loop": "simulation.linear_loop",
+    "linearise": "model.linearisation",
     "load": "dualwinch.config",
     "load_ensemble": "dualwinch.ensembles",
+    "margins": "simulation.margins",
+    "modes": "model.modes",
+    "nearby_gains": "simulation.nearby_gains",
+    "operating_point": "model.operating_point",
     "override": "dualwinch.config",
     "plant": "model.plant",
     "run_ensemble": "simulation.ensemble_run",
@@ -61,7 +84,9 @@ _HOME = {
 }
 
 __all__ = [
+    "AmplitudePoint",
     "BatchResult",
+    "Certificate",
     "ConfigurationError",
     "Controller",
     "Disturbance",
@@ -69,7 +94,10 @@ __all__ = [
     "Ensemble",
     "EnsembleResult",
     "Experiment",
+    "LinearSystem",
+    "Margins",
     "Metrics",
+    "NearbyGains",
     "Plant",
     "Reference",
     "Result",
@@ -77,10 +105,19 @@ __all__ = [
     "Sensors",
     "Simulation",
     "__version__",
+    "amplitude_sweep",
     "case",
+    "certify",
     "controller_function",
+    "linear_broken_loop",
+    "linear_closed_loop",
+    "linearise",
     "load",
     "load_ensemble",
+    "margins",
+    "modes",
+    "nearby_gains",
+    "operating_point",
     "override",
     "plant",
     "rollout",

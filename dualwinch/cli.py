@@ -124,6 +124,64 @@ def simulate(
 
 
 @app.command(
+    help_epilogue="""Examples:
+
+    dualwinch linearise --x 25 --v 1.8
+    dualwinch linearise --x 25 --out plant.json --plot bode.png
+    dualwinch linearise --sweep x=1:47:2 --plot modes.png --out track.mat
+    dualwinch linearise --sweep v=0:2.4:0.2 --plot poles.svg --figure poles
+    dualwinch linearise --loop closed --v 0.5 --plot poles.png
+    dualwinch linearise --loop broken --cut tau_1 --v 0.5 --plot margins.png
+    dualwinch linearise --loop broken --v 0.5 --plot amplitude.png --figure amplitude
+"""
+)
+def linearise(
+    *,
+    x: Annotated[float | None, Parameter(help="Position in m (default 25).")] = None,
+    v: Annotated[float | None, Parameter(help="Speed in m/s (default 0); negative: towards winch 2.")] = None,
+    preload: Annotated[
+        float | None, Parameter(help="Sum of both tensions in N (default: controller.coordination.preload).")
+    ] = None,
+    sweep: Annotated[str | None, Parameter(help="Many points: name=first:last:step, the name x, v or preload.")] = None,
+    loop: Annotated[
+        Literal["open", "closed", "broken"],
+        Parameter(help="What to linearise: plant alone, closed loop over a sample, or that loop cut open."),
+    ] = "open",
+    cut: Annotated[
+        Literal["u", "tau_1", "tau_2"] | None,
+        Parameter(help="broken: where the loop is cut, at the force command (default) or at a winch's torque."),
+    ] = None,
+    dt: Annotated[
+        float | None, Parameter(help="Sample time in s: discrete time, inputs held (default: continuous).")
+    ] = None,
+    case: Case = None,
+    config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None,
+    controller: Annotated[ControllerName | None, Parameter(help="Position law of the closed or broken loop.")] = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set", help="key=value; may be repeated.", negative="")] = None,
+    out: Annotated[Path | None, Parameter(help="File for the matrices: .json, .mat or .npz.")] = None,
+    plot: Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")] = None,
+    figure: Annotated[
+        Literal["amplitude", "bode", "modes", "poles", "shapes"] | None,
+        Parameter(
+            help="Which figure. open: bode (default of one point), modes (of a sweep), poles, shapes; closed: poles; "
+            "broken: bode with margins (default), or margins against the amplitude of the speed error."
+        ),
+    ] = None,
+) -> None:
+    """Linearise the plant at an operating point or along a sweep; print its modes and what they demand.
+
+    At rest the operating point is an equilibrium, else a steady cruise with constant tensions. Every derivative is
+    exact.
+
+    The closed loop is that of one sample of plant and controller, the broken one is it cut open at a signal; of it,
+    gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error.
+    """
+    from dualwinch.linearise_command import linearise as run
+
+    run(case, config, controller, set_ or [], x, v, preload, sweep, loop, cut, dt, out, plot, figure)
+
+
+@app.command(
     name="config",
     help_epilogue="""Examples:
 
@@ -152,6 +210,39 @@ def config_(
     from dualwinch.simulate import experiment
 
     sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))
+
+
+@app.command(
+    help_epilogue="""Examples:
+
+    dualwinch certify --case 4
+    dualwinch certify --case 3 --plot lyapunov.png --out certificate.json
+    dualwinch certify --case 4 --controller nftsm --set controller.nftsm.k=2
+"""
+)
+def certify(
+    *,
+    case: Case = None,
+    config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None,
+    controller: Annotated[
+        Literal["fando-nftsm", "nftsm"] | None, Parameter(help="Position law the theorem is about.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        Parameter(name="--set", help="key=value, any key of `dualwinch config`; may be repeated.", negative=""),
+    ] = None,
+    out: Annotated[Path | None, Parameter(help="File for the report: .json.")] = None,
+    plot: Annotated[Path | None, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
+) -> None:
+    """Hold the paper's stability theorem against given gains and a scenario.
+
+    Prints every condition with both its sides and a verdict, over how much of the run the theorem's Lyapunov
+    function decreases, nearby gains that would satisfy the conditions (or why there are none), and what the proof
+    takes for granted.
+    """
+    from dualwinch.certification import certify as run
+
+    run(case, config, controller, set_ or [], out, plot)
 
 
 @app.command

@@ -14,7 +14,10 @@ from codegen.errors import DualwinchError
 from dualwinch import __version__
 
 REQUIRED = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")
-OPTIONAL = {"ziglang": "a C compiler as a Python package (extra: zig)"}
+OPTIONAL = {
+    "control": "python-control, for linear systems as its StateSpace (extra: control)",
+    "ziglang": "a C compiler as a Python package (extra: zig)",
+}
 
 
 def versions() -> dict[str, str]:

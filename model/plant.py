@@ -121,6 +121,14 @@ def holding_torques(preload: Scalar, plant: Plant) -> Torques:
     )
 
 
+def symbolic_plant(rope_slack: bool) -> tuple[Plant, ca.SX]:
+    """A plant whose numbers are symbols, and the vector of these symbols in the order of ``numbers(Plant())``."""
+    template = Plant(rope_slack=rope_slack)
+    names = list(numbers(template))
+    p = ca.SX.sym("p", len(names))
+    return with_leaves(template, dict(zip(names, ca.vertsplit(p), strict=True))), p
+
+
 def plant(values: Plant | None = None) -> ca.Function:
     """The plant as a named CasADi function to call, print, differentiate or generate code from.
 
@@ -135,9 +143,8 @@ def plant(values: Plant | None = None) -> ca.Function:
         there is no p.
     """
     structure = values or Plant()
-    names = list(numbers(structure))
-    p = ca.SX.sym("p", len(names))
-    parameters = structure if values else with_leaves(structure, dict(zip(names, ca.vertsplit(p), strict=True)))
+    symbolic, p = symbolic_plant(structure.rope_slack)
+    parameters = structure if values else symbolic
     x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
     state = PlantState(*ca.vertsplit(x))
     torques = Torques(*ca.vertsplit(u))

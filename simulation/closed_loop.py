@@ -9,16 +9,20 @@ import casadi as ca
 from codegen.sampled import Sampled
 from controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from controllers.coordination import Coordination
-from model.plant import Environment, Plant, Torques, holding_torques, resting_state, tensions
+from model.plant import Plant, Torques, holding_torques, resting_state, tensions
 from model.quantity import Quantity, leaves, with_leaves
 from model.reference import Setpoint
-from model.scalar import Scalar, absolute, minimum
+from model.scalar import Scalar, absolute
+from simulation.between import Held, between_samples, named_function, problem_of
 from simulation.experiment import Experiment, Simulation
-from simulation.integrators import INTEGRATORS, Motion, Problem
+from simulation.integrators import Motion, Problem
 from simulation.metrics import Accumulators, Sample, accumulate
 from simulation.row import row_of
 from simulation.sensors import EncoderState, Noise, Sensors, measure, read_encoders
 from simulation.structure import Structure, parameters_of
+
+CUTS = {"u": "u_sat", "tau_1": "tau1", "tau_2": "tau2"}
+"""Where the loop can be cut: signal → the column of what arrives at the cut."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +47,6 @@ class LoopState:
 
 
 @dataclass(frozen=True)
-class Held:
-    """What acts on the plant between two samples: it is held."""
-
-    t: Annotated[Scalar, Quantity("s", "time of the sample's beginning")]
-    torques: Torques
-    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")]
-    normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")]
-
-
-@dataclass(frozen=True)
 class ClosedLoop(Sampled):
     """The closed loop as named CasADi functions, and the names of everything in their vectors.
 
@@ -71,8 +65,7 @@ class ClosedLoop(Sampled):
     @cached_property
     def step(self) -> ca.Function:
         """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
-        vectors = {"state": self.states, "exogenous": self.exogenous, "parameters": self.parameters}
-        arguments = [ca.SX.sym(name, len(elements)) for name, elements in vectors.items()]
+        arguments = [ca.SX.sym(name, self.sample.size1_in(name)) for name in self.sample.name_in()]
         discrete, held = self.sample(*arguments)
         start = arguments[0][: self.move.numel_in("motion")]
         motion, margin = start, ca.SX(0)
@@ -83,7 +76,9 @@ class ClosedLoop(Sampled):
             motion = ca.if_else(valid > 0, leapt, motion)
             margin = ca.if_else(valid > 0, leapt_margin, margin)
         outputs = [ca.vertcat(motion, discrete), self.observe(*arguments), margin]
-        return ca.Function("step", arguments, outputs, list(vectors), ["next_state", "row", "margin"], {"cse": True})
+        return ca.Function(
+            "step", arguments, outputs, self.sample.name_in(), ["next_state", "row", "margin"], {"cse": True}
+        )
 
 
 def _initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
@@ -109,13 +104,15 @@ def initial_state_of(experiment: Experiment) -> dict[str, float]:
 
 
 @cache
-def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset()) -> ClosedLoop:
+def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cut: str = "") -> ClosedLoop:
     """Build the symbolic functions of a structure (cached).
 
     Args:
         structure: what shapes them.
         zeros: names of parameters that are zero for good (`structure.zeros_of`): the functions leave out what these
             multiply and do not look at their values.
+        cut: one of `CUTS`, to have the loop cut there for analysis: what leaves the cut is then a fourth input,
+            ``cut``, of `sample`, `observe` and `step`.
     """
     template = Experiment(
         plant=Plant(rope_slack=structure.rope_slack),
@@ -133,9 +130,12 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset()) -> Cl
         "parameters": tuple(parameters_of(template)),
     }
     symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
+    injected = {cut: ca.SX.sym("cut")} if cut else {}
     of_state, outside, values = (
         dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
     )
+    if cut:
+        symbols["cut"] = injected[cut]
     values |= dict.fromkeys(zeros, ca.SX(0))
     plant = with_leaves(template.plant, values, "plant.")
     nominal = with_leaves(template.plant, values, "nominal.")
@@ -150,11 +150,18 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset()) -> Cl
     forces = tensions(plant_state, plant)
     encoders, measurement = measure(plant_state, forces, exogenous.noise, state.encoders, plant, sensors, sample_time)
     controller_state, said = controller_step(
-        state.controller, measurement, exogenous.reference, controller, nominal, sample_time
+        state.controller,
+        measurement,
+        exogenous.reference,
+        controller,
+        nominal,
+        sample_time,
+        shared_force=injected.get("u"),
     )
 
     # until the next sample: the plant moves on under the torques that reach the motors
-    queue = [*(of_state[name] for name in queued), said.tau1, said.tau2]
+    sent = injected.get("tau_1", said.tau1), injected.get("tau_2", said.tau2)
+    queue = [*(of_state[name] for name in queued), *sent]
     held = Held(
         t=state.sample * sample_time,
         torques=Torques(queue[0], queue[1]),
@@ -163,17 +170,10 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset()) -> Cl
     )
     disturbance = with_leaves(template.disturbance, values, "disturbance.")
 
-    def problem_of(held: Held) -> Problem:
-        return Problem(
-            t=held.t,
-            duration=sample_time,
-            torques=held.torques,
-            environment=Environment(current=held.current, normal_force_variation=held.normal_force_variation),
-            disturbance=disturbance,
-            plant=plant,
-        )
+    def problem(held: Held) -> Problem:
+        return problem_of(held, sample_time, plant, disturbance)
 
-    environment = problem_of(held).environment_at(held.t, plant_state.v, state.motion.phase)
+    environment = problem(held).environment_at(held.t, plant_state.v, state.motion.phase)
     row = row_of(held.t, plant_state, forces, exogenous.reference, said, environment, plant, nominal)
     power_1 = plant.winch_1.gear_ratio * held.torques.tau_1 * plant_state.omega_1
     power_2 = plant.winch_2.gear_ratio * held.torques.tau_2 * plant_state.omega_2
@@ -187,39 +187,15 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset()) -> Cl
         steady=exogenous.steady,
     )
     sums = accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time)
-    moving = list(leaves(state.motion, "motion."))
     following = leaves(LoopState(state.motion, controller_state, encoders, state.sample + 1))
     following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
-    discrete = [following[name] for name in vectors["state"][len(moving) :]]
-
-    # the plant for itself
-    motion = ca.SX.sym("motion", len(moving))
-    given = ca.SX.sym("held", len(leaves(held)))
-    start = with_leaves(state.motion, dict(zip(moving, ca.vertsplit(motion), strict=True)), "motion.")
-    problem = problem_of(with_leaves(held, dict(zip(leaves(held), ca.vertsplit(given), strict=True))))
-    overrun = plant.track.rope_offset / 2
-
-    def moved(following: Motion) -> dict[str, ca.SX]:
-        margin = minimum(following.plant.x + overrun, plant.track.length + overrun - following.plant.x)
-        return {"next_motion": ca.vertcat(*leaves(following).values()), "margin": margin}
-
-    integrator = INTEGRATORS[structure.integrator]
-    parameters, leap = symbols["parameters"], None
-    if integrator.leap:
-        quick, valid = integrator.leap(problem, start)
-        leap = _function(
-            "leap", {"motion": motion, "held": given, "parameters": parameters}, moved(quick) | {"valid": valid}
-        )
-    part = ca.SX.sym("part")
-    h = sample_time / structure.substeps
-    careful = integrator.substep(problem, start, problem.t + part * h, h)
+    discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "held": ca.vertcat(*leaves(held).values())}
+    move, leap = between_samples(structure, problem, symbols["parameters"])
     return ClosedLoop(
-        sample=_function("sample", symbols, at_sample),
-        observe=_function("observe", symbols, {"row": ca.vertcat(*row.values())}),
-        move=_function(
-            "move", {"motion": motion, "held": given, "part": part, "parameters": parameters}, moved(careful)
-        ),
+        sample=named_function("sample", symbols, at_sample),
+        observe=named_function("observe", symbols, {"row": ca.vertcat(*row.values())}),
+        move=move,
         parts=structure.substeps,
         leap=leap,
         states=vectors["state"],
@@ -227,7 +203,3 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset()) -> Cl
         parameters=vectors["parameters"],
         columns=tuple(row),
     )
-
-
-def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
-    return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})

@@ -1,7 +1,5 @@
-"""Errors of a run's set-up."""
+"""Errors of a run's set-up (see `model.errors`)."""
 
-from codegen.errors import DualwinchError
+from model.errors import ConfigurationError
 
-
-class ConfigurationError(DualwinchError):
-    """A value, or a combination of values, that makes no experiment; the message names the key and what is allowed."""
+__all__ = ["ConfigurationError"]

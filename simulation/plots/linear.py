@@ -1,0 +1,140 @@
+"""Figures of the linearised plant: frequency response, mode shapes."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
+from numpy.typing import NDArray
+
+from model.linear_system import LinearSystem
+from model.mode_label import displacements, plant_prefix
+from model.modes import Mode, modes
+from model.plant import Plant
+from simulation.errors import ConfigurationError
+from simulation.plots.style import BLUE, GREY, INK, LIGHT, ROPE_COLOURS, house_style, legend_below, new_figure
+
+CHANNELS = (("tau_1", "F1"), ("tau_2", "F2"), ("tau_1", "v"))
+"""Input and output of each column of the Bode diagram."""
+
+FREQUENCIES = (1e-2, 1e3)
+"""Range of the Bode diagram in Hz; that of a discrete system ends at half its sample rate."""
+
+MOST_CURVES = 7
+"""Of a longer sweep, so many systems are drawn."""
+
+
+def bode(systems: Sequence[LinearSystem], swept: str | None = None) -> Figure:
+    """Bode diagram of each winch's tension and of the vehicle's speed, from the torques.
+
+    Args:
+        systems: of the plant: one, or a sweep (of a long one, `MOST_CURVES` evenly spread).
+        swept: name of what differs between them.
+    """
+    chosen = spread(systems)
+    colours = shades(len(chosen)) if len(chosen) > 1 else [BLUE]
+    title = "Bode diagram of the open plant" if swept is None else f"Bode diagrams of the open plant, along {swept}"
+    with house_style():
+        figure = new_figure(4.6, title, point_in_words(chosen[0], swept))
+        panels = figure.subplots(2, len(CHANNELS), sharex=True)
+        for column, (cause, effect) in enumerate(CHANNELS):
+            for system, colour in zip(chosen, colours, strict=True):
+                frequency, response = _response(system, cause, effect)
+                panels[0, column].loglog(frequency, np.abs(response), color=colour)
+                phase = np.degrees(np.unwrap(np.angle(response)))
+                panels[1, column].semilogx(frequency, phase, color=colour)
+            units = chosen[0].units
+            panels[0, column].set_title(f"{cause} → {effect}")
+            panels[0, column].set_ylabel(f"gain ({units[effect]} per {units[cause]})")
+            panels[1, column].set_ylabel("phase (°)")
+            panels[1, column].yaxis.set_major_locator(MultipleLocator(45))
+            panels[1, column].set_xlabel("frequency (Hz)")
+        figure.align_ylabels()
+        if swept is not None:
+            legend_below(figure, [*curve_handles(chosen, colours, swept)])
+    return figure
+
+
+def _response(system: LinearSystem, cause: str, effect: str) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    last = FREQUENCIES[1] if system.dt is None else min(FREQUENCIES[1], 0.5 / system.dt)
+    frequency = np.geomspace(FREQUENCIES[0], last, 1500)
+    return frequency, system.between([cause], [effect]).response(2 * np.pi * frequency)[:, 0, 0]
+
+
+def mode_shapes(system: LinearSystem, plant: Plant) -> Figure:
+    """How drums and vehicle move along the track in every mode, the largest displacement drawn as one.
+
+    Raises:
+        ConfigurationError: the system does not hold the plant's states.
+    """
+    prefix = plant_prefix(system.states)
+    if prefix is None:
+        raise ConfigurationError("mode shapes need the states of the plant: there are none in this system")
+    found = modes(system, plant)
+    rows = -(-len(found) // 2)
+    with house_style():
+        figure = new_figure(1.0 + 1.45 * rows, "Mode shapes of the plant", point_in_words(system, None))
+        panels = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
+        for axes, mode in zip(panels.flat, found, strict=False):
+            _shape(axes, mode, plant, prefix)
+        for axes in panels.flat[len(found) :]:
+            axes.set_visible(False)
+        for axes in panels[:, 0]:
+            axes.set_ylabel("displacement")
+    return figure
+
+
+def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
+    vehicle, drum_1, drum_2 = displacements(mode.shape, plant, prefix)
+    moved = np.array([drum_2, vehicle, drum_1])
+    moved = (moved / moved[np.argmax(np.abs(moved))]).real
+    for rope, ends in ((2, [0, 1]), (1, [1, 2])):
+        axes.plot(ends, moved[ends], color=ROPE_COLOURS[rope - 1], linewidth=1.2)
+    axes.vlines([0, 1, 2], 0, moved, color=LIGHT, linewidth=4, zorder=1)
+    axes.plot([0, 1, 2], moved, "o", color=INK, markersize=4.5)
+    axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
+    axes.set_xticks([0, 1, 2], ["drum 2's rim", "vehicle", "drum 1's rim"])
+    axes.set_xlim(-0.3, 2.3)
+    axes.set_ylim(-1.25, 1.25)
+    axes.grid(visible=False, axis="x")
+    axes.set_title(mode.label)
+    words = f"{mode.natural_frequency / (2 * np.pi):.3g} Hz, damping {mode.damping:.2g}"
+    if not mode.rate.imag:
+        words = f"time constant {mode.time_constant:.3g} s" if mode.rate else "stays where it is"
+    axes.set_title(words, loc="right", fontsize=7.5, color=GREY)
+
+
+def spread(systems: Sequence[LinearSystem]) -> list[LinearSystem]:
+    """At most `MOST_CURVES` systems, evenly spread, the first and the last among them."""
+    places = np.unique(np.linspace(0, len(systems) - 1, MOST_CURVES).round().astype(int))
+    return [systems[place] for place in places]
+
+
+def shades(count: int) -> list[str]:
+    """Colours from one end of a sweep to the other, of even steps in lightness."""
+    scale = mpl.colormaps["viridis"]
+    return [to_hex(scale(0.92 * place / max(count - 1, 1))) for place in range(count)]
+
+
+def curve_handles(systems: Sequence[LinearSystem], colours: Sequence[str], swept: str) -> list[Line2D]:
+    """Legend entries of systems drawn in colours."""
+    return [
+        Line2D([], [], color=colour, label=f"{swept} = {system.operating_point[swept]:.4g}")
+        for system, colour in zip(systems, colours, strict=True)
+    ]
+
+
+def point_in_words(system: LinearSystem, swept: str | None) -> str:
+    """Where a system was linearised, without what is swept."""
+    units = {"x": "m", "v": "m/s", "preload": "N"}
+    words = [
+        f"{name} = {system.operating_point[name]:.4g} {unit}"
+        for name, unit in units.items()
+        if name != swept and name in system.operating_point
+    ]
+    sampled = "" if system.dt is None else f"; sampled every {system.dt:g} s, inputs held"
+    return ", ".join(words) + sampled

@@ -1,0 +1,48 @@
+"""``dualwinch certify`` as a user runs it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dualwinch.cli import main
+
+
+def test_the_report_says_what_fails_and_the_file_holds_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, plot = tmp_path / "c.json", tmp_path / "v.svg"
+    main(["certify", "--case", "4", "--out", str(out), "--plot", str(plot)])
+    said = capsys.readouterr().out
+    assert "Not certified: 2 conditions of the paper's fail." in said
+    assert "the force is never cut off in this run" in said
+    held = json.loads(out.read_text())
+    assert held["certified"] is False
+    assert held["conditions"][0]["left"] == 0.5
+    assert held["nearby_gains"]["changes"]["controller.auxiliary.gamma"]["tried"] == 12000
+    assert f"V decreases over {100 * held['decreasing_share']:.4g} %" in said
+    assert len(held["curves"]["V"]) == len(held["curves"]["t"]) == 2000
+    assert plot.stat().st_size > 1000
+
+
+def test_a_diverging_run_is_reported_and_its_file_is_valid_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "c.json"
+    main(["certify", "--case", "1", "--set", "controller.auxiliary.gamma=12000", "--out", str(out)])
+    assert "Not certified: the run did not reach its end." in capsys.readouterr().out
+    assert json.loads(out.read_text(), parse_constant=pytest.fail)["outcome"] == "diverged"
+
+
+def test_wrong_input_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, message in (
+        (["--out", "c.csv"], "must be .json"),
+        (["--plot", "v.gif"], "unknown suffix '.gif'"),
+        (["--set", "controller.kind=pid-cascade"], "the theorem is about"),
+    ):
+        with pytest.raises(SystemExit) as stopped:
+            main(["certify", *arguments])
+        assert stopped.value.code == 2
+        error = capsys.readouterr().err
+        assert message in error
+        assert error.count("\n") == 1
