@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from model.plant import Plant
 
 Complex = NDArray[np.complex128]
 
-STILL = 1e-10
-"""Eigenvalues below this share of the largest are zero but for round-off."""
+STILL = 1e-8
+"""Eigenvalues below this share of the largest are zero but for round-off (of a double one, its square root)."""
 
 SAMPLES_A_PERIOD = 10
 """Samples in a period of a mode that a controller acting on it needs (Åström and Wittenmark: 10 to 30)."""
@@ -74,7 +75,10 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """All eigenvalues of a system (n), with right eigenvectors (columns) and left ones (rows of the inverse)."""
+    """All eigenvalues of a system (n), with right eigenvectors (columns) and left ones (rows of the inverse).
+
+    A chain of integrators, which has one eigenvector only, has a basis of its subspace instead.
+    """
 
     eigenvalues: Complex
     right: Complex
@@ -116,8 +120,26 @@ def spectra(systems: Sequence[LinearSystem]) -> list[Spectrum]:
     still = np.abs(eigenvalues - steady) < STILL * np.abs(eigenvalues).max(axis=1, keepdims=True)
     eigenvalues = np.where(still, steady, eigenvalues)
     vectors = right.astype(np.complex128)
+    for k in np.flatnonzero(still.sum(axis=1) > 1):
+        vectors[k][:, still[k]] = _basis_of_still(matrices[k] - steady[k] * np.eye(len(matrices[k])), still[k].sum())
     left = np.linalg.pinv(vectors, rcond=1e-300)
     return [Spectrum(*entry) for entry in zip(eigenvalues.astype(np.complex128), vectors, left, strict=True)]
+
+
+def _basis_of_still(A: NDArray[np.float64], count: int) -> Complex:
+    """Basis of what does not decay: a chain of integrators has fewer eigenvectors than eigenvalues."""
+    from scipy.linalg import matrix_balance, schur
+
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    sizes = np.sort(np.abs(np.linalg.eigvals(balanced)))
+    moving = sizes[count] if count < len(sizes) else np.inf
+    between = np.sqrt(moving * max(sizes[count - 1], STILL * sizes[-1]))
+    ordered: Any = schur(balanced, output="complex", sort=lambda rate: abs(rate) <= between)
+    basis = scale[:, None] * ordered[1][:, :count]
+    basis /= np.linalg.norm(basis, axis=0)
+    # a chain's later vectors are free up to the first: with it, they show the displacement that the drift leads to
+    basis[:, 1:] += basis[:, :1]
+    return basis
 
 
 def _rate(eigenvalue: complex, dt: float | None) -> complex:

@@ -84,6 +84,16 @@ def test_other_systems_are_labelled_by_their_states() -> None:
     assert by_label["runaway"].time_constant < 0
 
 
+@pytest.mark.parametrize("dt", [None, 1e-3])
+@pytest.mark.parametrize("x", [0.0, 10.0, 25.0])
+def test_without_friction_position_and_speed_drift_as_a_chain_of_two_integrators(x: float, dt: float | None) -> None:
+    plant = Plant(vehicle=FREE)
+    position, speed = modes(linearise(plant, x, dt=dt), plant)[:2]
+    assert {position.label, speed.label} == {"rigid drift: position", "rigid drift: speed"}
+    assert position.natural_frequency == speed.natural_frequency == 0.0
+    assert {position.main_states, speed.main_states} == {("x",), ("v",)}
+
+
 def test_participation_does_not_depend_on_units() -> None:
     system = linearise(x=25.0, v=0.5)
     scale = np.array([1e3, 1e3, 57.3, 9.55, 57.3, 9.55])
