@@ -51,17 +51,11 @@ def block(what: str, experiment: Experiment | None = None, nominal: Plant | None
     check(experiment)
     values = parameters_of(experiment, nominal)
     symbols = {name: ca.SX.sym(name) for name in values}
-    kind = experiment.controller.kind
+    law = f"{experiment.controller.kind} control, {experiment.controller.coordination.kind} coordination"
     build, description = {
-        "controller": (
-            controller_equations,
-            f"{kind} position law with tension control of two winches",
-        ),
-        "plant": (plant_equations, "vehicle between two winches"),
-        "closed-loop": (
-            closed_loop_equations,
-            f"vehicle between two winches under {kind} control",
-        ),
+        "controller": (controller_equations, f"Controller of a vehicle between two winches ({law})"),
+        "plant": (plant_equations, "Vehicle between two winches"),
+        "closed-loop": (closed_loop_equations, f"Vehicle between two winches in closed loop ({law})"),
     }[what]
     return _assemble(what.replace("-", "_"), description, build(experiment, symbols), symbols, values, experiment)
 
