@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -27,17 +28,19 @@ class Provenance:
     date: str
 
 
-def frozen(block: Block) -> Block:
-    """The block with its parameters as constants."""
-    values = ca.DM([variable.start for variable in block.parameters])
+def frozen(block: Block, names: Collection[str] | None = None) -> Block:
+    """The block with parameters as constants: those of the names, by default all (its functions then take none)."""
+    kept = tuple(one for one in block.parameters if names is not None and one.name not in names)
+    free = ca.SX.sym("parameters", len(kept))
+    symbols = dict(zip((one.name for one in kept), ca.vertsplit(free) if kept else (), strict=True))
+    values = ca.vertcat(*(symbols.get(one.name, one.start) for one in block.parameters))
 
     def bound(function: ca.Function) -> ca.Function:
-        names = [name for name in function.name_in() if name != "parameters"]
-        symbols = [ca.SX.sym(name, function.size1_in(name)) for name in names]
-        given = dict(zip(names, symbols, strict=True)) | {"parameters": values}
-        results = function.call(given)
+        taken = [name for name in function.name_in() if kept or name != "parameters"]
+        given = {name: ca.SX.sym(name, function.size1_in(name)) for name in taken} | ({"parameters": free} if kept else {})
+        results = function.call(given | {"parameters": values})
         expressions = [ca.densify(ca.cse(results[name])) for name in function.name_out()]
-        return ca.Function(function.name(), symbols, expressions, names, function.name_out(), {"cse": True})
+        return ca.Function(function.name(), list(given.values()), expressions, taken, function.name_out(), {"cse": True})
 
     return replace(
         block,
@@ -45,7 +48,7 @@ def frozen(block: Block) -> Block:
         initial=bound(block.initial),
         output=bound(block.output) if block.output else None,
         derivative=bound(block.derivative) if block.derivative else None,
-        parameters=(),
+        parameters=kept,
     )
 
 

@@ -1,16 +1,22 @@
 """Functional Mock-up Units of a block: model description, C sources and binaries of FMI 2 and FMI 3."""
 
-from codegen.fmu.archive import Fmu, build_fmu, fmu_model, write_fmu
+from codegen.fmu.archive import archive, build_fmu, fmu_model
 from codegen.fmu.description import About
-from codegen.fmu.platforms import PLATFORMS, find_platform, host_platform
+from codegen.fmu.model import KINDS, VERSIONS, FmuModel, Kind, Version
+from codegen.fmu.platforms import PLATFORMS, Platform, find_platform, host_platform
 
 __all__ = [
+    "KINDS",
     "PLATFORMS",
+    "VERSIONS",
     "About",
-    "Fmu",
+    "FmuModel",
+    "Kind",
+    "Platform",
+    "Version",
+    "archive",
     "build_fmu",
     "find_platform",
     "fmu_model",
     "host_platform",
-    "write_fmu",
 ]

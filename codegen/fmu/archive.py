@@ -1,10 +1,8 @@
 """An FMU as a file: model description, sources and binaries in a zip archive."""
 
-import secrets
+import io
 import zipfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 
 from codegen.block import Block
 from codegen.cache import library
@@ -16,15 +14,7 @@ from codegen.fmu.platforms import Platform, compiler_for
 from codegen.fmu.source import fmu_source
 
 EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Time stamp of every file in the archive: the same block gives the same bytes."""
-
-
-@dataclass(frozen=True)
-class Fmu:
-    """The contents of an FMU, path in the archive → bytes."""
-
-    model: FmuModel
-    files: dict[str, bytes]
+"""Time stamp of every file in the archive."""
 
 
 def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuModel:
@@ -50,7 +40,7 @@ def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuMod
 
 def build_fmu(
     model: FmuModel, platforms: Sequence[Platform], about: About, progress: Callable[[str], None] | None = None
-) -> Fmu:
+) -> dict[str, bytes]:
     """Generate and compile everything an FMU holds; binaries come from the cache where they are known.
 
     Args:
@@ -58,6 +48,9 @@ def build_fmu(
         platforms: what to compile for; the sources are always included.
         about: what the model description says beside the block.
         progress: called with the name of each platform before it is compiled for.
+
+    Returns:
+        Path in the archive → content.
 
     Raises:
         CompilerNotFoundError: no compiler for a platform.
@@ -76,23 +69,16 @@ def build_fmu(
             progress(platform.name)
         folder = platform.name if model.version == 2 else platform.tuple_
         content[f"binaries/{folder}/{name}{platform.suffix}"] = library(source, compiler, flags).read_bytes()
-    return Fmu(model, content)
+    return content
 
 
-def write_fmu(fmu: Fmu, path: Path) -> None:
-    """Write an FMU; the file arrives whole or not at all.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        with zipfile.ZipFile(unfinished, "x", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in fmu.files.items():
-                entry = zipfile.ZipInfo(name, EPOCH)
-                entry.compress_type = zipfile.ZIP_DEFLATED
-                entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-                archive.writestr(entry, content)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+def archive(files: Mapping[str, bytes]) -> bytes:
+    """The archive of some files, which is the FMU; the same files give the same bytes."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as zipped:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name, EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            zipped.writestr(entry, content)
+    return buffer.getvalue()

@@ -73,8 +73,9 @@ static Status complain(Instance *instance, Status status, const char *what, cons
 
 static Status set_values(Instance *instance, const unsigned int reference[], size_t count, const double given[]) {
     for (size_t i = 0; i < count; i++) {
-        if (reference[i] >= FIRST_OUTPUT)
-            return complain(instance, STATUS_ERROR, "only inputs and parameters can be set", "");
+        const int is_state = reference[i] >= FIRST_STATE && reference[i] < FIRST_DERIVATIVE;
+        if (reference[i] >= FIRST_OUTPUT && (!is_state || instance->memory.initialising))
+            return complain(instance, STATUS_ERROR, "only inputs, parameters and, later, states can be set", "");
         if (!isfinite(given[i]) || given[i] < lower[reference[i]] || given[i] > upper[reference[i]])
             return complain(instance, STATUS_DISCARD, ": the value is out of range", name[reference[i]]);
     }

@@ -43,12 +43,6 @@ def listed(model: FmuModel) -> tuple[Signal, ...]:
     return tuple(one for one in model.signals if one.role != "derivative" or model.flows)
 
 
-def initial_unknowns(model: FmuModel) -> list[Signal]:
-    """What an importer may ask for before the end of initialisation: outputs, continuous states, derivatives."""
-    roles = ("output", "state", "derivative") if model.flows else ("output",)
-    return [one for one in model.signals if one.role in roles]
-
-
 def root(model: FmuModel, about: About, **attributes: str) -> Element:
     """The outermost element."""
     words = [model.block.description, about.note]

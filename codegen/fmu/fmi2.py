@@ -52,6 +52,7 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
             known = " ".join(str(index[reference]) for reference in model.dependencies[signal.reference])
             SubElement(unknowns, "Unknown", index=str(index[signal.reference]), dependencies=known)
     unknowns = SubElement(structure, "InitialUnknowns")
-    for signal in description.initial_unknowns(model):
-        SubElement(unknowns, "Unknown", index=str(index[signal.reference]))
+    for reference, knowns in model.initial_unknowns.items():
+        known = " ".join(str(index[one]) for one in knowns)
+        SubElement(unknowns, "Unknown", index=str(index[reference]), dependencies=known)
     return description.text(document)

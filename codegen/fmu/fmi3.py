@@ -49,8 +49,9 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
         for signal in model.of(role):
             known = " ".join(map(str, model.dependencies[signal.reference]))
             SubElement(structure, element, valueReference=str(signal.reference), dependencies=known)
-    for signal in description.initial_unknowns(model):
-        SubElement(structure, "InitialUnknown", valueReference=str(signal.reference))
+    for reference, knowns in model.initial_unknowns.items():
+        known = " ".join(map(str, knowns))
+        SubElement(structure, "InitialUnknown", valueReference=str(reference), dependencies=known)
     return description.text(document)
 
 

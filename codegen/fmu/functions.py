@@ -23,6 +23,7 @@ class Functions:
         now_tangent: directional derivative of `now`, ``(state, input, parameters, state_seed, input_seed,
             parameters_seed) -> (derivatives_tangent, output_tangent)``. Both are None without a derivative.
         on_state, on_input: (derivatives + outputs, states or inputs), what `now` depends on.
+        at_start: (states + derivatives + outputs, inputs + parameters), what start values depend on.
     """
 
     start: ca.Function
@@ -32,6 +33,7 @@ class Functions:
     now_tangent: ca.Function | None
     on_state: Bools
     on_input: Bools
+    at_start: Bools
 
 
 def functions_of(block: Block) -> Functions:
@@ -76,6 +78,9 @@ def functions_of(block: Block) -> Functions:
         now_tangent=now_tangent,
         on_state=_dependence(now, state),
         on_input=_dependence(now, given),
+        at_start=_dependence(
+            ca.vertcat(at_start, ca.substitute(now, state, at_start)), ca.vertcat(given, parameters)
+        ),
     )
 
 

@@ -109,6 +109,21 @@ class FmuModel:
             for row, unknown in enumerate(unknowns)
         }
 
+    @cached_property
+    def initial_unknowns(self) -> dict[int, list[int]]:
+        """Value reference of what follows from start values → those of the inputs and parameters it depends on.
+
+        Outputs and, with model exchange, states and derivatives.
+        """
+        unknowns = (*self.of("state"), *self.of("derivative"), *self.of("output"))
+        knowns = (*self.of("input"), *self.of("parameter"))
+        found = {
+            unknown.reference: [one.reference for one, used in zip(knowns, row, strict=True) if used]
+            for unknown, row in zip(unknowns, self.functions.at_start, strict=True)
+            if self.flows or unknown.role == "output"
+        }
+        return dict(sorted(found.items()))
+
 
 def _structured(name: str) -> str:
     """A dotted name in FMI's structured convention: a number in the path is an array index."""

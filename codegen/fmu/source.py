@@ -2,10 +2,11 @@
 
 import hashlib
 import math
+import sys
 from importlib.resources import files
 
 from codegen.c_source import c_source
-from codegen.fmu.model import FmuModel
+from codegen.fmu.model import FmuModel, Signal
 
 ROLES = ("input", "parameter", "output", "state", "derivative")
 """What the vectors in an instance's memory hold, in this order."""
@@ -52,16 +53,22 @@ def _tables(model: FmuModel) -> list[str]:
     return [
         _table("const char *const name", "VARIABLES", [f'"{one.name}"' for one in listed]),
         _table("double start_value", "VARIABLES", [_number(one.variable.start) for one in listed]),
-        _table("double lower", "VARIABLES", [_number(max(one.variable.lower, -1.7e308)) for one in listed]),
-        _table("double upper", "VARIABLES", [_number(min(one.variable.upper, 1.7e308)) for one in listed]),
+        _table("double lower", "VARIABLES", [_number(_limits(one)[0]) for one in listed]),
+        _table("double upper", "VARIABLES", [_number(_limits(one)[1]) for one in listed]),
         _table("int held", "OUTPUTS", [str(int(row.any())) for row in uses]),
     ]
 
 
+def _limits(signal: Signal) -> tuple[float, float]:
+    """Range within which a variable can be set; a state can be any number."""
+    largest = sys.float_info.max
+    if signal.role not in {"input", "parameter"}:
+        return -largest, largest
+    return max(signal.variable.lower, -largest), min(signal.variable.upper, largest)
+
+
 def _number(value: float) -> str:
-    if not math.isfinite(value):
-        raise ValueError(value)
-    return repr(float(value))
+    return repr(float(value)) if math.isfinite(value) else "0.0"
 
 
 def _table(what: str, size: str, entries: list[str]) -> str:
