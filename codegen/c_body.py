@@ -46,9 +46,7 @@ def literal(value: float, precision: Precision) -> str:
     return f"{np.float32(value)!s}f"
 
 
-def c_body(
-    function: ca.Function, places: Mapping[str, tuple[str, tuple[Variable, ...]]], precision: Precision
-) -> str:
+def c_body(function: ca.Function, places: Mapping[str, tuple[str, tuple[Variable, ...]]], precision: Precision) -> str:
     """Declarations and statements of a function.
 
     Args:

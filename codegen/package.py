@@ -71,18 +71,8 @@ def c_package(
         raise CodegenError(f"unknown precision '{precision}': must be {' or '.join(PRECISIONS)}")
     if not re.fullmatch(r"[A-Za-z_]\w*", name):
         raise CodegenError(f"{name!r}: must be a C identifier")
-    environment = Environment(
-        loader=PackageLoader("codegen"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,  # noqa: S701  # C, not HTML
-    )
+    environment = templates(precision)
     written = frozen(block) if freeze else block
-    environment.filters["member"] = member
-    environment.filters["padded"] = _padded
-    environment.filters["literal"] = lambda value: literal(value, precision)
     facts = {
         "block": written,
         "constants": block.parameters if freeze else (),
@@ -100,6 +90,24 @@ def c_package(
         "README.md": "README.md.j2",
     }
     return {file: environment.get_template(template).render(facts) for file, template in files.items()}
+
+
+def templates(precision: Precision) -> Environment:
+    """The templates of generated files, with the filters ``member``, ``padded`` and ``literal``."""
+    environment = Environment(
+        loader=PackageLoader("codegen"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # noqa: S701  # C, not HTML
+    )
+    environment.filters |= {
+        "member": member,
+        "padded": _padded,
+        "literal": lambda value: literal(value, precision),
+    }
+    return environment
 
 
 def _bodies(block: Block, precision: Precision) -> dict[str, str]:

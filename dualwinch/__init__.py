@@ -7,7 +7,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from codegen.block import Block
     from codegen.errors import DualwinchError
+    from codegen.native import compile  # noqa: A004  # dualwinch.compile
     from controllers.controller import Controller, controller_function
     from dualwinch.config import load, override, to_toml
     from dualwinch.ensembles import load_ensemble
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from model.plant import Plant, plant
     from model.reference import Reference
     from simulation.batch import BatchResult, rollout
+    from simulation.blocks import block
     from simulation.ensemble import Ensemble, Scenario
     from simulation.ensemble_result import EnsembleResult
     from simulation.ensemble_run import run_ensemble
@@ -32,6 +35,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "BatchResult": "simulation.batch",
+    "Block": "codegen.block",
     "ConfigurationError": "simulation.errors",
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
@@ -46,7 +50,9 @@ _HOME = {
     "Scenario": "simulation.ensemble",
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
+    "block": "simulation.blocks",
     "case": "simulation.paper",
+    "compile": "codegen.native",
     "controller_function": "controllers.controller",
     "load": "dualwinch.config",
     "load_ensemble": "dualwinch.ensembles",
@@ -62,6 +68,7 @@ _HOME = {
 
 __all__ = [
     "BatchResult",
+    "Block",
     "ConfigurationError",
     "Controller",
     "Disturbance",
@@ -77,7 +84,9 @@ __all__ = [
     "Sensors",
     "Simulation",
     "__version__",
+    "block",
     "case",
+    "compile",
     "controller_function",
     "load",
     "load_ensemble",

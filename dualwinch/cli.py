@@ -154,6 +154,88 @@ def config_(
     sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))
 
 
+export = App(
+    name="export",
+    help="""Write controller, plant and closed loop as code for other people's tools.
+
+Everything comes from the functions that `dualwinch simulate` runs, with the values of an experiment.
+""",
+    help_format="markdown",
+)
+app.command(export)
+
+What = Literal["controller", "plant", "closed-loop"]
+Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
+Config = Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")]
+Set = Annotated[
+    list[str] | None,
+    Parameter(name="--set", help="key=value, any key of `dualwinch config`; may be repeated.", negative=""),
+]
+
+
+@export.command(
+    name="c",
+    help_epilogue="""Examples:
+
+    dualwinch export c --out controller
+    dualwinch export c --precision float --freeze --out firmware
+    dualwinch export c --what plant --case 4 --out plant
+""",
+)
+def export_c(
+    *,
+    out: Out,
+    what: Annotated[What, Parameter(help="Which part.")] = "controller",
+    precision: Annotated[
+        Literal["double", "float"], Parameter(help="Of every number; float: no double-precision operation at all.")
+    ] = "double",
+    freeze: Annotated[
+        bool, Parameter(help="Write the parameters as constants instead of an argument.", negative="")
+    ] = False,
+    case: Case = None,
+    config: Config = None,
+    set_: Set = None,
+) -> None:
+    """Write a self-contained C99 package: source, header, CMake file, README and an example.
+
+    No heap, no globals, no recursion; several instances may run at once.
+    """
+    from dualwinch.export import export_c as run
+    from dualwinch.simulate import experiment
+
+    run(experiment(case, config, None, set_ or []), what, precision, out, freeze=freeze)
+
+
+@export.command(
+    name="mex",
+    help_epilogue="""Examples:
+
+    dualwinch export mex --case 4 --out mex
+""",
+)
+def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Set = None) -> None:
+    """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
+    from dualwinch.export import export_mex as run
+    from dualwinch.simulate import experiment
+
+    run(experiment(case, config, None, set_ or []), out)
+
+
+@export.command(
+    name="casadi",
+    help_epilogue="""Examples:
+
+    dualwinch export casadi --case 4 --out functions
+""",
+)
+def export_casadi(*, out: Out, case: Case = None, config: Config = None, set_: Set = None) -> None:
+    """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
+    from dualwinch.export import export_casadi as run
+    from dualwinch.simulate import experiment
+
+    run(experiment(case, config, None, set_ or []), out)
+
+
 @app.command
 def doctor() -> None:
     """Say which compiler, cache folder, processor features and optional parts are in use."""
