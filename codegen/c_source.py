@@ -68,5 +68,5 @@ def _definition(function: ca.Function, body: str) -> str:
     arguments = ",\n    ".join(
         [f"const double *restrict {name}" for name in inputs] + [f"double *restrict {name}" for name in outputs]
     )
-    unused = "".join(f"  (void){name};\n" for name in inputs if not re.search(rf"\b{name}\[", body))
+    unused = "".join(f"  (void){name};\n" for name in (*inputs, *outputs) if not re.search(rf"\b{name}\[", body))
     return f"static inline void {function.name()}(\n    {arguments}) {{\n{body}{unused}}}"

@@ -207,6 +207,45 @@ def export_c(
 
 
 @export.command(
+    name="fmu",
+    help_epilogue="""Examples:
+
+    dualwinch export fmu --what plant --case 4 --out plant.fmu
+    dualwinch export fmu --what controller --fmi 3 --out controller.fmu
+    dualwinch export fmu --what plant --kind model-exchange --platforms linux64,win64,darwin64 --out plant.fmu
+""",
+)
+def export_fmu(
+    *,
+    out: Annotated[Path, Parameter(help="File to write, .fmu.")],
+    what: Annotated[What, Parameter(help="Which part.")] = "controller",
+    fmi: Annotated[Literal[2, 3], Parameter(help="Version of FMI.")] = 2,
+    kind: Annotated[
+        Literal["co-simulation", "model-exchange", "both"] | None,
+        Parameter(help="Interfaces (default: both for the plant, else co-simulation)."),
+    ] = None,
+    platforms: Annotated[
+        str | None,
+        Parameter(
+            help="Binaries to include, separated by commas: linux64, win64, darwin64, aarch64-linux, aarch64-darwin, "
+            "or all (default: this machine's)."
+        ),
+    ] = None,
+    case: Case = None,
+    config: Config = None,
+    set_: Set = None,
+) -> None:
+    """Write a Functional Mock-up Unit: model description, C sources and binaries.
+
+    Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
+    """
+    from dualwinch.export_fmu import export_fmu as run
+    from dualwinch.simulate import experiment
+
+    run(experiment(case, config, None, set_ or []), what, out, fmi, kind, platforms)
+
+
+@export.command(
     name="mex",
     help_epilogue="""Examples:
 

@@ -38,54 +38,39 @@ typedef void (*fmi3IntermediateUpdateCallback)(fmi3InstanceEnvironment, fmi3Floa
                                                fmi3Boolean, fmi3Boolean, fmi3Boolean *, fmi3Float64 *);
 
 static void report(Instance *instance, Status status, const char *message) {
-    const fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
-    if (logger) logger(instance->environment, status, "logStatusError", message);
+  const fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
+  if (logger) logger(instance->environment, status, "logStatusError", message);
 }
 
-/* A function whose part of the standard this FMU has no use for. */
-#define LACKING(function, arguments)                                                     \
-    EXPORT fmi3Status FMI(function) arguments {                                          \
-        return complain(c, STATUS_ERROR, " is not offered by this FMU", #function);      \
-    }
-
 /* A change of mode, which needs nothing done. */
-#define MODE(function)                    \
+#define MODE(function)                                \
     EXPORT fmi3Status FMI(function)(fmi3Instance c) { \
-        (void)c;                          \
-        return STATUS_OK;                 \
-    }
+        (void)c;                                      \
+        return STATUS_OK;                             \
+  }
 
 EXPORT const char *FMI(fmi3GetVersion)(void) { return "3.0"; }
 
 EXPORT fmi3Status FMI(fmi3SetDebugLogging)(fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String categories[]) {
-    (void)c, (void)on, (void)n, (void)categories;
-    return STATUS_OK;
+  (void)c, (void)on, (void)n, (void)categories;
+  return STATUS_OK;
 }
 
 EXPORT fmi3Instance FMI(fmi3InstantiateModelExchange)(fmi3String instance_name, fmi3String token, fmi3String resources,
                                                       fmi3Boolean visible, fmi3Boolean logging,
                                                       fmi3InstanceEnvironment environment,
                                                       fmi3LogMessageCallback logger) {
-    (void)resources, (void)visible, (void)logging;
-    return OFFERS_MODEL_EXCHANGE ? create(instance_name, token, environment, (void (*)(void))logger) : NULL;
+  (void)resources, (void)visible, (void)logging;
+  return OFFERS_MODEL_EXCHANGE ? create(instance_name, token, environment, (void (*)(void))logger) : NULL;
 }
 
 EXPORT fmi3Instance FMI(fmi3InstantiateCoSimulation)(
-    fmi3String instance_name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
-    fmi3Boolean event_mode, fmi3Boolean early_return, const fmi3ValueReference intermediate[], size_t n,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger, fmi3IntermediateUpdateCallback update) {
-    (void)resources, (void)visible, (void)logging, (void)early_return, (void)intermediate, (void)n, (void)update;
-    if (event_mode || !OFFERS_CO_SIMULATION) return NULL;
-    return create(instance_name, token, environment, (void (*)(void))logger);
-}
-
-EXPORT fmi3Instance FMI(fmi3InstantiateScheduledExecution)(
-    fmi3String instance_name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger, void (*clock_update)(fmi3InstanceEnvironment),
-    void (*lock)(void), void (*unlock)(void)) {
-    (void)instance_name, (void)token, (void)resources, (void)visible, (void)logging;
-    (void)environment, (void)logger, (void)clock_update, (void)lock, (void)unlock;
-    return NULL;
+  fmi3String instance_name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
+  fmi3Boolean event_mode, fmi3Boolean early_return, const fmi3ValueReference intermediate[], size_t n,
+  fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger, fmi3IntermediateUpdateCallback update) {
+  (void)resources, (void)visible, (void)logging, (void)early_return, (void)intermediate, (void)n, (void)update;
+  if (event_mode || !OFFERS_CO_SIMULATION) return NULL;
+  return create(instance_name, token, environment, (void (*)(void))logger);
 }
 
 EXPORT void FMI(fmi3FreeInstance)(fmi3Instance c) { free(c); }
@@ -93,19 +78,19 @@ EXPORT void FMI(fmi3FreeInstance)(fmi3Instance c) { free(c); }
 EXPORT fmi3Status FMI(fmi3EnterInitializationMode)(fmi3Instance c, fmi3Boolean tolerance_defined,
                                                    fmi3Float64 tolerance, fmi3Float64 start_time,
                                                    fmi3Boolean stop_defined, fmi3Float64 stop_time) {
-    (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop_time;
-    ((Instance *)c)->memory.value[TIME] = start_time;
-    return STATUS_OK;
+  (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop_time;
+  ((Instance *)c)->memory.value[TIME] = start_time;
+  return STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3ExitInitializationMode)(fmi3Instance c) {
-    leave_initialisation(c);
-    return STATUS_OK;
+  leave_initialisation(c);
+  return STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3Reset)(fmi3Instance c) {
-    clear(&((Instance *)c)->memory, 0.0);
-    return STATUS_OK;
+  clear(&((Instance *)c)->memory, 0.0);
+  return STATUS_OK;
 }
 
 MODE(fmi3EnterEventMode)
@@ -117,178 +102,119 @@ MODE(fmi3EnterContinuousTimeMode)
 MODE(fmi3EnterStepMode)
 
 EXPORT fmi3Status FMI(fmi3GetFloat64)(fmi3Instance c, References r, size_t n, fmi3Float64 value[], size_t values) {
-    return n == values ? get_values(c, r, n, value) : complain(c, STATUS_ERROR, "every variable is a scalar", "");
+  return n == values ? get_values(c, r, n, value) : complain(c, STATUS_ERROR, "every variable is a scalar", "");
 }
 
 EXPORT fmi3Status FMI(fmi3SetFloat64)(fmi3Instance c, References r, size_t n, const fmi3Float64 value[],
                                       size_t values) {
-    return n == values ? set_values(c, r, n, value) : complain(c, STATUS_ERROR, "every variable is a scalar", "");
+  return n == values ? set_values(c, r, n, value) : complain(c, STATUS_ERROR, "every variable is a scalar", "");
 }
-
-/* All variables are of type Float64. */
-#define NONE_OF(type)                                                                                                \
-    EXPORT fmi3Status FMI(fmi3Get##type)(fmi3Instance c, References r, size_t n, fmi3##type v[], size_t m) {          \
-        (void)r, (void)v, (void)m;                                                                                   \
-        return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                 \
-    }                                                                                                                \
-    EXPORT fmi3Status FMI(fmi3Set##type)(fmi3Instance c, References r, size_t n, const fmi3##type v[], size_t m) {    \
-        (void)r, (void)v, (void)m;                                                                                   \
-        return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                 \
-    }
-NONE_OF(Float32)
-NONE_OF(Int8)
-NONE_OF(UInt8)
-NONE_OF(Int16)
-NONE_OF(UInt16)
-NONE_OF(Int32)
-NONE_OF(UInt32)
-NONE_OF(Int64)
-NONE_OF(UInt64)
-NONE_OF(Boolean)
-NONE_OF(String)
-
-LACKING(fmi3GetBinary, (fmi3Instance c, References r, size_t n, size_t sizes[], fmi3Binary v[], size_t m))
-LACKING(fmi3SetBinary, (fmi3Instance c, References r, size_t n, const size_t sizes[], const fmi3Binary v[], size_t m))
-LACKING(fmi3GetClock, (fmi3Instance c, References r, size_t n, fmi3Clock v[]))
-LACKING(fmi3SetClock, (fmi3Instance c, References r, size_t n, const fmi3Clock v[]))
-LACKING(fmi3GetNumberOfVariableDependencies, (fmi3Instance c, fmi3ValueReference r, size_t *n))
-LACKING(fmi3GetVariableDependencies, (fmi3Instance c, fmi3ValueReference r, size_t dependent[],
-                                      fmi3ValueReference independent[], size_t element[], fmi3DependencyKind kind[],
-                                      size_t n))
-LACKING(fmi3GetIntervalDecimal, (fmi3Instance c, References r, size_t n, fmi3Float64 v[], fmi3IntervalQualifier q[]))
-LACKING(fmi3GetIntervalFraction, (fmi3Instance c, References r, size_t n, fmi3UInt64 counter[], fmi3UInt64 v[],
-                                  fmi3IntervalQualifier q[]))
-LACKING(fmi3GetShiftDecimal, (fmi3Instance c, References r, size_t n, fmi3Float64 v[]))
-LACKING(fmi3GetShiftFraction, (fmi3Instance c, References r, size_t n, fmi3UInt64 counter[], fmi3UInt64 v[]))
-LACKING(fmi3SetIntervalDecimal, (fmi3Instance c, References r, size_t n, const fmi3Float64 v[]))
-LACKING(fmi3SetIntervalFraction,
-        (fmi3Instance c, References r, size_t n, const fmi3UInt64 counter[], const fmi3UInt64 v[]))
-LACKING(fmi3SetShiftDecimal, (fmi3Instance c, References r, size_t n, const fmi3Float64 v[]))
-LACKING(fmi3SetShiftFraction,
-        (fmi3Instance c, References r, size_t n, const fmi3UInt64 counter[], const fmi3UInt64 v[]))
-LACKING(fmi3GetOutputDerivatives,
-        (fmi3Instance c, References r, size_t n, const fmi3Int32 order[], fmi3Float64 v[], size_t m))
-LACKING(fmi3GetAdjointDerivative,
-        (fmi3Instance c, References unknown, size_t unknowns, References known, size_t knowns, const fmi3Float64 seed[],
-         size_t n, fmi3Float64 sensitivity[], size_t m))
-LACKING(fmi3ActivateModelPartition, (fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time))
 
 EXPORT fmi3Status FMI(fmi3GetFMUState)(fmi3Instance c, fmi3FMUState *kept) { return copy_state(c, kept); }
 EXPORT fmi3Status FMI(fmi3SetFMUState)(fmi3Instance c, fmi3FMUState kept) { return restore_state(c, kept); }
 
 EXPORT fmi3Status FMI(fmi3FreeFMUState)(fmi3Instance c, fmi3FMUState *kept) {
-    (void)c;
-    return forget_state(kept);
+  (void)c;
+  return forget_state(kept);
 }
 
 EXPORT fmi3Status FMI(fmi3SerializedFMUStateSize)(fmi3Instance c, fmi3FMUState kept, size_t *size) {
-    (void)c, (void)kept;
-    *size = sizeof(Memory);
-    return STATUS_OK;
+  (void)c, (void)kept;
+  *size = sizeof(Memory);
+  return STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3SerializeFMUState)(fmi3Instance c, fmi3FMUState kept, fmi3Byte bytes[], size_t size) {
-    return write_state(c, kept, bytes, size);
+  return write_state(c, kept, bytes, size);
 }
 
 EXPORT fmi3Status FMI(fmi3DeserializeFMUState)(fmi3Instance c, const fmi3Byte bytes[], size_t size,
                                                fmi3FMUState *kept) {
-    return read_state(c, bytes, size, kept);
+  return read_state(c, bytes, size, kept);
 }
 
 EXPORT fmi3Status FMI(fmi3GetDirectionalDerivative)(fmi3Instance c, References unknown, size_t unknowns,
                                                     References known, size_t knowns, const fmi3Float64 seed[],
                                                     size_t n, fmi3Float64 sensitivity[], size_t m) {
 #if HAS_DERIVATIVES
-    if (n != knowns || m != unknowns) return complain(c, STATUS_ERROR, "every variable is a scalar", "");
-    return directional(c, unknown, unknowns, known, knowns, seed, sensitivity);
+  if (n != knowns || m != unknowns) return complain(c, STATUS_ERROR, "every variable is a scalar", "");
+  return directional(c, unknown, unknowns, known, knowns, seed, sensitivity);
 #else
-    (void)unknown, (void)unknowns, (void)known, (void)knowns, (void)seed, (void)n, (void)sensitivity, (void)m;
-    return complain(c, STATUS_ERROR, "there are no directional derivatives", "");
+  (void)unknown, (void)unknowns, (void)known, (void)knowns, (void)seed, (void)n, (void)sensitivity, (void)m;
+  return complain(c, STATUS_ERROR, "there are no directional derivatives", "");
 #endif
 }
 
 EXPORT fmi3Status FMI(fmi3UpdateDiscreteStates)(fmi3Instance c, fmi3Boolean *update, fmi3Boolean *terminate,
                                                 fmi3Boolean *nominals, fmi3Boolean *values,
                                                 fmi3Boolean *next_event, fmi3Float64 *next_event_time) {
-    (void)c;
-    *update = *terminate = *nominals = *values = *next_event = false;
-    *next_event_time = 0.0;
-    return STATUS_OK;
+  (void)c;
+  *update = *terminate = *nominals = *values = *next_event = false;
+  *next_event_time = 0.0;
+  return STATUS_OK;
 }
 
 #if OFFERS_MODEL_EXCHANGE
 EXPORT fmi3Status FMI(fmi3CompletedIntegratorStep)(fmi3Instance c, fmi3Boolean final, fmi3Boolean *enter_event_mode,
                                                    fmi3Boolean *terminate) {
-    (void)c, (void)final;
-    *enter_event_mode = *terminate = false;
-    return STATUS_OK;
+  (void)c, (void)final;
+  *enter_event_mode = *terminate = false;
+  return STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3SetTime)(fmi3Instance c, fmi3Float64 time) {
-    ((Instance *)c)->memory.value[TIME] = time;
-    return STATUS_OK;
+  ((Instance *)c)->memory.value[TIME] = time;
+  return STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3SetContinuousStates)(fmi3Instance c, const fmi3Float64 x[], size_t n) {
-    return set_states(c, x, n);
+  return set_states(c, x, n);
 }
 
 EXPORT fmi3Status FMI(fmi3GetContinuousStateDerivatives)(fmi3Instance c, fmi3Float64 derivatives[], size_t n) {
-    return get_vector(c, FIRST_DERIVATIVE, derivatives, n);
+  return get_vector(c, FIRST_DERIVATIVE, derivatives, n);
 }
 
 EXPORT fmi3Status FMI(fmi3GetContinuousStates)(fmi3Instance c, fmi3Float64 x[], size_t n) {
-    return get_vector(c, FIRST_STATE, x, n);
+  return get_vector(c, FIRST_STATE, x, n);
 }
 
 EXPORT fmi3Status FMI(fmi3GetNominalsOfContinuousStates)(fmi3Instance c, fmi3Float64 nominals[], size_t n) {
-    (void)c;
-    for (size_t i = 0; i < n; i++) nominals[i] = 1.0;
-    return STATUS_OK;
+  (void)c;
+  for (size_t i = 0; i < n; i++) nominals[i] = 1.0;
+  return STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3GetNumberOfContinuousStates)(fmi3Instance c, size_t *n) {
-    (void)c;
-    *n = STATES;
-    return STATUS_OK;
+  (void)c;
+  *n = STATES;
+  return STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3GetEventIndicators)(fmi3Instance c, fmi3Float64 indicators[], size_t n) {
-    (void)c, (void)indicators;
-    return n ? STATUS_ERROR : STATUS_OK;
+  (void)c, (void)indicators;
+  return n ? STATUS_ERROR : STATUS_OK;
 }
 
 EXPORT fmi3Status FMI(fmi3GetNumberOfEventIndicators)(fmi3Instance c, size_t *n) {
-    (void)c;
-    *n = 0;
-    return STATUS_OK;
+  (void)c;
+  *n = 0;
+  return STATUS_OK;
 }
-#else
-LACKING(fmi3CompletedIntegratorStep,
-        (fmi3Instance c, fmi3Boolean final, fmi3Boolean *enter_event_mode, fmi3Boolean *terminate))
-LACKING(fmi3SetTime, (fmi3Instance c, fmi3Float64 time))
-LACKING(fmi3SetContinuousStates, (fmi3Instance c, const fmi3Float64 x[], size_t n))
-LACKING(fmi3GetContinuousStateDerivatives, (fmi3Instance c, fmi3Float64 derivatives[], size_t n))
-LACKING(fmi3GetContinuousStates, (fmi3Instance c, fmi3Float64 x[], size_t n))
-LACKING(fmi3GetNominalsOfContinuousStates, (fmi3Instance c, fmi3Float64 nominals[], size_t n))
-LACKING(fmi3GetNumberOfContinuousStates, (fmi3Instance c, size_t *n))
-LACKING(fmi3GetEventIndicators, (fmi3Instance c, fmi3Float64 indicators[], size_t n))
-LACKING(fmi3GetNumberOfEventIndicators, (fmi3Instance c, size_t *n))
 #endif
 
 EXPORT fmi3Status FMI(fmi3DoStep)(fmi3Instance c, fmi3Float64 time, fmi3Float64 duration, fmi3Boolean final,
                                   fmi3Boolean *event_handling, fmi3Boolean *terminate, fmi3Boolean *early_return,
                                   fmi3Float64 *last_time) {
-    (void)final;
-    *event_handling = *terminate = *early_return = false;
+  (void)final;
+  *event_handling = *terminate = *early_return = false;
 #if OFFERS_CO_SIMULATION
-    const Status status = advance(c, time, duration);
-    *last_time = ((Instance *)c)->memory.value[TIME];
-    return status;
+  const Status status = advance(c, time, duration);
+  *last_time = ((Instance *)c)->memory.value[TIME];
+  return status;
 #else
-    *last_time = time;
-    (void)duration;
-    return complain(c, STATUS_ERROR, "there is no co-simulation", "");
+  *last_time = time;
+  (void)duration;
+  return complain(c, STATUS_ERROR, "there is no co-simulation", "");
 #endif
 }

@@ -2,7 +2,6 @@
 
 import platform
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 
 from codegen.compiler import Compiler, find_compiler
 from codegen.errors import CodegenError, CompilerNotFoundError
@@ -43,17 +42,9 @@ PLATFORMS = {
 """Every platform by its name."""
 
 
-def find_platform(name: str) -> Platform:
-    """The platform of a name, FMI 2's or FMI 3's.
-
-    Raises:
-        CodegenError: there is none.
-    """
-    known = PLATFORMS | {one.tuple_: one for one in PLATFORMS.values()}
-    if name not in known:
-        near = get_close_matches(name, known, n=1, cutoff=0.0)[0]
-        raise CodegenError(f"unknown platform '{name}': must be {', '.join(PLATFORMS)}; did you mean '{near}'?")
-    return known[name]
+def find_platform(name: str) -> Platform | None:
+    """The platform of a name, FMI 2's or FMI 3's; None where there is none."""
+    return next((one for one in PLATFORMS.values() if name in {one.name, one.tuple_}), None)
 
 
 def host_platform() -> Platform:
@@ -63,7 +54,10 @@ def host_platform() -> Platform:
         CodegenError: it is none of those an FMU can have.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
-    return find_platform(f"{machine}-{platform.system().lower()}")
+    found = find_platform(f"{machine}-{platform.system().lower()}")
+    if found is None:
+        raise CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name others")
+    return found
 
 
 def compiler_for(wanted: Platform) -> tuple[Compiler, tuple[str, ...]]:

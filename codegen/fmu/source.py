@@ -11,6 +11,9 @@ from codegen.fmu.model import FmuModel, Signal
 ROLES = ("input", "parameter", "output", "state", "derivative")
 """What the vectors in an instance's memory hold, in this order."""
 
+WRAPPERS = {2: ("core.c", "fmi2.c"), 3: ("core.c", "fmi3.c", "fmi3_lacking.c")}
+"""What stands around the generated functions, by version of FMI."""
+
 
 def fmu_source(model: FmuModel) -> tuple[str, str]:
     """The C source of an FMU and its token, which the model description repeats."""
@@ -20,7 +23,7 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
         *_sizes(model),
         *_tables(model),
         c_source([functions.start, functions.now, functions.step, *tangents]),
-        *((files("codegen.fmu") / name).read_text(encoding="utf-8") for name in ("core.c", f"fmi{model.version}.c")),
+        *((files("codegen.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
     ]
     digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
     token = f"{{{'-'.join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]))}}}"
