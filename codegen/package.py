@@ -36,11 +36,12 @@ def frozen(block: Block, names: Collection[str] | None = None) -> Block:
     values = ca.vertcat(*(symbols.get(one.name, one.start) for one in block.parameters))
 
     def bound(function: ca.Function) -> ca.Function:
-        taken = [name for name in function.name_in() if kept or name != "parameters"]
-        given = {name: ca.SX.sym(name, function.size1_in(name)) for name in taken} | ({"parameters": free} if kept else {})
-        results = function.call(given | {"parameters": values})
-        expressions = [ca.densify(ca.cse(results[name])) for name in function.name_out()]
-        return ca.Function(function.name(), list(given.values()), expressions, taken, function.name_out(), {"cse": True})
+        names, results = function.name_in(), function.name_out()
+        given = {name: ca.SX.sym(name, function.size1_in(name)) for name in names if name != "parameters"}
+        found = function.call(given | {"parameters": values})
+        given |= {"parameters": free} if kept else {}
+        expressions = [ca.densify(ca.cse(found[name])) for name in results]
+        return ca.Function(function.name(), list(given.values()), expressions, list(given), results, {"cse": True})
 
     return replace(
         block,

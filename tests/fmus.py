@@ -17,7 +17,7 @@ class Instance:
     def __init__(self, path: Path, *, exchange: bool = False, initialise: bool = True) -> None:
         folder = fmpy.extract(str(path))
         description = read_model_description(str(folder))
-        self.version = int(description.fmiVersion[0])
+        self.version = int(str(description.fmiVersion)[0])
         module = fmi2 if self.version == 2 else fmi3
         interface = description.modelExchange if exchange else description.coSimulation
         kind = getattr(module, f"FMU{self.version}{'Model' if exchange else 'Slave'}")

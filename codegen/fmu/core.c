@@ -105,7 +105,7 @@ static Status advance(Instance *instance, double time, double duration) {
   Memory next = instance->memory;
   double *value = next.value, following[STATES + 1], *state = value + FIRST_STATE;
   const double samples = floor(duration / SAMPLE_TIME + 0.5);
-  if (!(samples >= 1) || fabs(duration - samples * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME)
+  if (!(samples >= 1 && samples <= 1e9) || fabs(duration - samples * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME)
     return complain(instance, STATUS_DISCARD, "the step is no multiple of the sample time", "");
   for (double sample = 1; sample <= samples; sample++) {
     if (HAS_HELD && sample == samples) {

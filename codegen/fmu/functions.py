@@ -78,9 +78,7 @@ def functions_of(block: Block) -> Functions:
         now_tangent=now_tangent,
         on_state=_dependence(now, state),
         on_input=_dependence(now, given),
-        at_start=_dependence(
-            ca.vertcat(at_start, ca.substitute(now, state, at_start)), ca.vertcat(given, parameters)
-        ),
+        at_start=_dependence(ca.vertcat(at_start, ca.substitute(now, state, at_start)), ca.vertcat(given, parameters)),
     )
 
 
