@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 COMPILER, EMULATOR, SIZE = "arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size"
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fstack-usage", "-mthumb", "-mfloat-abi=hard")
-STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wfloat-conversion", "-Werror")
+STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wfloat-conversion", "-Wstack-usage=512", "-Werror")
 
 CLOCK, SHIFT = 25e6, 10
 """The boards' clock in Hz; QEMU lets 2**SHIFT ns pass with every instruction."""

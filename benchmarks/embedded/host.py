@@ -21,7 +21,7 @@ def build(folder: Path, package: Mapping[str, str], name: str, compiler: Sequenc
     for file, text in package.items():
         (folder / file).write_text(text)
     library = folder / f"{name}.so"
-    command = [*compiler, *STRICT, "-O2", "-ffp-contract=off", *flags, "-shared", "-fPIC", f"{name}.c"]
+    command = [*compiler, *STRICT, "-O1", "-ffp-contract=off", *flags, "-shared", "-fPIC", f"{name}.c"]
     done = subprocess.run([*command, "-o", library, "-lm"], cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(done.stderr[:2000])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.embedded.board import BOARDS, COMPILER, EMULATOR, Measurement, measure
 from benchmarks.embedded.host import Host, build
+from benchmarks.embedded.loop import loop_table
 from codegen.block import Block
 from codegen.compiler import find_compiler
 from codegen.package import Provenance, c_package
@@ -40,7 +41,7 @@ def wild(controller: Block, samples: int, seed: int = 0) -> NDArray[np.float32]:
 
 
 def report() -> str:
-    """Both tables in Markdown.
+    """All tables in Markdown.
 
     Raises:
         RuntimeError: a program fails.
@@ -76,7 +77,8 @@ def report() -> str:
                 f"| {beyond.max()} | {got.code} B | {got.linked} B | {ram} B | {got.stack} B | {got.declared_stack} B |"
             )
     compilers = [_version(COMPILER), _version(EMULATOR)]
-    return "\n".join([*lines, "", *_accuracy(controller, result, run, measurements), "", f"*{' · '.join(compilers)}*"])
+    accuracy = _accuracy(controller, result, run, measurements)
+    return "\n".join([*lines, "", *accuracy, "", *loop_table(), "", f"*{' · '.join(compilers)}*"])
 
 
 def _accuracy(
