@@ -121,17 +121,30 @@ def compile(function: ca.Function, compiler: Compiler | None = None) -> Compiled
     """
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
+    call = ctypes.CDLL(str(library(_source(function), compiler or find_compiler(), NON_FINITE))).run
+    call.restype = None
+    call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
+    return CompiledFunction(
+        name=function.name(),
+        inputs={name: (function.size1_in(name), function.size2_in(name)) for name in function.name_in()},
+        outputs={name: (function.size1_out(name), function.size2_out(name)) for name in function.name_out()},
+        _call=call,
+    )
+
+
+def _source(function: ca.Function) -> str:
+    """C99 translation unit that evaluates a function for a batch, every array column by column."""
+    ins, outs = ([f"{word}{k}" for k in range(n)] for word, n in (("in", function.n_in()), ("out", function.n_out())))
+    symbols = [ca.SX.sym(name, *function.size_in(place)) for place, name in enumerate(ins)]
     try:
-        symbols = [ca.SX.sym(f"in{place}", *function.size_in(place)) for place in range(function.n_in())]
-        results = function.expand().call(symbols)
-    except RuntimeError as error:
-        raise CodegenError(f"no plain C for {function.name()}: it cannot be expanded to SX expressions") from error
-    ins, outs = ([f"{word}{place}" for place in range(n)] for word, n in (("in", len(symbols)), ("out", len(results))))
-    columns = [ca.vec(symbol) for symbol in symbols]
-    dense = ca.Function("evaluate", columns, [ca.vec(ca.densify(one)) for one in results], ins, outs, {"cse": True})
+        results = [ca.vec(ca.densify(result)) for result in function.expand().call(symbols)]
+        dense = ca.Function("evaluate", [ca.vec(symbol) for symbol in symbols], results, ins, outs, {"cse": True})
+        definition = c_source([dense])
+    except (RuntimeError, CodegenError) as error:
+        raise CodegenError(f"no plain C for {function.name()}: it is no chain of elementary operations") from error
     arguments = [f"inputs[{place}] + k * steps[{place}]" for place in range(len(ins))]
     arguments += [f"outputs[{place}] + k * {result.numel()}" for place, result in enumerate(results)]
-    source = f"""{c_source([dense])}
+    return f"""{definition}
 #include <stdint.h>
 #if defined(_WIN32)
 __declspec(dllexport)
@@ -143,12 +156,3 @@ void run(const double *const *inputs, const int64_t *steps, double *const *outpu
     evaluate({", ".join(arguments)});
 }}
 """
-    call = ctypes.CDLL(str(library(source, compiler or find_compiler(), NON_FINITE))).run
-    call.restype = None
-    call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
-    return CompiledFunction(
-        name=function.name(),
-        inputs={name: (function.size1_in(name), function.size2_in(name)) for name in function.name_in()},
-        outputs={name: (function.size1_out(name), function.size2_out(name)) for name in function.name_out()},
-        _call=call,
-    )
