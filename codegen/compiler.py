@@ -80,7 +80,7 @@ class Compiler:
                 *extra_flags,
                 unit.name,
                 "-o",
-                target.name,
+                f"unit{target.suffix}",
                 "-lm",
             ]
             try:
@@ -88,7 +88,7 @@ class Compiler:
             except OSError as error:
                 raise CompileError(f"cannot run the C compiler {self.command[0]}: {error.strerror}") from error
             if done.returncode == 0:
-                (Path(folder) / target.name).replace(target)  # import libraries and the like stay behind
+                (Path(folder) / f"unit{target.suffix}").replace(target)  # import libraries and the like stay behind
         if done.returncode != 0:
             complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
             raise CompileError(f"{' '.join(self.command)} failed with exit code {done.returncode}: {complaint}")

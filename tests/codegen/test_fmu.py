@@ -13,7 +13,7 @@ import pytest
 
 from codegen.block import Block, Variable
 from codegen.errors import CodegenError
-from codegen.fmu import About, archive, build_fmu, fmu_model
+from codegen.fmu import About, archive, build_fmu, fmu_model, host_platform
 from codegen.fmu.source import fmu_source
 from codegen.fmu.units import base_powers
 
@@ -75,13 +75,17 @@ def test_model_description_names_what_depends_on_what() -> None:
     assert found["InitialUnknown", "pull"] == {"stiffness", "stretch"}
 
 
-def test_the_same_block_gives_the_same_bytes_and_another_one_another_token() -> None:
-    def made(block: Block) -> bytes:
-        return archive(build_fmu(fmu_model(block), (), ABOUT))
-
-    assert made(spring()) == made(spring())
-    names = zipfile.ZipFile(BytesIO(made(spring()))).namelist()
-    assert names == ["modelDescription.xml", "sources/spring.c"]
+def test_the_same_block_gives_the_same_bytes_and_another_one_another_token(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+    for folder in ("one", "other"):
+        monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(tmp_path / folder))
+        made.append(archive(build_fmu(fmu_model(spring()), (host_platform(),), ABOUT)))
+    assert made[0] == made[1]
+    names = zipfile.ZipFile(BytesIO(made[0])).namelist()
+    assert names[:2] == ["modelDescription.xml", "sources/spring.c"]
+    assert names[2].startswith(f"binaries/{host_platform().name}/spring.")
     other = replace(spring(), parameters=(replace(spring().parameters[0], start=3.0), spring().parameters[1]))
     assert fmu_source(fmu_model(spring()))[1] != fmu_source(fmu_model(other))[1]
 

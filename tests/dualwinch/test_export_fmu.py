@@ -4,6 +4,7 @@ import re
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from zipfile import ZipFile
@@ -17,13 +18,14 @@ from fmpy.validation import validate_fmu
 
 from codegen.compiler import Compiler, find_compiler
 from codegen.errors import CompilerNotFoundError
-from codegen.fmu import PLATFORMS
+from codegen.fmu import PLATFORMS, host_platform
 from codegen.fmu.platforms import compiler_for
 from dualwinch.cli import main
 from dualwinch.export_fmu import export_fmu
 from simulation.blocks import block
 from simulation.environment import exogenous_signals
 from simulation.paper import case
+from simulation.simulate import simulate
 from tests.conftest import PaperRun
 from tests.fmus import Instance
 from tests.oracle.plant import Held, Plant
@@ -299,13 +301,34 @@ def test_wrong_requests_are_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_machine_without_zig_says_what_to_install(
+def test_without_zig_there_are_binaries_for_this_machine_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def none(_: str | None = None) -> Compiler:
-        raise CompilerNotFoundError
+    def systems_own(wanted: str | None = None) -> Compiler:
+        if wanted == "zig":
+            raise CompilerNotFoundError
+        return find_compiler(wanted)
 
-    monkeypatch.setattr("codegen.fmu.platforms.find_compiler", none)
+    monkeypatch.setattr("codegen.fmu.platforms.find_compiler", systems_own)
+    other = next(name for name in PLATFORMS if name != host_platform().name)
     with pytest.raises(SystemExit, match="1"):
-        main(["export", "fmu", "--platforms", "win64", "--out", str(tmp_path / "a.fmu")])
-    assert "no compiler for win64: it needs zig; run: pip install 'dualwinch[zig]'" in capsys.readouterr().err
+        main(["export", "fmu", "--platforms", other, "--out", str(tmp_path / "a.fmu")])
+    assert f"no compiler for {other}: it needs zig; run: pip install 'dualwinch[zig]'" in capsys.readouterr().err
+    export_fmu(case(4), "controller", tmp_path / "b.fmu", 2, None, None)
+    assert Instance(tmp_path / "b.fmu").get("tau_1")[0] > 0
+
+
+def test_stepped_side_by_side_the_torques_come_one_sample_late(exported: Exported) -> None:
+    late = replace(case(4), simulation=replace(case(4).simulation, delay_samples=1, duration=1.0))
+    expected = simulate(late).columns["x"]
+    plant, controller = Instance(exported("plant", 2)), Instance(exported("controller", 2))
+    torques, x = plant.get(*TORQUES), []
+    for reference in exogenous_signals(late)[:, :3]:
+        sensed = plant.get(*SENSED)
+        controller.put([*SENSED, *WANTED], [*sensed, *reference])
+        plant.put(TORQUES, torques)
+        controller.step()
+        plant.step()
+        torques = controller.get(*TORQUES)
+        x.append(sensed[0])
+    assert np.abs(np.array(x) - expected).max() < 1e-9
