@@ -13,6 +13,8 @@ from benchmarks.embedded.loop import loop_table
 from codegen.block import Block
 from codegen.compiler import find_compiler
 from codegen.package import Provenance, c_package
+from controllers.controller import POSITION_LAWS
+from model.quantity import with_leaves
 from simulation.blocks import block
 from simulation.paper import case
 from simulation.result import Result
@@ -23,6 +25,9 @@ ABOUT = Provenance("dualwinch", "Case 4", "today")
 
 WILD = 20_000
 """Random samples after those of the run, to drive every branch of the mathematical functions."""
+
+VARIANTS = (("lowpass", False), ("kalman", False), ("kalman", True))
+"""Estimator, and whether the parameters are constants, that the position laws are measured with."""
 
 COLUMN = {"tau_1": "tau1", "tau_2": "tau2"}
 """Outputs whose column in a result has another name."""
@@ -78,7 +83,27 @@ def report() -> str:
             )
     compilers = [_version(COMPILER), _version(EMULATOR)]
     accuracy = _accuracy(controller, result, run, measurements)
-    return "\n".join([*lines, "", *accuracy, "", *loop_table(), "", f"*{' · '.join(compilers)}*"])
+    return "\n".join([*lines, "", *_laws(), "", *accuracy, "", *loop_table(), "", f"*{' · '.join(compilers)}*"])
+
+
+def _laws() -> list[str]:
+    """Worst instructions a step and stack of every position law over Case 4, on the first board."""
+    headings = [f"{name}{', constants' if freeze else ''}: worst | stack" for name, freeze in VARIANTS]
+    lines = [
+        f"| position law, on the {BOARDS[0].name} | {' | '.join(headings)} |",
+        "|---|" + "--:|--:|" * len(VARIANTS),
+    ]
+    for kind in POSITION_LAWS:
+        cells = []
+        for estimator, freeze in VARIANTS:
+            experiment = with_leaves(case(4, kind), {"controller.estimator": estimator})
+            controller = block("controller", experiment)
+            inputs = recorded(simulate(experiment), controller)
+            package = c_package(controller, NAME, ABOUT, "float", freeze=freeze)
+            got = measure(BOARDS[0], package, NAME, inputs, len(controller.outputs), freeze=freeze)
+            cells += [str(got.instructions.max()), f"{got.stack} B"]
+        lines.append(f"| {kind} | {' | '.join(cells)} |")
+    return lines
 
 
 def _accuracy(
