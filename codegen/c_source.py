@@ -27,32 +27,46 @@ def c_source(functions: list[ca.Function]) -> str:
     Raises:
         CodegenError: a function holds something that CasADi cannot express as plain C statements.
     """
+    source, bodies = generated(functions)
+    helpers = HELPER.findall(source)
+    definitions = [_definition(function, body) for function, body in zip(functions, bodies, strict=True)]
+    text = "\n\n".join(["#include <math.h>", *helpers, *definitions]) + "\n"
+    return text.replace("casadi_real", "double")
+
+
+def generated(functions: list[ca.Function]) -> tuple[str, list[str]]:
+    """The C text CasADi writes for functions, and the statements of each with ``NAME[i]`` for their arguments.
+
+    Raises:
+        CodegenError: as for `c_source`.
+    """
     generator = ca.CodeGenerator("unit.c", {"static_aux": True, "inline_aux": True})
     for function in functions:
         if not function.is_a("SXFunction"):
             raise CodegenError(f"{function.name()} is no function of SX expressions; expand() it first")
         generator.add(function)
     source = generator.dump()
-    helpers = HELPER.findall(source)
     bodies = BODY.findall(source)
     if len(bodies) != len(functions):
         raise CodegenError(f"no plain C for {', '.join(function.name() for function in functions)}")
-    definitions = [_definition(function, body) for function, body in zip(functions, bodies, strict=True)]
-    text = "\n\n".join(["#include <math.h>", *helpers, *definitions]) + "\n"
-    return text.replace("casadi_real", "double")
+    return source, [_named(function, body) for function, body in zip(functions, bodies, strict=True)]
 
 
-def _definition(function: ca.Function, body: str) -> str:
-    inputs, outputs = function.name_in(), function.name_out()
-    for place, name in enumerate(inputs):
+def _named(function: ca.Function, body: str) -> str:
+    for place, name in enumerate(function.name_in()):
         body = re.sub(rf"arg\[{place}\]\? arg\[{place}\]\[(\d+)\] : 0;", rf"{name}[\1];", body)
-    for place, name in enumerate(outputs):
+    for place, name in enumerate(function.name_out()):
         body = re.sub(rf"if \(res\[{place}\]!=0\) res\[{place}\]\[", f"if ({name}) {name}[", body)
     leftover = re.search(r"\b(?:arg|res|iw|w)\[|casadi_(?:f\d|int)|#error", body)
     if leftover:
         raise CodegenError(f"no plain C for {function.name()}: {leftover.group(0)}")
+    return body
+
+
+def _definition(function: ca.Function, body: str) -> str:
+    inputs, outputs = function.name_in(), function.name_out()
     arguments = ",\n    ".join(
         [f"const double *restrict {name}" for name in inputs] + [f"double *restrict {name}" for name in outputs]
     )
-    unused = "".join(f"  (void){name};\n" for name in inputs if not re.search(rf"\b{name}\[", body))
+    unused = "".join(f"  (void){name};\n" for name in (*inputs, *outputs) if not re.search(rf"\b{name}\[", body))
     return f"static inline void {function.name()}(\n    {arguments}) {{\n{body}{unused}}}"

@@ -85,13 +85,15 @@ class Compiler:
                 *extra_flags,
                 unit.name,
                 "-o",
-                str(target.resolve()),
+                f"unit{target.suffix}",
                 "-lm",
             ]
             try:
                 done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             except OSError as error:
                 raise CompileError(f"cannot run the C compiler {self.command[0]}: {error.strerror}") from error
+            if done.returncode == 0:
+                (Path(folder) / f"unit{target.suffix}").replace(target)  # import libraries and the like stay behind
         if done.returncode != 0:
             complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
             raise CompileError(f"{' '.join(self.command)} failed with exit code {done.returncode}: {complaint}")

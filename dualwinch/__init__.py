@@ -7,7 +7,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from codegen.block import Block
     from codegen.errors import DualwinchError
+    from codegen.native import compile  # noqa: A004
     from controllers.controller import Controller, controller_function
     from dualwinch.config import load, override, to_toml
     from dualwinch.ensembles import load_ensemble
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from model.plant import Plant, plant
     from model.reference import Reference
     from simulation.batch import BatchResult, rollout
+    from simulation.blocks import block
     from simulation.certificate import Certificate, certify
     from simulation.describing_function import AmplitudePoint, amplitude_sweep
     from simulation.ensemble import Ensemble, Scenario
@@ -42,6 +45,7 @@ __version__ = "0.1.0"
 _HOME = {
     "AmplitudePoint": "simulation.describing_function",
     "BatchResult": "simulation.batch",
+    "Block": "codegen.block",
     "Certificate": "simulation.certificate",
     "ConfigurationError": "simulation.errors",
     "Controller": "controllers.controller",
@@ -61,8 +65,10 @@ _HOME = {
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
     "amplitude_sweep": "simulation.describing_function",
+    "block": "simulation.blocks",
     "case": "simulation.paper",
     "certify": "simulation.certificate",
+    "compile": "codegen.native",
     "controller_function": "controllers.controller",
     "linear_broken_loop": "simulation.linear_loop",
     "linear_closed_loop": "simulation.linear_loop",
@@ -75,9 +81,9 @@ _HOME = {
     "operating_point": "model.operating_point",
     "override": "dualwinch.config",
     "plant": "model.plant",
+    "rollout": "simulation.batch",
     "run_ensemble": "simulation.ensemble_run",
     "save": "simulation.storage",
-    "rollout": "simulation.batch",
     "save_ensemble": "simulation.ensemble_storage",
     "simulate": "simulation.simulate",
     "to_toml": "dualwinch.config",
@@ -86,6 +92,7 @@ _HOME = {
 __all__ = [
     "AmplitudePoint",
     "BatchResult",
+    "Block",
     "Certificate",
     "ConfigurationError",
     "Controller",
@@ -106,8 +113,10 @@ __all__ = [
     "Simulation",
     "__version__",
     "amplitude_sweep",
+    "block",
     "case",
     "certify",
+    "compile",
     "controller_function",
     "linear_broken_loop",
     "linear_closed_loop",

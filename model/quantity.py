@@ -9,6 +9,7 @@ it together again from others.
 """
 
 import difflib
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
@@ -68,6 +69,15 @@ class Leaf:
         return (" or " if self.choices else " and ").join(words)
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """Lower and upper end of the allowed range, infinite where there is none."""
+        lower, upper = (0.0, 1.0) if self.kind is bool else (-math.inf, math.inf)
+        for constraint in self.constraints:
+            lower = max(lower, getattr(constraint, "gt", lower), getattr(constraint, "ge", lower))
+            upper = min(upper, getattr(constraint, "lt", upper), getattr(constraint, "le", upper))
+        return lower, upper
+
+    @property
     def choices(self) -> tuple[str, ...]:
         """The allowed words of a ``Literal``; empty for numbers."""
         return tuple(str(choice) for choice in get_args(self.kind))
@@ -100,22 +110,47 @@ def _describe(group: type, prefix: str) -> Iterator[Leaf]:
         hint, key = hints[field.name], prefix + field.name
         if is_dataclass(hint) and isinstance(hint, type):
             yield from _describe(hint, key + ".")
-            continue
-        base, metadata = hint, ()
-        if get_origin(hint) is Annotated:
-            base, *metadata = get_args(hint)
-        quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
-        if quantity is None:
-            raise TypeError(f"{group.__name__}.{field.name} has no Quantity")
-        options = [option for option in get_args(base) if option is not type(None)]
-        optional = type(None) in get_args(base)
-        yield Leaf(
-            key=key,
-            quantity=quantity,
-            kind=options[0] if optional else base,
-            optional=optional,
-            constraints=tuple(item for item in metadata if isinstance(item, at.BaseMetadata)),
-        )
+        else:
+            yield _leaf(hint, key, f"{group.__name__}.{field.name}")
+
+
+def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
+    """Every scalar below an instance, by the types of the parts it is made of; keys as in `leaves`.
+
+    Args:
+        group: an instance of a dataclass, whose parts may be of any dataclass type.
+        prefix: put before every key.
+
+    Raises:
+        TypeError: a scalar field has no `Quantity`.
+    """
+    found: dict[str, Leaf] = {}
+    hints = get_type_hints(type(group), include_extras=True)
+    for field in fields(group):
+        value, key = getattr(group, field.name), prefix + field.name
+        if is_dataclass(value):
+            found |= describe_parts(value, key + ".")
+        else:
+            found[key] = _leaf(hints[field.name], key, f"{type(group).__name__}.{field.name}")
+    return found
+
+
+def _leaf(hint: Any, key: str, where: str) -> Leaf:
+    base, metadata = hint, ()
+    if get_origin(hint) is Annotated:
+        base, *metadata = get_args(hint)
+    quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
+    if quantity is None:
+        raise TypeError(f"{where} has no Quantity")
+    options = [option for option in get_args(base) if option is not type(None)]
+    optional = type(None) in get_args(base)
+    return Leaf(
+        key=key,
+        quantity=quantity,
+        kind=options[0] if optional else base,
+        optional=optional,
+        constraints=tuple(item for item in metadata if isinstance(item, at.BaseMetadata)),
+    )
 
 
 def nearest(key: str, keys: Iterable[str]) -> str:

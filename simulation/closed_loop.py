@@ -81,7 +81,8 @@ class ClosedLoop(Sampled):
         )
 
 
-def _initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
+def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
+    """Plant, controller and encoders before the first sample."""
     rest = resting_state(controller.coordination.preload, plant)
     return LoopState(
         motion=Motion(rest),
@@ -94,13 +95,26 @@ def _queue_names(delay_samples: int) -> list[str]:
     return [f"queue.{place}.{name}" for place in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
+def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay_samples: int = 0) -> dict[str, Scalar]:
+    """State before the first sample by name: at rest at x = 0, both ropes at preload/2, equilibrium torques under way.
+
+    Args:
+        controller: gives the preload, and the laws whose states these are.
+        plant: floats or symbols.
+        sensors: errors of the encoders.
+        delay_samples: samples a torque is late at the motor.
+    """
+    start = initial_loop_state(controller, plant, sensors)
+    held = leaves(holding_torques(controller.coordination.preload, plant))
+    queue = {name: held[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
+    return leaves(start) | queue | leaves(Accumulators(), "metrics.")
+
+
 def initial_state_of(experiment: Experiment) -> dict[str, float]:
-    """State before the first sample: at rest at x = 0, both ropes at preload/2, equilibrium torques on their way."""
-    controller = experiment.controller
-    start = _initial_loop_state(controller, experiment.plant, experiment.sensors)
-    held = leaves(holding_torques(controller.coordination.preload, experiment.plant))
-    queue = {name: held[name.rsplit(".", 1)[1]] for name in _queue_names(experiment.simulation.delay_samples)}
-    return {key: float(value) for key, value in (leaves(start) | queue | leaves(Accumulators(), "metrics.")).items()}
+    """`starting_state` of an experiment, as floats."""
+    delay_samples = experiment.simulation.delay_samples
+    start = starting_state(experiment.controller, experiment.plant, experiment.sensors, delay_samples)
+    return {key: float(value) for key, value in start.items()}
 
 
 @cache
@@ -142,7 +156,7 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cut: 
     controller = with_leaves(template.controller, values, "controller.")
     sensors = with_leaves(template.sensors, values, "sensors.")
     sample_time = values["simulation.sample_time"]
-    state = with_leaves(_initial_loop_state(template.controller, template.plant, template.sensors), of_state)
+    state = with_leaves(initial_loop_state(template.controller, template.plant, template.sensors), of_state)
     exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
     plant_state = state.motion.plant
 

@@ -1,0 +1,1 @@
+"""The controller in single precision on emulated microcontrollers."""

@@ -1,0 +1,79 @@
+"""A C package on this machine, called from Python: what emulated processors and tests are compared with."""
+
+import ctypes
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.block import Block
+
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
+PRECISE = ("-Wdouble-promotion", "-Wfloat-conversion")
+"""Flags of a package in single precision: no operation in double, not by accident either."""
+
+
+def build(folder: Path, package: Mapping[str, str], name: str, compiler: Sequence[str], *flags: str) -> Path:
+    """Write a package's files to a folder and build it as a shared library, with every warning an error."""
+    for file, text in package.items():
+        (folder / file).write_text(text)
+    library = folder / f"{name}.so"
+    command = [*compiler, *STRICT, "-O1", "-ffp-contract=off", *flags, "-shared", "-fPIC", f"{name}.c"]
+    done = subprocess.run([*command, "-o", library, "-lm"], cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stderr[:2000])
+    return library
+
+
+class Host:
+    """One instance of a package in a shared library.
+
+    Attributes:
+        state: the states, then the output that belongs to them; may be written to.
+        input, parameters, output: likewise, in the block's order.
+    """
+
+    def __init__(self, library: Path, name: str, block: Block, precision: str = "double", *, freeze: bool = False):
+        """Load and initialise an instance."""
+        kind = np.float32 if precision == "float" else np.float64
+        self.state = np.zeros(len(block.states) + len(block.outputs), kind)
+        self.input, self.output = np.zeros(len(block.inputs), kind), np.zeros(len(block.outputs), kind)
+        self.parameters = np.zeros(len(block.parameters), kind)
+        self._library, self._name = ctypes.CDLL(str(library)), name
+        self._constants = () if freeze else (self._pointer(self.parameters),)
+        self._step: Any = self._function("step")
+        self._step_arguments = (
+            self._pointer(self.state),
+            self._pointer(self.input),
+            *self._constants,
+            self._pointer(self.output),
+        )
+        self.status = self._function("init")(self._pointer(self.state), *self._constants)
+        self._function("rest")(self._pointer(self.input))
+
+    def _function(self, part: str) -> Any:
+        return self._library[f"{self._name}_{part}"]
+
+    @staticmethod
+    def _pointer(array: NDArray[Any]) -> ctypes.c_void_p:
+        return ctypes.c_void_p(array.ctypes.data)
+
+    def step(self) -> int:
+        """One sample from `input` to `output`; its status."""
+        return self._step(*self._step_arguments)
+
+    def reset(self) -> int:
+        """The state before the first sample; its status."""
+        return self._function("reset")(self._pointer(self.state), *self._constants)
+
+    def run(self, inputs: NDArray[Any]) -> NDArray[Any]:
+        """Outputs (samples, outputs) of a step for every line of inputs."""
+        outputs = np.empty((len(inputs), len(self.output)), self.output.dtype)
+        for line, output in zip(inputs, outputs, strict=True):
+            self.input[:] = line
+            self.step()
+            output[:] = self.output
+        return outputs

@@ -1,0 +1,73 @@
+"""What single precision does to a run: the controller alone in it, or plant and controller both."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.embedded.host import Host, build
+from codegen.block import Block
+from codegen.compiler import find_compiler
+from codegen.package import Provenance, c_package
+from simulation.blocks import block
+from simulation.environment import exogenous_signals
+from simulation.experiment import Experiment
+from simulation.paper import CASES, case
+from simulation.simulate import simulate
+
+SENSED = ("x", "v", "F1", "F2")
+
+
+def _instance(folder: str, made: Block, precision: str) -> Host:
+    name = f"{made.name}_{precision}"
+    package = c_package(made, name, Provenance("dualwinch", "", ""), precision)
+    return Host(build(Path(folder), package, name, find_compiler().command), name, made, precision)
+
+
+def float_controller(experiment: Experiment) -> NDArray[np.float64]:
+    """Position and tensions (samples, 3) with the controller in single and the plant in double precision."""
+    references = exogenous_signals(experiment)[:, :3]
+    made = block("plant", experiment)
+    names = [variable.name for variable in made.outputs]
+    sensed = [len(made.states) + names.index(name) for name in SENSED]
+    rows = np.empty((len(references), len(sensed)))
+    with tempfile.TemporaryDirectory() as folder:
+        plant = _instance(folder, made, "double")
+        controller = _instance(folder, block("controller", experiment), "float")
+        for row, reference in zip(rows, references, strict=True):
+            row[:] = plant.state[sensed]
+            controller.input[:] = [*row, *reference]
+            controller.step()
+            plant.input[:2] = controller.output[:2]
+            plant.step()
+    return rows[:, [0, 2, 3]]
+
+
+def float_loop(experiment: Experiment) -> NDArray[np.float64]:
+    """Position and tensions (samples, 3) with everything in single precision."""
+    made = block("closed-loop", experiment)
+    names = [variable.name for variable in made.outputs]
+    inputs = np.tile([variable.start for variable in made.inputs], (experiment.samples, 1))
+    inputs[:, :3] = exogenous_signals(experiment)[:, :3]
+    with tempfile.TemporaryDirectory() as folder:
+        outputs = _instance(folder, made, "float").run(inputs)
+    return outputs[:, [names.index(name) for name in ("x", "F1", "F2")]].astype(float)
+
+
+def loop_table() -> list[str]:
+    """Largest differences from `simulate` over each case of the paper, in Markdown."""
+    lines = [
+        "| Case | position, controller in float | tension | position, plant in float too | tension |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    for number in CASES:
+        experiment = case(number)
+        columns = simulate(experiment).columns
+        exact = np.column_stack([columns[name] for name in ("x", "F1", "F2")])
+        cells = []
+        for run in (float_controller, float_loop):
+            off = np.abs(run(experiment) - exact).max(axis=0)
+            cells += [f"{off[0]:.1g} m", f"{off[1:].max():.2g} N"]
+        lines.append(f"| {number} | {' | '.join(cells)} |")
+    return lines

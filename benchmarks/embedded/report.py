@@ -1,0 +1,134 @@
+"""The tables of the embedded controller: what it costs on each processor, how far its outputs are from the host's."""
+
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.embedded.board import BOARDS, COMPILER, EMULATOR, Measurement, measure
+from benchmarks.embedded.host import Host, build
+from benchmarks.embedded.loop import loop_table
+from codegen.block import Block
+from codegen.compiler import find_compiler
+from codegen.package import Provenance, c_package
+from controllers.controller import POSITION_LAWS
+from model.quantity import with_leaves
+from simulation.blocks import block
+from simulation.paper import case
+from simulation.result import Result
+from simulation.simulate import simulate
+
+NAME = "controller"
+ABOUT = Provenance("dualwinch", "Case 4", "today")
+
+WILD = 20_000
+"""Random samples after those of the run, to drive every branch of the mathematical functions."""
+
+VARIANTS = (("lowpass", False), ("kalman", False), ("kalman", True))
+"""Estimator, and whether the parameters are constants, that the position laws are measured with."""
+
+COLUMN = {"tau_1": "tau1", "tau_2": "tau2"}
+"""Outputs whose column in a result has another name."""
+
+
+def recorded(result: Result, controller: Block) -> NDArray[np.float32]:
+    """The controller's inputs (samples, inputs) in a run."""
+    return np.column_stack([result.columns[variable.name] for variable in controller.inputs]).astype(np.float32)
+
+
+def wild(controller: Block, samples: int, seed: int = 0) -> NDArray[np.float32]:
+    """Random inputs (samples, inputs) all over and beyond their range, tiny ones and huge ones among them."""
+    random = np.random.default_rng(seed)
+    size = 10.0 ** random.uniform(-12, 6, (samples, len(controller.inputs)))
+    return (size * random.choice([-1, 0, 1], size.shape, p=[0.45, 0.1, 0.45])).astype(np.float32)
+
+
+def report() -> str:
+    """All tables in Markdown.
+
+    Raises:
+        RuntimeError: a program fails.
+    """
+    experiment = case(4)
+    controller, result = block("controller", experiment), simulate(experiment)
+    run = recorded(result, controller)
+    inputs = np.concatenate([run, wild(controller, WILD)])
+    headings = [
+        "processor",
+        "parameters",
+        "instructions a step: mean",
+        "worst",
+        "worst, random inputs",
+        "code",
+        "with the C library's",
+        "RAM an instance",
+        "stack, deepest seen",
+        "the package's own",
+    ]
+    lines = [f"| {' | '.join(headings)} |", "|---|---|" + "--:|" * (len(headings) - 2)]
+    measurements: list[Measurement] = []
+    for freeze in (False, True):
+        package = c_package(controller, NAME, ABOUT, "float", freeze=freeze)
+        numbers = len(controller.states) + 2 * len(controller.outputs) + len(controller.inputs)
+        ram = 4 * (numbers + (0 if freeze else len(controller.parameters)))
+        for board in BOARDS:
+            got = measure(board, package, NAME, inputs, len(controller.outputs), freeze=freeze)
+            measurements.append(got)
+            inside, beyond = np.split(got.instructions, [len(run)])
+            lines.append(
+                f"| {board.name} | {'constants' if freeze else 'at run time'} | {inside.mean():.0f} | {inside.max()} "
+                f"| {beyond.max()} | {got.code} B | {got.linked} B | {ram} B | {got.stack} B | {got.declared_stack} B |"
+            )
+    compilers = [_version(COMPILER), _version(EMULATOR)]
+    accuracy = _accuracy(controller, result, run, measurements)
+    return "\n".join([*lines, "", *_laws(), "", *accuracy, "", *loop_table(), "", f"*{' · '.join(compilers)}*"])
+
+
+def _laws() -> list[str]:
+    """Worst instructions a step and stack of every position law over Case 4, on the first board."""
+    headings = [f"{name}{', constants' if freeze else ''}: worst | stack" for name, freeze in VARIANTS]
+    lines = [
+        f"| position law, on the {BOARDS[0].name} | {' | '.join(headings)} |",
+        "|---|" + "--:|--:|" * len(VARIANTS),
+    ]
+    for kind in POSITION_LAWS:
+        cells = []
+        for estimator, freeze in VARIANTS:
+            experiment = with_leaves(case(4, kind), {"controller.estimator": estimator})
+            controller = block("controller", experiment)
+            inputs = recorded(simulate(experiment), controller)
+            package = c_package(controller, NAME, ABOUT, "float", freeze=freeze)
+            got = measure(BOARDS[0], package, NAME, inputs, len(controller.outputs), freeze=freeze)
+            cells += [str(got.instructions.max()), f"{got.stack} B"]
+        lines.append(f"| {kind} | {' | '.join(cells)} |")
+    return lines
+
+
+def _accuracy(
+    controller: Block, result: Result, run: NDArray[np.float32], measurements: list[Measurement]
+) -> list[str]:
+    """Largest differences over Case 4, output by output."""
+    with tempfile.TemporaryDirectory() as folder:
+        package = c_package(controller, NAME, ABOUT, "float")
+        library = build(Path(folder), package, NAME, find_compiler().command)
+        host = Host(library, NAME, controller, "float").run(run)
+    lines = [
+        "| output | unit | Cortex-M from host, both float | float on Cortex-M from double | largest value |",
+        "|---|---|--:|--:|--:|",
+    ]
+    for place, variable in enumerate(controller.outputs):
+        exact = result.columns.get(COLUMN.get(variable.name, variable.name))
+        if exact is None:
+            continue
+        emulated = [got.outputs[: len(run), place].astype(float) for got in measurements]
+        apart = max(np.abs(one - host[:, place]).max() for one in emulated[:2])
+        off = max(np.abs(one - exact).max() for one in emulated)
+        lines.append(f"| `{variable.name}` | {variable.unit} | {apart:.2g} | {off:.2g} | {np.abs(exact).max():.4g} |")
+    return lines
+
+
+def _version(command: str) -> str:
+    said = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    return said.stdout.splitlines()[0]

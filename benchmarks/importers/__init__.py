@@ -1,0 +1,1 @@
+"""FMUs in other people's hands: every importer that is installed runs the same Case 4."""

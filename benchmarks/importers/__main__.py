@@ -1,0 +1,74 @@
+"""Run Case 4 by every importer that is installed, and print how far each is from `dualwinch simulate`."""
+
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.importers.co_simulation import IMPORTERS, Floats, error
+from dualwinch.export_fmu import export_fmu
+from simulation.blocks import BLOCKS, block
+from simulation.environment import exogenous_signals
+from simulation.paper import case
+from simulation.simulate import simulate
+
+
+def slopes(folder: Path, version: int) -> float:
+    """Largest relative difference of the derivatives' Jacobian by the states, in CasADi's importer."""
+    import fmpy
+
+    made = block("plant", case(4))
+    if made.derivative is None:
+        raise RuntimeError("the plant has no derivative")
+    parameters, given = ([one.start for one in part] for part in (made.parameters, made.inputs))
+    state = np.array(made.initial(parameters)).ravel() + np.array([1.0, 0.5, 0.1, 0.2, -0.1, 0.1, 0.3, 100])
+    unpacked = str(fmpy.extract(str(folder / f"plant{version}.fmu")))
+    imported = ca.DaeBuilder("plant", unpacked).create("imported", ["x", "u"], ["ode", "y"])
+    found = ca.DM(imported.jacobian()(state, given, 0, 0)[0]).full()
+    expected = ca.DM(made.derivative.jacobian()(state, given, parameters, 0, 0)[0]).full()
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def answers(folder: Path, version: int, reference: Floats, expected: Floats) -> dict[str, str]:
+    """What every importer finds of one version of FMI, in words; each runs in a process of its own."""
+    said: dict[str, str] = {}
+    for name in IMPORTERS:
+        with ProcessPoolExecutor(1, get_context("spawn")) as process:
+            try:
+                found = process.submit(error, name, folder, version, reference, expected).result()
+                said[name] = f"{found:.1e} m in position"
+            except ImportError:
+                said[name] = "not installed"
+            except BrokenProcessPool:
+                said[name] = "its process crashes"
+            except Exception as problem:  # noqa: BLE001  # whatever a foreign importer says is the answer
+                said[name] = f"refuses: {str(problem).splitlines()[0]}"
+    said["CasADi, plant"] = f"{slopes(folder, version):.1e} relative in the Jacobian"
+    return said
+
+
+def main() -> int:
+    """Export, run, print."""
+    reference, expected = exogenous_signals(case(4))[:, :3], simulate(case(4)).columns["x"]
+    table = Table("importer", "FMI 2", "FMI 3", box=None)
+    with tempfile.TemporaryDirectory() as made, Console(stderr=True).status("running"):
+        folder = Path(made)
+        for version in (2, 3):
+            for what in BLOCKS:
+                export_fmu(case(4), what, folder / f"{what}{version}.fmu", version, None, None)
+        both = [answers(folder, version, reference, expected) for version in (2, 3)]
+    for name in both[0]:
+        table.add_row(name, *(said[name] for said in both))
+    Console(width=120).print(table)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

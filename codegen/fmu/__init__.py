@@ -1,0 +1,22 @@
+"""Functional Mock-up Units of a block: model description, C sources and binaries of FMI 2 and FMI 3."""
+
+from codegen.fmu.archive import archive, build_fmu, fmu_model
+from codegen.fmu.description import About
+from codegen.fmu.model import KINDS, VERSIONS, FmuModel, Kind, Version
+from codegen.fmu.platforms import PLATFORMS, Platform, find_platform, host_platform
+
+__all__ = [
+    "KINDS",
+    "PLATFORMS",
+    "VERSIONS",
+    "About",
+    "FmuModel",
+    "Kind",
+    "Platform",
+    "Version",
+    "archive",
+    "build_fmu",
+    "find_platform",
+    "fmu_model",
+    "host_platform",
+]

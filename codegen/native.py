@@ -1,0 +1,158 @@
+"""A CasADi function as a compiled NumPy function, vectorised over a batch."""
+
+import ctypes
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from codegen.c_source import c_source
+from codegen.cache import library
+from codegen.compiler import Compiler, find_compiler
+from codegen.errors import CodegenError
+
+Floats = NDArray[np.float64]
+
+NON_FINITE = ("-fno-finite-math-only",)
+"""A single function is called with whatever its caller has; infinities and NaN come out as in the interpreter."""
+
+
+@dataclass(frozen=True)
+class CompiledFunction:
+    """A compiled function; called like the CasADi function it comes from.
+
+    Attributes:
+        name: of the function.
+        inputs, outputs: name → shape ``(rows, columns)``.
+    """
+
+    name: str
+    inputs: dict[str, tuple[int, int]]
+    outputs: dict[str, tuple[int, int]]
+    _call: "ctypes._NamedFuncPointer"
+
+    def __call__(self, *arguments: ArrayLike, **named: ArrayLike) -> Floats | tuple[Floats, ...]:
+        """Evaluate, for one set of arguments or for many; Python's lock is released meanwhile.
+
+        Args:
+            arguments: in order; a scalar input takes (...), a column vector of n (..., n), a matrix (..., n, m). The
+                dimensions before broadcast against each other as in NumPy.
+            named: the same by name.
+
+        Returns:
+            The outputs in order, shaped likewise; with one output only, that one.
+
+        Raises:
+            TypeError: missing, unknown or repeated arguments.
+            ValueError: a wrong shape, or batches that do not broadcast.
+        """
+        given = self._bound(arguments, named)
+        arrays = [_shaped(name, given[name], shape) for name, shape in self.inputs.items()]
+        batch = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
+        count = math.prod(batch)
+        columns = [
+            np.ascontiguousarray(np.broadcast_to(array, (*batch, array.shape[-1])) if array.ndim > 1 else array)
+            for array in arrays
+        ]
+        results = [np.empty((*batch, rows * width)) for rows, width in self.outputs.values()]
+        steps = (ctypes.c_int64 * len(columns))(*(0 if column.ndim == 1 else column.shape[-1] for column in columns))
+        self._call(_pointers(columns), steps, _pointers(results), count)
+        shaped = [_unshaped(result, shape) for result, shape in zip(results, self.outputs.values(), strict=True)]
+        return shaped[0] if len(shaped) == 1 else tuple(shaped)
+
+    def _bound(self, arguments: tuple[ArrayLike, ...], named: dict[str, ArrayLike]) -> dict[str, ArrayLike]:
+        names = list(self.inputs)
+        if len(arguments) > len(names):
+            raise TypeError(f"{self.name}() takes {len(names)} arguments ({', '.join(names)}), {len(arguments)} given")
+        given = dict(zip(names, arguments, strict=False))
+        for name in named:
+            if name not in self.inputs or name in given:
+                what = "twice the argument" if name in given else "no argument"
+                raise TypeError(f"{self.name}() takes {what} '{name}'; its arguments are {', '.join(names)}")
+        given |= named
+        missing = [name for name in names if name not in given]
+        if missing:
+            raise TypeError(f"{self.name}() misses {', '.join(missing)}")
+        return given
+
+
+def _pointers(arrays: list[Floats]) -> Any:
+    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
+
+
+def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Floats:
+    """The value as (..., elements), elements column by column."""
+    array, (rows, columns) = np.asarray(value, float), shape
+    if shape == (1, 1):
+        return array[..., np.newaxis]
+    if columns == 1 and array.shape[-1:] == (rows,):
+        return array
+    if columns != 1 and array.shape[-2:] == shape:
+        return np.swapaxes(array, -1, -2).reshape(*array.shape[:-2], rows * columns)
+    wanted = f"(..., {rows})" if columns == 1 else f"(..., {rows}, {columns})"
+    raise ValueError(f"{name}: shape {array.shape} must be {wanted}")
+
+
+def _unshaped(result: Floats, shape: tuple[int, int]) -> Floats:
+    if shape == (1, 1):
+        return result[..., 0]
+    if shape[1] == 1:
+        return result
+    return np.swapaxes(result.reshape(*result.shape[:-1], shape[1], shape[0]), -1, -2)
+
+
+def compile(function: ca.Function, compiler: Compiler | None = None) -> CompiledFunction:  # noqa: A001
+    """Compile a CasADi function to a NumPy function, vectorised over a batch; nothing is left to clean up.
+
+    The library is kept in the cache folder and found again the next time.
+
+    Args:
+        function: of SX or MX expressions; sparse inputs and outputs become dense.
+        compiler: by default the one `find_compiler` finds.
+
+    Raises:
+        CodegenError: the function has no inputs or outputs, or cannot be expressed as plain C.
+        CompilerNotFoundError: there is no C compiler.
+        CompileError: it failed.
+        CacheError: the cache folder cannot be used.
+    """
+    if not (function.n_in() and function.n_out()):
+        raise CodegenError(f"{function.name()}: must have an input and an output")
+    call = ctypes.CDLL(str(library(_source(function), compiler or find_compiler(), NON_FINITE))).run
+    call.restype = None
+    call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
+    return CompiledFunction(
+        name=function.name(),
+        inputs={name: (function.size1_in(name), function.size2_in(name)) for name in function.name_in()},
+        outputs={name: (function.size1_out(name), function.size2_out(name)) for name in function.name_out()},
+        _call=call,
+    )
+
+
+def _source(function: ca.Function) -> str:
+    """C99 translation unit that evaluates a function for a batch, every array column by column."""
+    ins, outs = ([f"{word}{k}" for k in range(n)] for word, n in (("in", function.n_in()), ("out", function.n_out())))
+    symbols = [ca.SX.sym(name, *function.size_in(place)) for place, name in enumerate(ins)]
+    try:
+        results = [ca.vec(ca.densify(result)) for result in function.expand().call(symbols)]
+        dense = ca.Function("evaluate", [ca.vec(symbol) for symbol in symbols], results, ins, outs, {"cse": True})
+        definition = c_source([dense])
+    except (RuntimeError, CodegenError) as error:
+        raise CodegenError(f"no plain C for {function.name()}: it is no chain of elementary operations") from error
+    arguments = [f"inputs[{place}] + k * steps[{place}]" for place in range(len(ins))]
+    arguments += [f"outputs[{place}] + k * {result.numel()}" for place, result in enumerate(results)]
+    return f"""{definition}
+#include <stdint.h>
+#if defined(_WIN32)
+__declspec(dllexport)
+#else
+__attribute__((visibility("default")))
+#endif
+void run(const double *const *inputs, const int64_t *steps, double *const *outputs, int64_t count) {{
+  for (int64_t k = 0; k < count; ++k)
+    evaluate({", ".join(arguments)});
+}}
+"""

@@ -1,0 +1,64 @@
+import casadi as ca
+import numpy as np
+import pytest
+
+from codegen.errors import CodegenError
+from codegen.native import compile as compiled
+
+MATRIX, VECTOR, NUMBER = ca.MX.sym("A", 2, 3), ca.MX.sym("y", 3), ca.MX.sym("z")
+AFFINE = ca.Function(
+    "affine",
+    [MATRIX, VECTOR, NUMBER],
+    [ca.mtimes(MATRIX, VECTOR) * NUMBER, MATRIX.T + NUMBER],
+    ["A", "y", "z"],
+    ["p", "q"],
+)
+
+
+def test_batches_broadcast_and_give_what_the_interpreter_gives() -> None:
+    random = np.random.default_rng(0)
+    A, y, z = random.normal(size=(5, 2, 3)), random.normal(size=3), random.normal(size=(4, 1))
+    p, q = compiled(AFFINE)(A, y, z=z)
+    assert (p.shape, q.shape) == ((4, 5, 2), (4, 5, 3, 2))
+    for i in range(4):
+        for j in range(5):
+            expected = AFFINE(A[j], y, z[i, 0])
+            np.testing.assert_array_equal(p[i, j], np.array(expected[0]).ravel())
+            np.testing.assert_array_equal(q[i, j], np.array(expected[1]))
+
+
+def test_one_call_needs_no_batch_and_one_output_no_tuple() -> None:
+    x = ca.SX.sym("x", 3)
+    norm = compiled(ca.Function("norm", [x], [ca.sumsqr(x)]))
+    assert norm([1, 2, 3]) == 14.0
+    assert np.shape(norm(np.ones((2, 0, 3)))) == (2, 0)
+
+
+def test_numbers_that_are_none_pass_through() -> None:
+    x = ca.SX.sym("x")
+    logarithm = compiled(ca.Function("logarithm", [x], [ca.log(x)]))
+    np.testing.assert_array_equal(logarithm([0.0, np.nan, np.inf]), [-np.inf, np.nan, np.inf])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named", "message"),
+    [
+        (([[1.0]], [1, 2, 3], 1), {}, r"A: shape \(1, 1\) must be \(..., 2, 3\)"),
+        ((np.ones((2, 3)),), {"z": 1}, r"affine\(\) misses y"),
+        ((np.ones((2, 3)),), {"A": 1}, r"takes twice the argument 'A'"),
+        ((), {"b": 1}, r"no argument 'b'; its arguments are A, y, z"),
+        ((1, 2, 3, 4), {}, r"takes 3 arguments \(A, y, z\), 4 given"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, named, message: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=message):
+        compiled(AFFINE)(*arguments, **named)
+
+
+def test_what_has_no_plain_c_is_refused() -> None:
+    x = ca.MX.sym("x")
+    root = ca.rootfinder("root", "newton", {"x": x, "g": x**2 - 2})
+    with pytest.raises(CodegenError, match="no plain C for root"):
+        compiled(root)
+    with pytest.raises(CodegenError, match="must have an input and an output"):
+        compiled(ca.Function("nothing", [], [ca.DM(1)]))
