@@ -121,7 +121,7 @@ def measure(
             code=_size(folder, f"{name}.o"),
             linked=_size(folder, "alone.elf"),
             stack=int(raw[1]),
-            declared_stack=step + max(inner),
+            declared_stack=step + max(inner, default=0),
             symbols=tuple(_call(folder, "arm-none-eabi-nm", "--format=just-symbols", "alone.elf").split()),
         )
 
