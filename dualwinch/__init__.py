@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from simulation.errors import ConfigurationError
     from simulation.experiment import Experiment, Simulation
     from simulation.metrics import Metrics
+    from simulation.paired import Comparison
+    from simulation.paired_run import compare, paper_controller
     from simulation.paper import case
     from simulation.result import Result
     from simulation.sensors import Sensors
@@ -32,6 +34,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "BatchResult": "simulation.batch",
+    "Comparison": "simulation.paired",
     "ConfigurationError": "simulation.errors",
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
@@ -47,10 +50,12 @@ _HOME = {
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
     "case": "simulation.paper",
+    "compare": "simulation.paired_run",
     "controller_function": "controllers.controller",
     "load": "dualwinch.config",
     "load_ensemble": "dualwinch.ensembles",
     "override": "dualwinch.config",
+    "paper_controller": "simulation.paired_run",
     "plant": "model.plant",
     "run_ensemble": "simulation.ensemble_run",
     "save": "simulation.storage",
@@ -62,6 +67,7 @@ _HOME = {
 
 __all__ = [
     "BatchResult",
+    "Comparison",
     "ConfigurationError",
     "Controller",
     "Disturbance",
@@ -78,10 +84,12 @@ __all__ = [
     "Simulation",
     "__version__",
     "case",
+    "compare",
     "controller_function",
     "load",
     "load_ensemble",
     "override",
+    "paper_controller",
     "plant",
     "rollout",
     "run_ensemble",

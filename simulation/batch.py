@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.batch import LANES, compile_batch
+from controllers.controller import Controller
 from model.quantity import nearest, with_leaves
 from simulation.check import check
 from simulation.closed_loop import closed_loop, initial_state_of
@@ -128,9 +129,16 @@ def rollout(
     return result
 
 
-@lru_cache(maxsize=SIGNALS_KEPT)
 def signals(experiment: Experiment) -> Floats:
-    """The signals of an experiment (`exogenous_signals`), kept for the next call; not to be written to."""
+    """The signals of an experiment (`exogenous_signals`), kept for the next call; not to be written to.
+
+    They do not depend on the controller: all controllers share those of a scenario.
+    """
+    return _signals(replace(experiment, controller=Controller()))
+
+
+@lru_cache(maxsize=SIGNALS_KEPT)
+def _signals(experiment: Experiment) -> Floats:
     return exogenous_signals(experiment)
 
 

@@ -4,6 +4,7 @@ Every function returns a `matplotlib.figure.Figure` of its own; nothing here tou
 """
 
 from simulation.plots.bars import steady_state_bars
+from simulation.plots.comparison import comparison
 from simulation.plots.ensemble import fan_chart
 from simulation.plots.files import encode, save
 from simulation.plots.motion import error, trajectory
@@ -12,6 +13,7 @@ from simulation.plots.ropes import commands, tensions
 
 __all__ = [
     "commands",
+    "comparison",
     "encode",
     "error",
     "fan_chart",
