@@ -43,12 +43,14 @@ class BatchResult:
         end_times: (n, m) in s.
         metrics: name → (n, m), as in `Metrics`; NaN where a pair was not run.
         columns: name → (n, m, kept) where rows were asked for, NaN after an early end; else empty.
+        interrupted: whether an interrupt ended the batch, even if every pair was under way by then and is finished.
     """
 
     outcomes: NDArray[np.str_]
     end_times: Floats
     metrics: dict[str, Floats]
     columns: dict[str, Floats]
+    interrupted: bool = False
 
 
 def rollout(
@@ -125,8 +127,8 @@ def rollout(
             result.outcomes[i, j] = OUTCOMES[outcome[lane]]
 
     blocks = [pairs[first : first + LANES] for first in range(0, len(pairs), LANES)]
-    _run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
-    return result
+    whole = _run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
+    return replace(result, interrupted=not whole)
 
 
 def signals(experiment: Experiment) -> Floats:
@@ -146,8 +148,12 @@ def _start(scenario: Experiment, changes: dict[str, float]) -> Floats:
     return np.array(list(initial_state_of(with_leaves(scenario, changes)).values()))
 
 
-def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> None:
-    """Run jobs on threads; an interrupt lets those under way finish and drops the rest."""
+def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> bool:
+    """Run jobs on threads; an interrupt lets those under way finish and drops the rest.
+
+    Returns:
+        Whether there was no interrupt.
+    """
     pool = ThreadPoolExecutor(threads or cores())
     waiting: set[Future[None]] = {pool.submit(job) for job in jobs}
     try:
@@ -158,9 +164,10 @@ def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Call
             if progress:
                 progress(1 - len(waiting) / len(jobs))
     except KeyboardInterrupt:
-        pass
+        return False
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+    return True
 
 
 def _check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experiment]) -> None:

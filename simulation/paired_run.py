@@ -8,7 +8,7 @@ import numpy as np
 
 from codegen.batch import LANES
 from controllers.controller import Controller
-from simulation.batch import NOT_RUN, SIGNALS_KEPT, BatchResult, rollout
+from simulation.batch import SIGNALS_KEPT, BatchResult, rollout
 from simulation.check import check
 from simulation.cores import cores
 from simulation.ensemble import Ensemble, Scenario
@@ -93,7 +93,7 @@ def _run_portion(
             report((before + share) / len(streams))
 
         results[name] = rollout([], np.empty((1, 0)), list(islice(stream, size)), threads=threads, progress=say)
-        if (results[name].outcomes == NOT_RUN).any():
+        if results[name].interrupted:
             raise KeyboardInterrupt
     return results
 
