@@ -111,7 +111,7 @@ static void switched(const struct rope *r, const struct drum *d, int taut, doubl
   if (taut) {
     swing(&s, &v, g, by_force, r, d);
     double missing = pull(r, d, s, v), curve = g - d->mobility * missing, fall = r->spring * v + d->damper * curve;
-    double later = fall < 0 ? clip(-missing / fall, -by_force, h - by_force) : missing > 0 ? h - by_force : -by_force;
+    double later = fall < 0 ? clip(-missing / fall, -by_force, h - by_force) : 0;
     s += later * (v + later * curve / 2);
     v += later * curve;
     fly(&s, &v, g, h - by_force - later);
@@ -186,8 +186,11 @@ static void careful(struct state *y, const struct plant *c, const struct drum *d
     double impulse = rope_end(r1, d1, &f1, taut_1, r1->drive - a, h) - rope_end(r2, d2, &f2, taut_2, r2->drive + a, h);
     double late = slow + impulse * per_momentum - a;
     y->x += h * (y->v + h / 2 * (a + late));
-    y->v += h * a;
-    y->v += h * late;
+    y->v += h * (a + late);
+    r1->stretch -= h * h / 2 * late; /* the vehicle moves on, the drums stay */
+    r1->rate -= h * late;
+    r2->stretch += h * h / 2 * late;
+    r2->rate += h * late;
   }
 }
 

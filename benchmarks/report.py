@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.measure import TOLERANCE, Timing
-from benchmarks.peers import DEFAULT, LIMIT, OURS, gcc
+from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
 from codegen import find_compiler
 from codegen.compiler import processor_name
@@ -32,7 +32,7 @@ def machine() -> dict[str, str]:
         "gcc": gcc_version,
         "Python": platform.python_version(),
     }
-    for package in ("casadi", "numpy", "scipy", "numba"):
+    for package in ("casadi", "numpy", "scipy", "numba", "jax", "diffrax", "archimedes"):
         try:
             facts[package] = version(package)
         except PackageNotFoundError:
@@ -72,7 +72,7 @@ BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
 
 def _headings_and_rows(timings: list[Timing]) -> tuple[list[str], list[list[str]]]:
     by_key = {timing.peer.key: timing for timing in timings if timing.seconds}
-    yardsticks = {"hand C": LIMIT, "dualwinch": OURS, "its default": DEFAULT}
+    yardsticks = {"hand C": LIMIT, "hand C, adaptive": ADAPTIVE_LIMIT, "dualwinch": OURS, "its default": DEFAULT}
     yardsticks = {name: by_key[key].middle for name, key in yardsticks.items() if key in by_key}
     rows = []
     for timing in timings:
@@ -103,7 +103,7 @@ def show(timings: list[Timing], duration: float) -> None:
         console = Console(width=NARROWEST)
     headings, rows = _headings_and_rows(timings)
     table = Table(
-        title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz, RK4 with 4 sub-steps",
+        title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz; RK4 × 4 where no other is named",
         caption=(
             "median over n interleaved rounds; spread from fastest to slowest; "
             f"every peer's positions equal dualwinch's within {TOLERANCE:g} m over the whole run"
