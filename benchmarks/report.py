@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.document import markdown, put
 from benchmarks.measure import TOLERANCE, Timing
 from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
@@ -66,10 +67,6 @@ def write_json(file: Path, timings: list[Timing], duration: float) -> None:
     file.write_text(json.dumps(as_json(timings, duration), indent=2) + "\n")
 
 
-BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
-"""Marks between which `write_markdown` puts the table."""
-
-
 def _headings_and_rows(timings: list[Timing]) -> tuple[list[str], list[list[str]]]:
     by_key = {timing.peer.key: timing for timing in timings if timing.seconds}
     yardsticks = {"hand C": LIMIT, "hand C, adaptive": ADAPTIVE_LIMIT, "dualwinch": OURS, "its default": DEFAULT}
@@ -88,12 +85,8 @@ def _headings_and_rows(timings: list[Timing]) -> tuple[list[str], list[list[str]
 def write_markdown(file: Path, timings: list[Timing]) -> None:
     """Put the table and the machine's description between the two marks of a file."""
     headings, rows = _headings_and_rows(timings)
-    lines = [f"| {' | '.join(headings)} |", "|---|" + "--:|" * (len(headings) - 1)]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
     facts = " · ".join(f"{name}: {value}" for name, value in machine().items())
-    before, rest = file.read_text(encoding="utf-8").split(BEGIN)
-    table = "\n".join([*lines, "", f"*{facts}*"])
-    file.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    put(file, "table", f"{markdown(headings, rows)}\n\n*{facts}*")
 
 
 def show(timings: list[Timing], duration: float) -> None:
