@@ -41,6 +41,7 @@ def growth_figure(found: "Sequence[Point]") -> Figure:
         candidates.set_ylabel("a rollout's share (ms)")
         for axes in (horizon, candidates):
             _logarithmic(axes)
+        candidates.xaxis.set_major_locator(LogLocator(base=4))
         rates = [(point.value, point.rollouts / point.middle) for point in series["threads"]]
         threads.plot(*zip(*rates, strict=True), "o-", color=BLUE, markersize=3)
         count, single = len(rates), rates[0][1]
@@ -48,8 +49,8 @@ def growth_figure(found: "Sequence[Point]") -> Figure:
         threads.set_xlim(0, count + 0.3)
         threads.set_ylim(0, None)
         threads.set_xticks(range(count + 1))
-        threads.set_title("threads")
-        threads.set_xlabel("threads (dotted: proportional)")
+        threads.set_title("dotted: in proportion")
+        threads.set_xlabel("threads")
         threads.set_ylabel("rollouts a second")
     return figure
 

@@ -47,7 +47,7 @@ def _diffrax(case: Case) -> Advance:
         def slope(since: Any, state: Any, held: Any) -> Any:
             return by_hand.derivative(t + since, state, *held)
 
-        solved = diffrax.diffeqsolve(
+        solved: Any = diffrax.diffeqsolve(
             diffrax.ODETerm(slope),
             diffrax.Tsit5(),
             0.0,
