@@ -40,7 +40,7 @@ def main() -> int:
             write_json(chosen.json, timings, chosen.duration)
         if chosen.write:
             write_markdown(chosen.write, timings)
-    except (DisagreementError, UnavailableError, DualwinchError, OSError) as error:
+    except (DisagreementError, UnavailableError, DualwinchError, OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0

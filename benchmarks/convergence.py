@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
+from benchmarks.document import put
 from dualwinch.config import override
 from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.engine import engine
@@ -38,7 +39,6 @@ SETTINGS = (
     ("rk4", 32),
 )
 CONVERGED = ("exponential", 64)
-BEGIN, END = "<!-- convergence: begin -->", "<!-- convergence: end -->"
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,7 @@ def main() -> None:
     if target is None:
         print(table)
         return
-    text = target.read_text(encoding="utf-8")
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
-    target.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+    put(target, "convergence", table)
 
 
 if __name__ == "__main__":

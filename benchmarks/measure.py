@@ -8,6 +8,7 @@ from statistics import median
 import numpy as np
 
 from benchmarks.peers import OURS
+from benchmarks.peers.batch import prepare_with as prepare_batch
 from benchmarks.peers.peer import Answer, Peer, Run, UnavailableError
 
 TOLERANCE = 1e-6
@@ -57,11 +58,29 @@ def difference(answer: Answer, expected: Answer) -> float:
     apart = max(apart, abs(answer.x - expected.x))
     if not apart <= TOLERANCE:
         raise DisagreementError(f"positions differ by {apart:.2e} m, allowed are {TOLERANCE:g} m")
-    allowed = TOLERANCE * (2 * expected.metrics.mae + TOLERANCE)
+    allowed = _allowed(expected)
     if not abs(answer.metrics.mse - expected.metrics.mse) <= allowed:
         said, right = answer.metrics.mse, expected.metrics.mse
         raise DisagreementError(f"mean square error {said:.6g} instead of {right:.6g} m^2")
     return apart
+
+
+def _allowed(expected: Answer) -> float:
+    """How much the mean square error in m² may differ where positions differ by `TOLERANCE`."""
+    return TOLERANCE * (2 * expected.metrics.mae + TOLERANCE)
+
+
+def check_candidates(answer: Answer, expected: Answer) -> None:
+    """Check a batch's other rollouts by their mean square errors.
+
+    Raises:
+        DisagreementError: one differs.
+    """
+    if answer.errors is None or expected.errors is None:
+        return
+    apart = float(np.abs(answer.errors - expected.errors).max())
+    if not apart <= _allowed(expected):
+        raise DisagreementError(f"mean square errors of the candidates differ by {apart:.2e} m^2")
 
 
 def _timed(run: Run) -> float:
@@ -87,6 +106,7 @@ def measure(
     timings, runs, slow = [], {}, set()
     ours = next(peer for peer in peers if peer.key == OURS)
     expected = ours.prepare(ours.case)(keep=True)
+    batch = prepare_batch(1)(ours.case)(keep=True) if any(peer.rollouts > 1 for peer in peers) else expected
     for peer in peers:
         say(f"checking {peer.title}")
         timing = Timing(peer)
@@ -94,7 +114,9 @@ def measure(
         try:
             run = peer.prepare(peer.case)
             begin = time.perf_counter()
-            timing.deviation = difference(run(keep=True), expected)
+            answer = run(keep=True)
+            timing.deviation = difference(answer, expected)
+            check_candidates(answer, batch)
         except UnavailableError as error:
             timing.missing = str(error)
             continue

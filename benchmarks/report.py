@@ -9,8 +9,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.document import markdown, put
 from benchmarks.measure import TOLERANCE, Timing
-from benchmarks.peers import DEFAULT, LIMIT, OURS, gcc
+from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
 from codegen import find_compiler
 from codegen.compiler import processor_name
@@ -32,7 +33,7 @@ def machine() -> dict[str, str]:
         "gcc": gcc_version,
         "Python": platform.python_version(),
     }
-    for package in ("casadi", "numpy", "scipy", "numba"):
+    for package in ("casadi", "numpy", "scipy", "numba", "jax", "diffrax", "archimedes"):
         try:
             facts[package] = version(package)
         except PackageNotFoundError:
@@ -66,13 +67,9 @@ def write_json(file: Path, timings: list[Timing], duration: float) -> None:
     file.write_text(json.dumps(as_json(timings, duration), indent=2) + "\n")
 
 
-BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
-"""Marks between which `write_markdown` puts the table."""
-
-
 def _headings_and_rows(timings: list[Timing]) -> tuple[list[str], list[list[str]]]:
     by_key = {timing.peer.key: timing for timing in timings if timing.seconds}
-    yardsticks = {"hand C": LIMIT, "dualwinch": OURS, "its default": DEFAULT}
+    yardsticks = {"hand C": LIMIT, "hand C, adaptive": ADAPTIVE_LIMIT, "dualwinch": OURS, "its default": DEFAULT}
     yardsticks = {name: by_key[key].middle for name, key in yardsticks.items() if key in by_key}
     rows = []
     for timing in timings:
@@ -88,12 +85,8 @@ def _headings_and_rows(timings: list[Timing]) -> tuple[list[str], list[list[str]
 def write_markdown(file: Path, timings: list[Timing]) -> None:
     """Put the table and the machine's description between the two marks of a file."""
     headings, rows = _headings_and_rows(timings)
-    lines = [f"| {' | '.join(headings)} |", "|---|" + "--:|" * (len(headings) - 1)]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
     facts = " · ".join(f"{name}: {value}" for name, value in machine().items())
-    before, rest = file.read_text(encoding="utf-8").split(BEGIN)
-    table = "\n".join([*lines, "", f"*{facts}*"])
-    file.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    put(file, "table", f"{markdown(headings, rows)}\n\n*{facts}*")
 
 
 def show(timings: list[Timing], duration: float) -> None:
@@ -103,7 +96,7 @@ def show(timings: list[Timing], duration: float) -> None:
         console = Console(width=NARROWEST)
     headings, rows = _headings_and_rows(timings)
     table = Table(
-        title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz, RK4 with 4 sub-steps",
+        title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz; RK4 × 4 where no other is named",
         caption=(
             "median over n interleaved rounds; spread from fastest to slowest; "
             f"every peer's positions equal dualwinch's within {TOLERANCE:g} m over the whole run"

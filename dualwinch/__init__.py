@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from simulation.margins import Margins, margins
     from simulation.metrics import Metrics
     from simulation.nearby_gains import NearbyGains, nearby_gains
+    from simulation.paired import Comparison
+    from simulation.paired_run import compare, paper_controller
     from simulation.paper import case
     from simulation.result import Result
     from simulation.sensors import Sensors
@@ -47,6 +49,7 @@ _HOME = {
     "BatchResult": "simulation.batch",
     "Block": "codegen.block",
     "Certificate": "simulation.certificate",
+    "Comparison": "simulation.paired",
     "ConfigurationError": "simulation.errors",
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
@@ -68,6 +71,7 @@ _HOME = {
     "block": "simulation.blocks",
     "case": "simulation.paper",
     "certify": "simulation.certificate",
+    "compare": "simulation.paired_run",
     "compile": "codegen.native",
     "controller_function": "controllers.controller",
     "linear_broken_loop": "simulation.linear_loop",
@@ -80,6 +84,7 @@ _HOME = {
     "nearby_gains": "simulation.nearby_gains",
     "operating_point": "model.operating_point",
     "override": "dualwinch.config",
+    "paper_controller": "simulation.paired_run",
     "plant": "model.plant",
     "rollout": "simulation.batch",
     "run_ensemble": "simulation.ensemble_run",
@@ -94,6 +99,7 @@ __all__ = [
     "BatchResult",
     "Block",
     "Certificate",
+    "Comparison",
     "ConfigurationError",
     "Controller",
     "Disturbance",
@@ -116,6 +122,7 @@ __all__ = [
     "block",
     "case",
     "certify",
+    "compare",
     "compile",
     "controller_function",
     "linear_broken_loop",
@@ -128,6 +135,7 @@ __all__ = [
     "nearby_gains",
     "operating_point",
     "override",
+    "paper_controller",
     "plant",
     "rollout",
     "run_ensemble",

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.batch import LANES, compile_batch
+from controllers.controller import Controller
 from model.quantity import nearest, with_leaves
 from simulation.check import check
 from simulation.closed_loop import closed_loop, initial_state_of
@@ -42,12 +43,14 @@ class BatchResult:
         end_times: (n, m) in s.
         metrics: name → (n, m), as in `Metrics`; NaN where a pair was not run.
         columns: name → (n, m, kept) where rows were asked for, NaN after an early end; else empty.
+        interrupted: whether an interrupt ended the batch, even if every pair was under way by then and is finished.
     """
 
     outcomes: NDArray[np.str_]
     end_times: Floats
     metrics: dict[str, Floats]
     columns: dict[str, Floats]
+    interrupted: bool = False
 
 
 def rollout(
@@ -123,13 +126,20 @@ def rollout(
             result.outcomes[i, j] = OUTCOMES[outcome[lane]]
 
     blocks = [pairs[first : first + LANES] for first in range(0, len(pairs), LANES)]
-    _run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
-    return result
+    whole = _run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
+    return replace(result, interrupted=not whole)
+
+
+def signals(experiment: Experiment) -> Floats:
+    """The signals of an experiment (`exogenous_signals`), kept for the next call; not to be written to.
+
+    They do not depend on the controller: all controllers share those of a scenario.
+    """
+    return _signals(replace(experiment, controller=Controller()))
 
 
 @lru_cache(maxsize=SIGNALS_KEPT)
-def signals(experiment: Experiment) -> Floats:
-    """The signals of an experiment (`exogenous_signals`), kept for the next call; not to be written to."""
+def _signals(experiment: Experiment) -> Floats:
     return exogenous_signals(experiment)
 
 
@@ -137,8 +147,12 @@ def _start(scenario: Experiment, changes: dict[str, float]) -> Floats:
     return np.array(list(initial_state_of(with_leaves(scenario, changes)).values()))
 
 
-def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> None:
-    """Run jobs on threads; an interrupt lets those under way finish and drops the rest."""
+def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> bool:
+    """Run jobs on threads; an interrupt lets those under way finish and drops the rest.
+
+    Returns:
+        Whether there was no interrupt.
+    """
     pool = ThreadPoolExecutor(threads or cores())
     waiting: set[Future[None]] = {pool.submit(job) for job in jobs}
     try:
@@ -149,9 +163,10 @@ def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Call
             if progress:
                 progress(1 - len(waiting) / len(jobs))
     except KeyboardInterrupt:
-        pass
+        return False
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+    return True
 
 
 def _check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experiment]) -> None:

@@ -1,13 +1,29 @@
 """The rows of the table: a new peer or algorithm is a new file, or none, and one line in `peers`."""
 
 from benchmarks.case import Case
-from benchmarks.peers import batch, compiled, hand_c, interpreter, mapaccum, numba_loop, scipy_ivp
+from benchmarks.peers import (
+    archimedes_loop,
+    batch,
+    compiled,
+    hand_c,
+    interpreter,
+    jax_batch,
+    mapaccum,
+    mapped,
+    numba_batch,
+    numba_loop,
+    scipy_ivp,
+)
+from benchmarks.peers.candidates import ROLLOUTS
 from benchmarks.peers.peer import Peer
 from simulation.cores import cores
 from simulation.experiment import Simulation
 
 LIMIT = "hand-c"
-"""Key of the peer that is the limit."""
+"""Key of the peer that is the limit of the shared algorithm, RK4."""
+
+ADAPTIVE_LIMIT = "hand-c-adaptive"
+"""Key of the peer that is the limit of the product's default algorithm."""
 
 OURS = "dualwinch"
 """Key of the peer the others are compared with and checked against."""
@@ -22,34 +38,47 @@ def peers(duration: float) -> list[Peer]:
     Besides the one algorithm that all peers share (RK4, four sub-steps), a row shows the product's default
     integrator where that is another one.
     """
-    shared = Case(duration)
+    shared, default = Case(duration), Simulation()
+    words, threads = f"{default.integrator} × {default.substeps}", sorted({1, cores()})
     rows = [
-        Peer(LIMIT, "hand-written C loop", hand_c.prepare, shared),
+        Peer(LIMIT, "hand-written C loop", hand_c.prepare_with("hand_loop"), shared),
         Peer("numba", "Numba loop", numba_loop.prepare, shared),
         Peer(OURS, "dualwinch, the C call alone", compiled.prepare_call, shared),
         Peer("dualwinch-simulate", "dualwinch, simulate() whole", compiled.prepare_simulate, shared),
         Peer("mapaccum-c", "CasADi mapaccum, compiled C", mapaccum.prepare_compiled, shared),
         Peer("mapaccum", "CasADi mapaccum, interpreted", mapaccum.prepare_interpreted, shared),
+        Peer("archimedes", "Archimedes scan, CasADi interpreted", archimedes_loop.prepare, shared),
         Peer("interpreter", "CasADi interpreter, a call a sample", interpreter.prepare, shared),
         Peer("scipy-rk45", "SciPy solve_ivp a sample, RK45", scipy_ivp.prepare_with("RK45"), shared),
         Peer("scipy-lsoda", "SciPy solve_ivp a sample, LSODA", scipy_ivp.prepare_with("LSODA"), shared),
+        *(
+            Peer(f"numba-batch-{n}", f"Numba prange, {_batch(n)}", numba_batch.prepare_with(n), shared, ROLLOUTS)
+            for n in threads
+        ),
+        *(
+            Peer(f"casadi-map-{n}", f"CasADi map, compiled C, {_batch(n)}", mapped.prepare_with(n), shared, ROLLOUTS)
+            for n in threads
+        ),
+        Peer("jax", f"JAX vmap, batch of {ROLLOUTS}", jax_batch.prepare_with("rk4"), shared, ROLLOUTS),
+        Peer(
+            "diffrax", f"JAX + diffrax Tsit5, batch of {ROLLOUTS}", jax_batch.prepare_with("diffrax"), shared, ROLLOUTS
+        ),
     ]
-    default = Simulation()
     preferred = Case(duration, default.integrator, default.substeps)
+    if default.integrator == "adaptive":
+        limit = hand_c.prepare_with("hand_adaptive")
+        rows.append(Peer(ADAPTIVE_LIMIT, f"hand-written C loop, {words}", limit, preferred))
     if preferred != shared:
-        words = f"{default.integrator} × {default.substeps}"
         rows += [
             Peer(DEFAULT, f"dualwinch {words}, the C call alone", compiled.prepare_call, preferred),
             Peer("default-simulate", f"dualwinch {words}, simulate() whole", compiled.prepare_simulate, preferred),
         ]
     rows += [
-        Peer(
-            f"batch-{threads}",
-            f"dualwinch {default.integrator}, batch of {batch.ROLLOUTS} on {threads} thread{'s' * (threads > 1)}",
-            batch.prepare_with(threads),
-            preferred,
-            rollouts=batch.ROLLOUTS,
-        )
-        for threads in sorted({1, cores()})
+        Peer(f"batch-{n}", f"dualwinch {default.integrator}, {_batch(n)}", batch.prepare_with(n), preferred, ROLLOUTS)
+        for n in threads
     ]
     return rows
+
+
+def _batch(threads: int) -> str:
+    return f"batch of {ROLLOUTS} on {threads} thread{'s' * (threads > 1)}"

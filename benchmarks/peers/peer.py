@@ -21,13 +21,16 @@ class Answer:
 
     Attributes:
         x: final position in m.
-        metrics: figures of merit.
+        metrics: figures of merit; NaN where a peer does not have them, save the mean square error.
         positions: position in m after each sample (samples,), or ``None`` where it was not kept.
+        errors: mean square errors in m² of all candidates of a batch (`benchmarks.peers.candidates`), whose first is
+            the rollout itself.
     """
 
     x: float
     metrics: Metrics
     positions: NDArray[np.float64] | None = None
+    errors: NDArray[np.float64] | None = None
 
 
 class Run(Protocol):

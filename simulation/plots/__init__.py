@@ -5,6 +5,7 @@ Every function returns a `matplotlib.figure.Figure` of its own; nothing here tou
 
 from simulation.plots.bars import steady_state_bars
 from simulation.plots.certificate import lyapunov
+from simulation.plots.comparison import comparison
 from simulation.plots.ensemble import fan_chart
 from simulation.plots.files import encode, save
 from simulation.plots.motion import error, trajectory
@@ -13,6 +14,7 @@ from simulation.plots.ropes import commands, tensions
 
 __all__ = [
     "commands",
+    "comparison",
     "encode",
     "error",
     "fan_chart",

@@ -1,14 +1,18 @@
 """The peers of the benchmark compute what dualwinch computes."""
 
 from dataclasses import astuple, replace
+from functools import cached_property
 
 import numpy as np
 import pytest
 
 from benchmarks.case import Case
-from benchmarks.measure import DisagreementError, difference, measure
-from benchmarks.peers import LIMIT, OURS, peers
+from benchmarks.measure import DisagreementError, check_candidates, difference, measure
+from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, hand_c, peers
+from benchmarks.peers.compiled import prepare_call
 from benchmarks.peers.peer import Answer, Peer, Run, UnavailableError
+from simulation.experiment import Experiment, Simulation
+from simulation.paper import case
 
 SHORT = 0.5
 """Duration in s."""
@@ -43,6 +47,56 @@ def test_same_algorithm_gives_same_rollout(rows: dict[str, Peer], expected: Answ
     np.testing.assert_allclose(astuple(answer.metrics), astuple(expected.metrics), rtol=1e-6)
 
 
+def test_the_adaptive_limit_is_the_same_method(rows: dict[str, Peer]) -> None:
+    ours, limit = _answer(rows[DEFAULT]), _answer(rows[ADAPTIVE_LIMIT])
+    assert difference(limit, ours) < 1e-12
+    np.testing.assert_allclose(astuple(limit.metrics), astuple(ours.metrics), rtol=1e-8)
+
+
+class WithSlack(Case):
+    """Case 3: the speed step slackens rope 2 for some milliseconds."""
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """The experiment."""
+        simulation = Simulation(duration=self.duration, integrator="adaptive", substeps=self.substeps)
+        return replace(case(3, "fando-nftsm"), simulation=simulation)
+
+
+@pytest.mark.parametrize("substeps", [5, 8])
+def test_the_adaptive_limit_follows_slack_ropes(substeps: int) -> None:
+    slack = WithSlack(0.5, "adaptive", substeps)
+    ours = prepare_call(slack)(keep=True)
+    try:
+        limit = hand_c.prepare_with("hand_adaptive")(slack)(keep=True)
+    except UnavailableError as missing:
+        pytest.skip(str(missing))
+    assert ours.metrics.slack_share > 0.01
+    assert difference(limit, ours) < 1e-11
+    np.testing.assert_allclose(astuple(limit.metrics), astuple(ours.metrics), rtol=1e-6)
+
+
+@pytest.mark.parametrize("key", ["numba-batch-1", "casadi-map-1", "jax", "diffrax"])
+def test_batches_give_every_candidates_rollout(rows: dict[str, Peer], expected: Answer, key: str) -> None:
+    """diffrax takes a method of its own, exact to its order."""
+    answer, ours = _answer(rows[key]), rows["batch-1"].prepare(rows[OURS].case)(keep=True)
+    assert answer.errors is not None
+    assert ours.errors is not None
+    check_candidates(answer, ours)
+    assert difference(answer, expected) < (1e-6 if key == "diffrax" else 1e-12)
+    assert answer.metrics.mse == answer.errors[0]
+    if key != "diffrax":
+        np.testing.assert_allclose(answer.errors, ours.errors, rtol=1e-8)
+    with pytest.raises(DisagreementError, match="candidates"):
+        check_candidates(replace(answer, errors=answer.errors + 1e-4), ours)
+
+
+def test_archimedes_gives_the_same_rollout(rows: dict[str, Peer], expected: Answer) -> None:
+    answer = _answer(rows["archimedes"])
+    assert difference(answer, expected) < 1e-12
+    assert answer.metrics.mse == pytest.approx(expected.metrics.mse, rel=1e-8)
+
+
 def test_scipy_agrees_within_its_tolerance() -> None:
     short = {peer.key: peer for peer in peers(0.05)}
     assert difference(_answer(short["scipy-rk45"]), _answer(short[OURS])) < 1e-6
@@ -59,8 +113,8 @@ def test_what_is_not_kept_changes_nothing(rows: dict[str, Peer], key: str) -> No
 
 @pytest.mark.parametrize("substeps", [3, 8])
 def test_substeps_are_taken_at_run_time(rows: dict[str, Peer], substeps: int) -> None:
-    case = Case(0.1, substeps=substeps)
-    ours, limit = rows[OURS].prepare(case)(keep=True), _answer(replace(rows[LIMIT], case=case))
+    short = Case(0.1, substeps=substeps)
+    ours, limit = rows[OURS].prepare(short)(keep=True), _answer(replace(rows[LIMIT], case=short))
     assert difference(limit, ours) < 1e-9
 
 

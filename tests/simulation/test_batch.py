@@ -103,6 +103,7 @@ def test_an_interrupt_keeps_what_is_finished() -> None:
 
     scenarios = [scenario(4, seed, 0.05) for seed in range(60)]
     result = rollout(NAMES, GAINS, scenarios, threads=1, progress=interrupt)
+    assert result.interrupted
     ran = result.outcomes != NOT_RUN
     assert 0.3 <= ran.mean() < 1
     assert np.isfinite(result.metrics["mse"][ran]).all()

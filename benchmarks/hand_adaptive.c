@@ -1,0 +1,271 @@
+/* One rollout of the paper's Case 4 with dualwinch's adaptive exponential method, written by hand: the limit for that
+   method and its accuracy, one thread and no vector lanes. An independent implementation of what docs/accuracy.md
+   describes: where both ropes surely stay taut and the rail friction does not bend, a sample is one step; elsewhere it
+   is several, each with ropes that go slack and tight. A good engineer's choices: each rope's state is its stretch and
+   the stretch's rate, not the drum's angle; tanh at the sample's beginning is shared with the controller; branches are
+   only taken where a rope is slack; nothing is done for the winch friction Case 4 has not. */
+
+#include "hand_case.h"
+
+/* A rope with its drum: s'' = drive -+ a - mobility (spring s + damper s'), taut; without the bracket, slack. */
+struct rope {
+  double stretch, rate, spring, drive, stiffening;
+};
+
+struct drum {
+  double damper, mobility, per_mobility, motor, damping;
+};
+
+/* Linear flow of a taut rope over a step: the coefficients of stretch, rate and drive. */
+struct flow {
+  double ss, sr, rs, rr, sd, rd;
+};
+
+static struct drum prepare_drum(double damper, double radius, double inertia, double gear) {
+  struct drum d;
+  d.damper = damper;
+  d.mobility = radius * radius / inertia;
+  d.per_mobility = 1 / d.mobility;
+  d.motor = radius * gear / inertia;
+  d.damping = d.mobility * damper;
+  return d;
+}
+
+static inline struct flow taut_flow(double spring, double stiffening, const struct drum *d, double h) {
+  double delta = d->damping - 2 * stiffening, kappa = d->mobility * spring - d->damping * stiffening;
+  double square = kappa - delta * delta / 4, frequency = sqrt(fabs(square)), angle = frequency * h;
+  double decay = exp(-delta * h / 2), cosine, sine;
+  if (square > 0) {
+    cosine = cos(angle);
+    sine = sin(angle) / frequency;
+  } else {
+    cosine = cosh(angle);
+    sine = angle > 0 ? sinh(angle) / frequency : h;
+  }
+  double even = decay * cosine, odd = decay * sine;
+  double ff = even + delta / 2 * odd, rr = even - delta / 2 * odd, to_drive = (1 - ff) / kappa;
+  /* the variable that swings is the stretch times the relative stiffness, 1 at mid-step */
+  double half = stiffening * h / 2, start = 1 - half, end = 1 / (1 + half), turn = stiffening * end;
+  double from_stretch = ff * start + odd * stiffening, from_rate = odd * start;
+  struct flow f;
+  f.ss = from_stretch * end;
+  f.sr = from_rate * end;
+  f.rs = (rr * stiffening - kappa * odd * start - from_stretch * turn) * end;
+  f.rr = (rr * start - from_rate * turn) * end;
+  f.sd = to_drive * end;
+  f.rd = (odd - to_drive * turn) * end;
+  return f;
+}
+
+static inline double pull(const struct rope *r, const struct drum *d, double stretch, double rate) {
+  return r->spring * stretch + d->damper * rate;
+}
+
+static inline int is_taut(const struct rope *r, const struct drum *d, double stretch, double rate) {
+  return stretch > 0 && pull(r, d, stretch, rate) > 0;
+}
+
+/* Below the tension all through the step: the swing about the equilibrium, as if undamped. */
+static inline double clearance(const struct rope *r, const struct drum *d, double g) {
+  double kappa = d->mobility * r->spring, per_kappa = 1 / kappa, equilibrium = g * per_kappa;
+  double off = r->stretch - equilibrium, amplitude = sqrt(off * off + r->rate * r->rate * per_kappa);
+  return r->spring * (equilibrium - amplitude) - d->damper * sqrt(kappa) * amplitude;
+}
+
+/* Moment in [0, h] at which a parabola given by start, slope there and end changes its sign. */
+static double crossing(double start, double slope, double end, double h) {
+  double bend = 2 * (end - start - slope * h) / (h * h);
+  double root = sqrt(larger(slope * slope - 2 * bend * start, 0));
+  double towards = (start > 0 ? -slope : slope) + root;
+  return towards > 0 ? clip(2 * fabs(start) / towards, 0, h) : start == 0 ? 0 : h;
+}
+
+static void fly(double *stretch, double *rate, double g, double t) {
+  *stretch += t * (*rate + t / 2 * g);
+  *rate += t * g;
+}
+
+/* A taut rope over a part of a step, by its power series. */
+static void swing(double *stretch, double *rate, double g, double t, const struct rope *r, const struct drum *d) {
+  double kappa = d->mobility * r->spring, first = *rate;
+  double second = g - kappa * *stretch - d->damping * first, power = t;
+  *stretch += t * first;
+  for (int order = 2; order <= 8; ++order) {
+    *rate += second * power;
+    power *= t / order;
+    *stretch += second * power;
+    double third = -kappa * first - d->damping * second;
+    first = second;
+    second = third;
+  }
+}
+
+/* The rest of a step in which a rope goes slack or tight; *stretch and *rate hold its end without that. */
+static void switched(const struct rope *r, const struct drum *d, int taut, double g, double h, double *stretch,
+                     double *rate) {
+  double force = pull(r, d, r->stretch, r->rate);
+  double slope = r->spring * r->rate + d->damper * (g - (taut ? d->mobility * force : 0));
+  double by_force = crossing(force, slope, pull(r, d, *stretch, *rate), h);
+  double by_stretch = crossing(r->stretch, r->rate, *stretch, h);
+  double s = r->stretch, v = r->rate;
+  if (taut) {
+    swing(&s, &v, g, by_force, r, d);
+    double missing = pull(r, d, s, v), curve = g - d->mobility * missing, fall = r->spring * v + d->damper * curve;
+    double later = fall < 0 ? clip(-missing / fall, -by_force, h - by_force) : 0;
+    s += later * (v + later * curve / 2);
+    v += later * curve;
+    fly(&s, &v, g, h - by_force - later);
+  } else {
+    double when = larger(r->stretch > 0 ? 0 : by_stretch, force > 0 ? 0 : by_force);
+    fly(&s, &v, g, when);
+    swing(&s, &v, g, h - when, r, d);
+  }
+  *stretch = s;
+  *rate = v;
+}
+
+/* End of a step for a rope that may go slack or tight; returns its impulse. */
+static double rope_end(struct rope *r, const struct drum *d, const struct flow *f, int taut, double g, double h) {
+  double stretch = r->stretch, rate = r->rate;
+  if (taut) {
+    stretch = f->ss * r->stretch + f->sr * r->rate + f->sd * g;
+    rate = f->rs * r->stretch + f->rr * r->rate + f->rd * g;
+  } else {
+    fly(&stretch, &rate, g, h);
+  }
+  if (taut != is_taut(r, d, stretch, rate)) switched(r, d, taut, g, h, &stretch, &rate);
+  double impulse = (h * g - (rate - r->rate)) * d->per_mobility;
+  r->stretch = stretch;
+  r->rate = rate;
+  return impulse;
+}
+
+/* Acceleration of the vehicle by all but the ropes; bend is tanh(v/friction velocity). */
+static inline double slow_acceleration(double t, double v, double bend, const struct plant *c) {
+  double drag = c->drag * v * fabs(v);
+  return (drag * (c->vortex * sin(c->shedding * v * t) - 1) - c->friction * bend) * c->per_mass;
+}
+
+struct state {
+  double x, v;
+  struct rope r1, r2;
+};
+
+static inline void at_middle(struct state *y, const struct plant *c, double h) {
+  double x = y->x + h / 2 * y->v;
+  double per_1 = 1 / larger(c->longest_1 - x, SHORTEST), per_2 = 1 / larger(x + c->rope_offset, SHORTEST);
+  y->r1.spring = c->stiffness_1 * per_1;
+  y->r2.spring = c->stiffness_2 * per_2;
+  y->r1.stiffening = y->v * per_1;
+  y->r2.stiffening = -y->v * per_2;
+}
+
+/* Several steps over a sample, ropes slack or taut. */
+static void careful(struct state *y, const struct plant *c, const struct drum *d1, const struct drum *d2, double t,
+                    double h, long substeps, double slow) {
+  const double momentum = h / c->per_mass, per_momentum = 1 / momentum;
+  for (long i = 0; i < substeps; ++i, t += h) {
+    at_middle(y, c, h);
+    struct rope *r1 = &y->r1, *r2 = &y->r2;
+    struct flow f1 = {0}, f2 = {0};
+    int taut_1 = is_taut(r1, d1, r1->stretch, r1->rate), taut_2 = is_taut(r2, d2, r2->stretch, r2->rate);
+    double fixed = 0, divisor = momentum;
+    if (taut_1) {
+      f1 = taut_flow(r1->spring, r1->stiffening, d1, h);
+      fixed += (h * r1->drive + r1->rate - f1.rs * r1->stretch - f1.rr * r1->rate - f1.rd * r1->drive) * d1->per_mobility;
+      divisor += (h - f1.rd) * d1->per_mobility;
+    }
+    if (taut_2) {
+      f2 = taut_flow(r2->spring, r2->stiffening, d2, h);
+      fixed -= (h * r2->drive + r2->rate - f2.rs * r2->stretch - f2.rr * r2->rate - f2.rd * r2->drive) * d2->per_mobility;
+      divisor += (h - f2.rd) * d2->per_mobility;
+    }
+    double v = y->v + h / 2 * (momentum * slow + fixed) / divisor;
+    slow = slow_acceleration(t + h / 2, v, tanh(v * c->per_friction_velocity), c);
+    double a = (momentum * slow + fixed) / divisor;
+    double impulse = rope_end(r1, d1, &f1, taut_1, r1->drive - a, h) - rope_end(r2, d2, &f2, taut_2, r2->drive + a, h);
+    double late = slow + impulse * per_momentum - a;
+    y->x += h * (y->v + h / 2 * (a + late));
+    y->v += h * (a + late);
+    r1->stretch -= h * h / 2 * late; /* the vehicle moves on, the drums stay */
+    r1->rate -= h * late;
+    r2->stretch += h * h / 2 * late;
+    r2->rate += h * late;
+  }
+}
+
+/* One step over a sample with both ropes taut; 0, and nothing done, where that is not good enough. */
+static inline int single(struct state *y, const struct plant *c, const struct drum *d1, const struct drum *d2, double t,
+                         double h, double slow) {
+  at_middle(y, c, h);
+  struct rope *r1 = &y->r1, *r2 = &y->r2;
+  struct flow f1 = taut_flow(r1->spring, r1->stiffening, d1, h), f2 = taut_flow(r2->spring, r2->stiffening, d2, h);
+  double momentum = h / c->per_mass;
+  double s1 = f1.ss * r1->stretch + f1.sr * r1->rate + f1.sd * r1->drive;
+  double v1 = f1.rs * r1->stretch + f1.rr * r1->rate + f1.rd * r1->drive;
+  double s2 = f2.ss * r2->stretch + f2.sr * r2->rate + f2.sd * r2->drive;
+  double v2 = f2.rs * r2->stretch + f2.rr * r2->rate + f2.rd * r2->drive;
+  double fixed = (h * r1->drive + r1->rate - v1) * d1->per_mobility - (h * r2->drive + r2->rate - v2) * d2->per_mobility;
+  double per_divisor = 1 / (momentum + (h - f1.rd) * d1->per_mobility + (h - f2.rd) * d2->per_mobility);
+  double v = y->v + h / 2 * (momentum * slow + fixed) * per_divisor;
+  slow = slow_acceleration(t + h / 2, v, tanh(v * c->per_friction_velocity), c);
+  double a = (momentum * slow + fixed) * per_divisor, end = y->v + h * a;
+
+  double least = y->v * end > 0 ? fmin(fabs(y->v), fabs(end)) : 0;
+  if (!(least * c->per_friction_velocity > 4 || fabs(end - y->v) * c->per_friction_velocity < 0.02)) return 0;
+  if (!(clearance(r1, d1, r1->drive - a) > 0 && clearance(r2, d2, r2->drive + a) > 0)) return 0;
+  y->x += h * (y->v + h / 2 * a);
+  y->v = end;
+  r1->stretch = s1 - f1.sd * a;
+  r1->rate = v1 - f1.rd * a;
+  r2->stretch = s2 + f2.sd * a;
+  r2->rate = v2 + f2.rd * a;
+  return 1;
+}
+
+/* Runs `samples` samples from `start`; `positions` (one after each sample) may be null. */
+void hand_adaptive(const struct parameters *p, const struct sample *reference, long samples, long substeps,
+                   struct motion *start, struct sums *sums, double *positions) {
+  const struct plant c = prepare(p);
+  const struct law g = prepare_law(p);
+  const struct winch w1 = prepare_winch(p->drum_radius_1, p->gear_ratio_1, p->inertia_1, p->kp_1, p->ki_1, p);
+  const struct winch w2 = prepare_winch(p->drum_radius_2, p->gear_ratio_2, p->inertia_2, p->kp_2, p->ki_2, p);
+  const struct drum d1 = prepare_drum(c.damping_1, c.radius_1, p->inertia_1, p->gear_ratio_1);
+  const struct drum d2 = prepare_drum(c.damping_2, c.radius_2, p->inertia_2, p->gear_ratio_2);
+  const double h = p->sample_time;
+  struct state y = {start->x, start->v, {0}, {0}};
+  y.r1.stretch = c.radius_1 * start->theta_1 - y.x;
+  y.r1.rate = c.radius_1 * start->omega_1 - y.v;
+  y.r2.stretch = c.radius_2 * start->theta_2 + y.x;
+  y.r2.rate = c.radius_2 * start->omega_2 + y.v;
+  struct controller s = {0};
+  struct sums m = {0};
+  m.least = 1e300;
+  for (long n = 0; n < samples; ++n) {
+    const double t = n * h;
+    double F1 = c.stiffness_1 / larger(c.longest_1 - y.x, SHORTEST) * y.r1.stretch + c.damping_1 * y.r1.rate;
+    double F2 = c.stiffness_2 / larger(y.x + c.rope_offset, SHORTEST) * y.r2.stretch + c.damping_2 * y.r2.rate;
+    struct seen seen;
+    seen.x = y.x;
+    seen.v = y.v;
+    seen.omega_1 = (y.r1.rate + y.v) * w1.per_radius;
+    seen.omega_2 = (y.r2.rate - y.v) * w2.per_radius;
+    seen.F1 = y.r1.stretch > 0 && F1 > 0 ? F1 : 0;
+    seen.F2 = y.r2.stretch > 0 && F2 > 0 ? F2 : 0;
+    seen.bend = tanh(y.v * c.per_friction_velocity);
+    double tau_1, tau_2;
+    control(n, &seen, &reference[n], &g, &w1, &w2, &s, &m, &tau_1, &tau_2);
+    y.r1.drive = d1.motor * tau_1;
+    y.r2.drive = d2.motor * tau_2;
+    double slow = slow_acceleration(t, y.v, seen.bend, &c);
+    if (!single(&y, &c, &d1, &d2, t, h, slow)) careful(&y, &c, &d1, &d2, t, h / substeps, substeps, slow);
+    if (positions) positions[n] = y.x;
+  }
+  start->x = y.x;
+  start->v = y.v;
+  start->theta_1 = (y.r1.stretch + y.x) / c.radius_1;
+  start->omega_1 = (y.r1.rate + y.v) / c.radius_1;
+  start->theta_2 = (y.r2.stretch - y.x) / c.radius_2;
+  start->omega_2 = (y.r2.rate - y.v) / c.radius_2;
+  *sums = m;
+}
