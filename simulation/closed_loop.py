@@ -142,6 +142,8 @@ def closed_loop(structure: Structure) -> ClosedLoop:
         error=row["e"],
         F1=row["F1"],
         F2=row["F2"],
+        tau_1=torques.tau_1,
+        tau_2=torques.tau_2,
         power=absolute(power_1) + absolute(power_2),
         saturated=said.saturated,
         torque_saturated=said.torque_saturated,
