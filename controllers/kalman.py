@@ -52,13 +52,13 @@ class KalmanGains:
         float,
         at.Gt(0),
         Quantity("m/s", "believed standard deviation of the speed", "assumption"),
-        Tunable(1e-4, 5e-2, standard=False),
+        Tunable(1e-4, 5e-2),
     ] = 2e-3
     encoder_noise: Annotated[
         float,
         at.Gt(0),
         Quantity("m", "believed standard deviation of a position from encoder and stretch", "assumption"),
-        Tunable(1e-5, 1e-3, standard=False),
+        Tunable(1e-5, 1e-2),
     ] = 1e-4
     bandwidth: Annotated[
         float, at.Gt(0), Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)

@@ -32,16 +32,23 @@ class Evaluator:
         seconds: wall time they took.
     """
 
-    def __init__(self, problem: Problem, *, prune: bool = True) -> None:
+    def __init__(self, problem: Problem, *, prune: bool = True, threads: int | None = None) -> None:
         """An evaluator.
 
         Args:
             problem: gives scenarios, objectives and constraints.
             prune: whether hopeless candidates are given up after the first scenarios; never with several objectives.
+            threads: default: one a core.
         """
         self.problem = problem
         self.rollouts, self.seconds = 0, 0.0
+        self._threads = threads
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
+
+    @property
+    def pace(self) -> float:
+        """Wall time in s that a rollout took on average."""
+        return self.seconds / self.rollouts if self.rollouts else 0.0
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate candidates in the tuning scenarios.
@@ -53,14 +60,14 @@ class Evaluator:
         if not self._first or len(candidates) < 2:
             return self.over(candidates, scenarios)
         early = self._run(candidates, scenarios[: self._first])
-        judged = [self._judged(one, early, place, pruned=True) for place, one in enumerate(candidates)]
+        judged = [self.judged(one, early, place, pruned=True) for place, one in enumerate(candidates)]
         order = best_first(judged)
         kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
         kept |= {place for place, one in enumerate(candidates) if one.origin in EXEMPT}
         places = sorted(kept)
         late = self._run([candidates[place] for place in places], scenarios[self._first :])
         for row, place in enumerate(places):
-            judged[place] = self._judged(candidates[place], _joined(early, place, late, row), 0)
+            judged[place] = self.judged(candidates[place], _joined(early, place, late, row))
         return judged
 
     def over(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> list[Evaluation]:
@@ -68,17 +75,18 @@ class Evaluator:
         if not candidates:
             return []
         result = self._run(candidates, scenarios)
-        return [self._judged(one, result, place) for place, one in enumerate(candidates)]
+        return [self.judged(one, result, place) for place, one in enumerate(candidates)]
 
     def _run(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
         space = self.problem.space
         began = time.perf_counter()
-        result = run_pairs(space.keys, [space.parameters(one.point) for one in candidates], scenarios)
+        result = run_pairs(space.keys, [space.parameters(one.point) for one in candidates], scenarios, self._threads)
         self.seconds += time.perf_counter() - began
         self.rollouts += result.outcomes.size
         return result
 
-    def _judged(self, candidate: Candidate, result: BatchResult, row: int, *, pruned: bool = False) -> Evaluation:
+    def judged(self, candidate: Candidate, result: BatchResult, row: int = 0, *, pruned: bool = False) -> Evaluation:
+        """What a row of a result comes to for a candidate."""
         problem, outcomes = self.problem, result.outcomes[row]
         done = outcomes == "completed"
         found = {one: one.over(result.metrics[one.metric][row, done]) for one in problem.reported}
@@ -100,6 +108,8 @@ def _joined(early: BatchResult, place: int, late: BatchResult, row: int) -> Batc
     return BatchResult(
         outcomes=np.concatenate([early.outcomes[place], late.outcomes[row]])[None],
         end_times=np.concatenate([early.end_times[place], late.end_times[row]])[None],
-        metrics={name: np.concatenate([early.metrics[name][place], late.metrics[name][row]])[None] for name in early.metrics},
+        metrics={
+            name: np.concatenate([early.metrics[name][place], late.metrics[name][row]])[None] for name in early.metrics
+        },
         columns={},
     )

@@ -30,6 +30,7 @@ class Evaluation:
         outcomes: outcome → number of scenarios.
         scenarios: number of scenarios that were run.
         pruned: whether it was given up before the last scenario.
+        number: of the trial in the storage; -1 where it has none.
     """
 
     candidate: Candidate
@@ -39,6 +40,7 @@ class Evaluation:
     outcomes: dict[str, int]
     scenarios: int
     pruned: bool = False
+    number: int = -1
 
     @property
     def point(self) -> Point:

@@ -135,15 +135,17 @@ class Problem:
 
 
 def run_pairs(
-    keys: Sequence[str], parameters: Sequence[Sequence[float]], scenarios: Sequence[Experiment | Scenario]
+    keys: Sequence[str],
+    parameters: Sequence[Sequence[float]],
+    scenarios: Sequence[Experiment | Scenario],
+    threads: int | None = None,
 ) -> BatchResult:
     """`rollout`, but an interrupt is raised, for half a batch is of no use here.
 
     Raises:
         KeyboardInterrupt: it was interrupted.
     """
-    result = rollout(keys, parameters, scenarios)
+    result = rollout(keys, parameters, scenarios, threads=threads)
     if (result.outcomes == NOT_RUN).any():
         raise KeyboardInterrupt
     return result
-

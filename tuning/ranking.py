@@ -1,4 +1,4 @@
-"""Which candidate is better: constraints first, then the objective (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000))."""
+"""Which candidate is better: constraints first, then objective (Deb, Comput. Methods Appl. Mech. Eng. 186, 2000)."""
 
 from collections.abc import Sequence
 

@@ -62,6 +62,7 @@ def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
         outcomes=kept.get(OUTCOMES, {}),
         scenarios=kept.get(SCENARIOS, 0),
         pruned=trial.state == TrialState.PRUNED,
+        number=trial.number,
     )
 
 

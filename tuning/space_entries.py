@@ -157,7 +157,7 @@ def _allows(constraint: at.BaseMetadata, value: float) -> bool:
 
 def _pairs(entry: Any) -> Pairs:
     choices = entry or ODD_PAIRS
-    if isinstance(choices, Mapping) or isinstance(choices, str):
+    if isinstance(choices, (Mapping, str)):
         raise ConfigurationError(f"space: {POWER}: must be a list of pairs such as 5/3")
     for choice in choices:
         p, _, q = str(choice).partition("/")

@@ -72,5 +72,7 @@ def statistic_from(text: str) -> Statistic:
     if kind not in KINDS:
         raise ConfigurationError(f"'{text.strip()}': unknown statistic '{kind}'; must be {', '.join(KINDS)}")
     if metric not in METRICS:
-        raise ConfigurationError(f"'{text.strip()}': unknown metric '{metric}'; did you mean '{nearest(metric, METRICS)}'?")
+        raise ConfigurationError(
+            f"'{text.strip()}': unknown metric '{metric}'; did you mean '{nearest(metric, METRICS)}'?"
+        )
     return Statistic(kind, metric)

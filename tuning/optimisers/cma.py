@@ -1,6 +1,6 @@
 """CMA-ES in the unit cube, led by ranks: constraints first, then the objective (Hansen, arXiv:1604.00772).
 
-The strategy sees nothing but who is better than whom (`tuning.ranking`), so a constraint needs no penalty and no weight.
+The strategy sees nothing but who is better than whom (`tuning.ranking`): a constraint needs no penalty, no weight.
 """
 
 from collections.abc import Sequence

@@ -50,7 +50,9 @@ class Sampler:
     def _begin(self, kept: Sequence[Evaluation]) -> None:
         import optuna
 
-        self._study = optuna.create_study(directions=["minimize"] * self._objectives, sampler=self._sampler)
+        self._study = optuna.create_study(
+            directions=[optuna.study.StudyDirection.MINIMIZE] * self._objectives, sampler=self._sampler
+        )
         self._asked.clear()
         self._study.add_trials([finished_trial(one, self._space) for one in kept])
         self._known = list(kept)
