@@ -176,9 +176,8 @@ def report(problem: Problem, finished: Sequence[Evaluation], verdict: Verdict, c
         kept = scored.violations[one.label] <= 0
         console.print(f"{'kept    ' if kept else '[red]violated[/red]'}  {one.label}", highlight=False)
     ended = ", ".join(f"{count} {outcome}" for outcome, count in scored.outcomes.items())
-    console.print(
-        f"outcomes: {ended}; {problem.objectives[0]} is {improvement(verdict, problem.objectives[0]):.4g} times"
-    )
+    times = improvement(verdict, problem.minimised[0].name)
+    console.print(f"outcomes: {ended}; {problem.minimised[0].name} is {times:.4g} times below the paper's")
     if len(problem.objectives) > 1:
         console.print(f"Pareto front: {len(pareto_front(finished))} trials, in study.json")
     console.print(

@@ -12,7 +12,7 @@ from tuning.connection import shown
 from tuning.database import Database
 from tuning.evaluate import Evaluator
 from tuning.optimisers import optimiser
-from tuning.storage import check_storage, is_database
+from tuning.storage import check_storage, is_database, quiet
 from tuning.study import search
 
 
@@ -29,6 +29,7 @@ def worker(storage: str | None, study: str, threads: int | None) -> None:
     if threads is not None and threads < 1:
         raise ConfigurationError(f"--threads {threads}: must be a whole number >= 1")
     check_storage(storage)
+    quiet()
     console = Console(stderr=True)
     with closing(Database.join(storage, study)) as store:
         definition = store.definition

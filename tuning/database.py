@@ -11,10 +11,8 @@ import socket
 import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from datetime import datetime
 from typing import Any
 
 import optuna
@@ -24,17 +22,15 @@ from simulation.errors import ConfigurationError
 from tuning.connection import connected, patient
 from tuning.evaluation import Candidate, Evaluation
 from tuning.problem import Problem
-from tuning.record import ORIGIN, attributes, distributions, evaluation_of
+from tuning.record import ORIGIN, evaluation_of
+from tuning.rows import beat, create_running, finish_running
 from tuning.space import Space
 from tuning.space_record import space_from
-from tuning.storage import BUDGET, DEFINITION, Budget, Claim, Propose, check_definition, check_resume
+from tuning.storage import BUDGET, DEFINITION, OBJECTIVES, Budget, Claim, Propose, check_definition, check_resume
 
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 WORKER = "worker"
 """User attribute that says who evaluates a trial."""
-
-WRITERS = 4
-"""Connections that write results side by side."""
 
 
 class Database:
@@ -51,7 +47,6 @@ class Database:
         self._ended = threading.Event()
         self._beating = threading.Thread(target=self._beat, daemon=True)
         self._beating.start()
-        self._writers = ThreadPoolExecutor(WRITERS)
 
     @classmethod
     def begin(
@@ -70,7 +65,7 @@ class Database:
             directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
             there = optuna.create_study(study_name=study, storage=storage, directions=directions)
             there.set_user_attr(DEFINITION, dict(definition))
-            there.set_metric_names(list(problem.objectives))
+            there.set_user_attr(OBJECTIVES, [f"{one.name} [{one.unit}]" for one in problem.minimised])
         there.set_user_attr(BUDGET, asdict(budget))
         return cls(url, study, storage, problem.space)
 
@@ -114,47 +109,28 @@ class Database:
 
     def _claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
         with self._alone():
-            taken = [trial for trial in self._trials(TrialState.RUNNING) if self._lost(trial)]
-            for trial in taken:
-                self._storage.record_heartbeat(trial._trial_id)  # noqa: SLF001
             self._bury()
+            taken = [trial for trial in self._trials(TrialState.RUNNING) if self._lost(trial)]
             for trial in self._trials(TrialState.WAITING)[: max(count - len(taken), 0)]:
-                self._storage.set_trial_state_values(trial._trial_id, TrialState.RUNNING)  # noqa: SLF001
+                self._storage.record_heartbeat(trial._trial_id)  # noqa: SLF001
                 self._storage.set_trial_user_attr(trial._trial_id, WORKER, self._name)  # noqa: SLF001
+                self._storage.set_trial_state_values(trial._trial_id, TrialState.RUNNING)  # noqa: SLF001
                 taken.append(trial)
             claims = [Claim(_candidate(trial), trial._trial_id) for trial in taken]  # noqa: SLF001
             existing = len(self._trials(*FINISHED, TrialState.RUNNING, TrialState.WAITING))
             room = count - len(claims) if budget.trials is None else min(count - len(claims), budget.trials - existing)
             fresh = propose(room, not existing)[:room] if room > 0 else []
-            claims += [Claim(one, self._created(one)) for one in fresh]
-            for claim in claims:
-                self._storage.record_heartbeat(claim.trial)
-                self._held.add(claim.trial)
+            notes = [{ORIGIN: one.origin, WORKER: self._name} for one in fresh]
+            ids = create_running(self._storage.engine, self._study._study_id, self._space, fresh, notes)  # noqa: SLF001
+            claims += [Claim(one, trial) for one, trial in zip(fresh, ids, strict=True)]
+            self._held |= {claim.trial for claim in claims}
         return claims
 
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:
-        """Write results, the state of each trial last: a trial is finished whole or not at all."""
-        done = [self._writers.submit(self._finish, *pair) for pair in zip(claims, evaluations, strict=True)]
-        for one in done:
-            one.result()
-
-    def _finish(self, claim: Claim, one: Evaluation) -> None:
-        def write() -> None:
-            for name, value in attributes(one).items():
-                self._storage.set_trial_user_attr(claim.trial, name, value)
-            for name, value in one.violations.items():
-                self._storage.set_trial_system_attr(claim.trial, f"constraints:{name}", value)
-            if one.pruned:
-                self._storage.set_trial_intermediate_value(claim.trial, one.scenarios, one.objectives[0])
-            state = TrialState.PRUNED if one.pruned else TrialState.COMPLETE
-            self._storage.set_trial_state_values(claim.trial, state, list(one.objectives))
-
-        try:
-            patient(self._url, write)
-        except optuna.exceptions.UpdateFinishedTrialError:
-            pass  # a connection broke after this very result was kept, or another worker took the trial over
-        finally:
-            self._held.discard(claim.trial)
+        """Write results, all in one transaction."""
+        trials = [claim.trial for claim in claims]
+        patient(self._url, lambda: finish_running(self._storage.engine, trials, evaluations))
+        self._held.difference_update(trials)
 
     def release(self, claims: Sequence[Claim]) -> None:
         """Queue candidates again that will not be evaluated here."""
@@ -182,22 +158,11 @@ class Database:
     def close(self) -> None:
         """Stop beating, and let go of the connections."""
         self._ended.set()
-        self._writers.shutdown()
         self._beating.join(timeout=5)
         self._storage.engine.dispose()
 
     def _trials(self, *states: TrialState) -> list[FrozenTrial]:
         return patient(self._url, lambda: self._study.get_trials(deepcopy=False, states=states))
-
-    def _created(self, candidate: Candidate) -> int:
-        template = create_trial(
-            state=TrialState.RUNNING,
-            params=dict(candidate.point),
-            distributions=distributions(self._space),
-            user_attrs={ORIGIN: candidate.origin, WORKER: self._name},
-        )
-        template.datetime_start = datetime.now()  # noqa: DTZ005  # as Optuna's database storage writes it
-        return self._storage.create_new_trial(self._study._study_id, template)  # noqa: SLF001
 
     def _lost(self, trial: FrozenTrial) -> bool:
         """Whether a trial is this worker's own, made while a connection broke, so that it never knew of it."""
@@ -213,23 +178,10 @@ class Database:
             yield
 
     def _bury(self) -> None:
-        """Queue the running trials of dead workers again.
-
-        They stopped beating; or they died in `_claim` before they began to, for nobody else is in there now.
-        """
-        import sqlalchemy
-
+        """Queue the running trials of workers again that have stopped beating."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             optuna.storages.fail_stale_trials(self._study)
-        silent = sqlalchemy.text(
-            "SELECT trial_id FROM trials WHERE study_id = :study AND state = 'RUNNING' "
-            "AND trial_id NOT IN (SELECT trial_id FROM trial_heartbeats)"
-        )
-        with self._storage.engine.connect() as connection:
-            orphans = connection.execute(silent, {"study": self._study._study_id}).scalars().all()  # noqa: SLF001
-        for trial in orphans:
-            self._fail(trial)
 
     def _fail(self, trial: int) -> None:
         def queue_again() -> None:
@@ -241,11 +193,8 @@ class Database:
     def _beat(self) -> None:
         interval = self._storage.get_heartbeat_interval() or 1
         while not self._ended.wait(interval):
-            for trial in tuple(self._held):
-                try:
-                    self._storage.record_heartbeat(trial)
-                except Exception:  # noqa: BLE001  # the database is restarting; the next beat may reach it
-                    break
+            with suppress(Exception):  # the database is restarting; the next beat may reach it
+                beat(self._storage.engine, tuple(self._held))
 
 
 def requeue(study: optuna.Study, trial: FrozenTrial) -> None:

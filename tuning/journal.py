@@ -18,7 +18,7 @@ from tuning.evaluation import Evaluation
 from tuning.problem import Problem
 from tuning.record import evaluation_of, finished_trial
 from tuning.space_record import space_from
-from tuning.storage import DEFINITION, Budget, Claim, Propose, check_definition, check_resume
+from tuning.storage import DEFINITION, OBJECTIVES, Budget, Claim, Propose, check_definition, check_resume
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
@@ -74,7 +74,7 @@ class Journal:
                 directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
                 self._study = optuna.create_study(study_name=study, storage=self._storage, directions=directions)
                 self._study.set_user_attr(DEFINITION, dict(definition))
-                self._study.set_metric_names(list(problem.objectives))
+                self._study.set_user_attr(OBJECTIVES, [f"{one.name} [{one.unit}]" for one in problem.minimised])
             self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
             check_resume(study, self._count, resume=resume)
         except BaseException:

@@ -10,8 +10,8 @@ from tuning.evaluation import Candidate, Evaluation
 from tuning.problem import Problem
 from tuning.space import Space
 
-DEFINITION, BUDGET = "dualwinch definition", "dualwinch budget"
-"""User attributes of a study: what is tuned, and how far."""
+DEFINITION, BUDGET, OBJECTIVES = "dualwinch definition", "dualwinch budget", "objectives"
+"""User attributes of a study: what is tuned, how far, and what the values of a trial are."""
 
 Propose = Callable[[int, bool], list[Candidate]]
 """``propose(count, first)``: candidates; `first` where the study has no trial yet."""
@@ -87,6 +87,13 @@ class Store(Protocol):
         ...
 
 
+def quiet() -> None:
+    """Let Optuna speak of problems only, not of every study and trial."""
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+
+
 def is_database(storage: str) -> bool:
     """Whether a storage is a database and not a file."""
     return "://" in storage
@@ -127,6 +134,7 @@ def open_store(
         DualwinchError: the storage cannot be used.
     """
     check_storage(storage)
+    quiet()
     if is_database(storage):
         from tuning.database import Database
 
