@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -43,7 +43,9 @@ class Sampler:
         self._objectives = len(problem.objectives)
         self._random = np.random.default_rng(seed)
         self._known: list[Evaluation] = []
-        self._sampler = kind.make(int(self._random.integers(2**31)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # some of the samplers call themselves experimental
+            self._sampler = kind.make(int(self._random.integers(2**31)))
         self._asked: dict[tuple[object, ...], optuna.Trial] = {}
         self._begin([])
 
@@ -109,38 +111,17 @@ def _gp(seed: int) -> "optuna.samplers.BaseSampler":
     return optuna.samplers.GPSampler(seed=seed, deterministic_objective=True)
 
 
-def _tpe(seed: int) -> "optuna.samplers.BaseSampler":
-    import optuna
+def _named(name: str, **settings: Any) -> Callable[[int], "optuna.samplers.BaseSampler"]:
+    def make(seed: int) -> "optuna.samplers.BaseSampler":
+        import optuna
 
-    return optuna.samplers.TPESampler(seed=seed, n_startup_trials=20)
+        return getattr(optuna.samplers, name)(seed=seed, **settings)
 
-
-def _nsga2(seed: int) -> "optuna.samplers.BaseSampler":
-    import optuna
-
-    return optuna.samplers.NSGAIISampler(seed=seed)
+    return make
 
 
-def _nsga3(seed: int) -> "optuna.samplers.BaseSampler":
-    import optuna
-
-    return optuna.samplers.NSGAIIISampler(seed=seed)
-
-
-def _qmc(seed: int) -> "optuna.samplers.BaseSampler":
-    import optuna
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        return optuna.samplers.QMCSampler(seed=seed, scramble=True, warn_independent_sampling=False)
-
-
-def _random(seed: int) -> "optuna.samplers.BaseSampler":
-    import optuna
-
-    return optuna.samplers.RandomSampler(seed=seed)
-
-
-TPE, GP = Kind(_tpe, 256), Kind(_gp, 128)
-NSGA2, NSGA3 = Kind(_nsga2, 0), Kind(_nsga3, 0)
-QMC, RANDOM = Kind(_qmc, 256), Kind(_random, 256)
+TPE = Kind(_named("TPESampler", n_startup_trials=20), 256)
+GP = Kind(_gp, 128)
+NSGA2, NSGA3 = Kind(_named("NSGAIISampler"), 0), Kind(_named("NSGAIIISampler"), 0)
+QMC = Kind(_named("QMCSampler", scramble=True, warn_independent_sampling=False), 256)
+RANDOM = Kind(_named("RandomSampler"), 256)
