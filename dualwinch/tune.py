@@ -126,7 +126,7 @@ def tune(problem: Problem, options: Options) -> None:
         cost = _cost(progress, evaluator, len(finished), time.time() - began)
     write(problem, finished, verdict, method, storage, options, cost)
     report(problem, finished, verdict, cost)
-    console.print(f"wrote {options.out / 'best.toml'} and {options.out / 'study.json'}")
+    console.print(f"wrote {options.out / 'best.toml'} and {options.out / 'study.json'}", soft_wrap=True)
     if interrupted:
         raise KeyboardInterrupt
 
@@ -174,15 +174,18 @@ def report(problem: Problem, finished: Sequence[Evaluation], verdict: Verdict, c
     console.print(table)
     for one in problem.bounded:
         kept = scored.violations[one.label] <= 0
-        console.print(f"{'kept    ' if kept else '[red]violated[/red]'}  {one.label}", highlight=False)
+        console.print(f"{'kept    ' if kept else '[red]violated[/red]'}  {one.label}", highlight=False, soft_wrap=True)
     ended = ", ".join(f"{count} {outcome}" for outcome, count in scored.outcomes.items())
     times = improvement(verdict, problem.minimised[0].name)
-    console.print(f"outcomes: {ended}; {problem.minimised[0].name} is {times:.4g} times below the paper's")
+    console.print(
+        f"outcomes: {ended}; {problem.minimised[0].name} is {times:.4g} times below the paper's", soft_wrap=True
+    )
     if len(problem.objectives) > 1:
         console.print(f"Pareto front: {len(pareto_front(finished))} trials, in study.json")
     console.print(
         f"{cost['rollouts']:.0f} rollouts in {cost['seconds']:.1f} s, {cost['rollouts_per_second']:.0f} a second; "
-        f"{100 * cost['overhead']:.0f} % of the search was not spent in rollouts"
+        f"{100 * cost['overhead']:.0f} % of the search was not spent in rollouts",
+        soft_wrap=True,
     )
 
 
@@ -202,11 +205,12 @@ def _announce(console: Console, problem: Problem, method: str, storage: str, kno
         f"tuning {len(problem.space.dimensions)} gains of {controller.kind} (estimator {controller.estimator}) by "
         f"{method} in {where}, seed {problem.seed}",
         highlight=False,
+        soft_wrap=True,
     )
     constraints = "; ".join(one.label for one in problem.bounded) or "nothing"
-    console.print(f"minimise {', '.join(problem.objectives)} subject to {constraints}", highlight=False)
+    console.print(f"minimise {', '.join(problem.objectives)} subject to {constraints}", highlight=False, soft_wrap=True)
     kept = shown(storage) if is_database(storage) else storage
-    console.print(f"kept in {kept}" + (f", which has {known} trials" if known else ""), highlight=False)
+    console.print(f"kept in {kept}" + (f", which has {known} trials" if known else ""), highlight=False, soft_wrap=True)
 
 
 def _worker(storage: str, study: str) -> "subprocess.Popen[bytes]":
