@@ -105,7 +105,9 @@ class Database:
 
     def claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
         """Take candidates: those of dead workers first, then new ones."""
-        return patient(self._url, lambda: self._claim(count, budget, propose))
+        claims = patient(self._url, lambda: self._claim(count, budget, propose))
+        self._held |= {claim.trial for claim in claims}  # only now: a broken claim's trials are found again as lost
+        return claims
 
     def _claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
         with self._alone():
@@ -123,7 +125,6 @@ class Database:
             notes = [{ORIGIN: one.origin, WORKER: self._name} for one in fresh]
             ids = create_running(self._storage.engine, self._study._study_id, self._space, fresh, notes)  # noqa: SLF001
             claims += [Claim(one, trial) for one, trial in zip(fresh, ids, strict=True)]
-            self._held |= {claim.trial for claim in claims}
         return claims
 
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:

@@ -95,7 +95,8 @@ def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_
     environment = os.environ | {"DUALWINCH_STORAGE": url, "PYTHONPATH": str(Path.cwd())}
     words = [sys.executable, "-c", WORKER, "sea"]
     workers = [subprocess.Popen(words, env=environment, stderr=subprocess.PIPE) for _ in range(3)]
-    study = optuna.load_study(study_name="sea", storage=optuna.storages.RDBStorage(url))
+    watching = optuna.storages.RDBStorage(url, engine_kwargs={"pool_pre_ping": True})
+    study = optuna.load_study(study_name="sea", storage=watching)
 
     def running(process: int) -> list[int]:
         trials = study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
@@ -108,7 +109,7 @@ def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_
     assert lost
     before = {trial.number: trial.values for trial in study.get_trials(states=FINISHED)}
     waited_for(lambda: store.count() > TRIALS // 3)
-    study._storage.remove_session()
+    watching.engine.dispose()
     server.stop()
     server.start()
     endings = [worker.communicate(timeout=240)[1].decode() for worker in workers[1:]]
@@ -122,7 +123,7 @@ def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_
     assert len(store.finished()) == store.count() == TRIALS
     assert [trial.user_attrs["origin"] for trial in trials[:1]] == ["paper"]
     store.close()
-    study._storage.engine.dispose()  # pyright: ignore[reportAttributeAccessIssue]
+    watching.engine.dispose()
 
 
 def test_a_study_in_the_database_is_that_of_the_journal(url: str, make_problem: MakeProblem, tmp_path: Path) -> None:
