@@ -49,8 +49,9 @@ def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStora
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            return optuna.storages.RDBStorage(
+            storage = optuna.storages.RDBStorage(
                 url,
+                skip_compatibility_check=True,
                 engine_kwargs={"pool_pre_ping": True, "pool_size": 8, "connect_args": {"connect_timeout": 10}},
                 heartbeat_interval=HEARTBEAT,
                 grace_period=GRACE,
@@ -60,10 +61,14 @@ def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStora
         raise ConfigurationError("--storage: no URL; must be postgresql+psycopg://USER@HOST/DATABASE") from None
     except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         raise StorageError(f"cannot use the database {shown(url)}: {_reason(error, url)}") from None
-    except RuntimeError as error:
+    there, here = storage.get_current_version(), storage.get_head_version()
+    if there != here:
+        storage.engine.dispose()
         raise StorageError(
-            f"the database {shown(url)} is of another version of Optuna: {_reason(error, url)}"
-        ) from None
+            f"the database {shown(url)} is of another version of Optuna: its tables are {there}, must be {here}; "
+            "use another database, or `optuna storage upgrade`"
+        )
+    return storage
 
 
 def patient(url: str, action: Callable[[], Outcome]) -> Outcome:

@@ -80,9 +80,11 @@ class Database:
         storage = connected(url, requeue)
         known = sorted(one.study_name for one in storage.get_all_studies())
         if study not in known:
+            storage.engine.dispose()
             raise ConfigurationError(f"--study {study}: is not there; there are: {', '.join(known) or 'none'}")
         definition = optuna.load_study(study_name=study, storage=storage).user_attrs.get(DEFINITION)
         if definition is None:
+            storage.engine.dispose()
             raise ConfigurationError(f"--study {study}: is none of this program")
         return cls(url, study, storage, space_from(definition["space"]))
 

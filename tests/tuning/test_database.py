@@ -104,7 +104,7 @@ def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_
 
     waited_for(lambda: running(workers[0].pid))
     workers[0].send_signal(signal.SIGKILL)
-    workers[0].wait()
+    workers[0].communicate()
     lost = running(workers[0].pid)
     assert lost
     before = {trial.number: trial.values for trial in study.get_trials(states=FINISHED)}
