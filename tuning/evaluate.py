@@ -42,13 +42,13 @@ class Evaluator:
         """
         self.problem = problem
         self.rollouts, self.seconds = 0, 0.0
-        self._threads = threads
+        self._threads, self._pace = threads, 0.0
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
     @property
     def pace(self) -> float:
-        """Wall time in s that a rollout took on average."""
-        return self.seconds / self.rollouts if self.rollouts else 0.0
+        """Wall time in s that a rollout took in the latest call; the first call of all compiles."""
+        return self._pace
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate candidates in the tuning scenarios.
@@ -81,8 +81,10 @@ class Evaluator:
         space = self.problem.space
         began = time.perf_counter()
         result = run_pairs(space.keys, [space.parameters(one.point) for one in candidates], scenarios, self._threads)
-        self.seconds += time.perf_counter() - began
+        took = time.perf_counter() - began
+        self.seconds += took
         self.rollouts += result.outcomes.size
+        self._pace = took / result.outcomes.size
         return result
 
     def judged(self, candidate: Candidate, result: BatchResult, row: int = 0, *, pruned: bool = False) -> Evaluation:
