@@ -51,12 +51,12 @@ def child(kind: str) -> None:
     from codegen.compiler import find_compiler
     from codegen.rollout import rollout_source
     from simulation.closed_loop import closed_loop
-    from simulation.structure import structure_of
+    from simulation.structure import parameters_of, structure_of, zeros_of
 
     mark()
-    loop = closed_loop(structure_of(case(4)))
+    loop = closed_loop(structure_of(case(4)), zeros_of(parameters_of(case(4))))
     mark()
-    source = rollout_source(loop.step, loop.shortcut)
+    source = rollout_source(loop)
     mark()
     compiler = find_compiler()
     mark()

@@ -19,7 +19,7 @@ from controllers.coordination import force_limit
 from controllers.nftsm import nominal_forces
 from controllers.signals import Measurement, PositionOutput
 from model.plant import Plant
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
 from model.scalar import Scalar, clip, exp, where
 
@@ -31,8 +31,12 @@ if TYPE_CHECKING:
 class AdrcGains:
     """The two bandwidths."""
 
-    control_bandwidth: Annotated[float, at.Ge(0), Quantity("rad/s", "poles of the feedback", "by hand")] = 4.0
-    observer_bandwidth: Annotated[float, at.Gt(0), Quantity("rad/s", "poles of the observer", "by hand")] = 20.0
+    control_bandwidth: Annotated[
+        float, at.Ge(0), Quantity("rad/s", "poles of the feedback", "by hand"), Tunable(0.2, 40)
+    ] = 4.0
+    observer_bandwidth: Annotated[
+        float, at.Gt(0), Quantity("rad/s", "poles of the observer", "by hand"), Tunable(1, 200)
+    ] = 20.0
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.scalar import Scalar
 
 
@@ -13,9 +13,18 @@ from model.scalar import Scalar
 class AuxiliaryGains:
     """Gains of the anti-saturation system; the paper's one gamma cannot have both units (E8)."""
 
-    gamma: Annotated[float, at.Ge(0), Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10")] = 1e-5
-    gamma_force: Annotated[float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10")] = 1e-5
-    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10")] = 1.0
+    gamma: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10"),
+        Tunable(1e-8, 1e-2, standard=False),
+    ] = 1e-5
+    gamma_force: Annotated[
+        float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10"), Tunable(1e-6, 10, standard=False)
+    ] = 1e-5
+    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100, standard=False)] = (
+        1.0
+    )
 
 
 def auxiliary_update(Z_a: Scalar, excess: Scalar, gains: AuxiliaryGains, sample_time: Scalar) -> Scalar:

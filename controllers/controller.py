@@ -24,7 +24,7 @@ from controllers.signals import ControllerOutput, Measurement, PositionOutput
 from controllers.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
 from controllers.winch_pid import WinchGains
 from model.plant import Plant
-from model.quantity import Quantity, leaves, with_leaves
+from model.quantity import Quantity, Tunable, leaves, with_leaves
 from model.reference import Setpoint
 from model.scalar import Scalar
 
@@ -60,7 +60,10 @@ class Controller:
         Quantity("", "what the position law sees: the sensors, a filtered speed, or a filtered motion", "assumption"),
     ] = "lowpass"
     speed_filter_time: Annotated[
-        float, at.Ge(0), Quantity("s", "lowpass: time constant on the measured speed; 0: none", "assumption")
+        float,
+        at.Ge(0),
+        Quantity("s", "lowpass: time constant on the measured speed; 0: none", "assumption"),
+        Tunable(0, 0.1, log=False),
     ] = 0.0
     nominal: Nominal = field(default_factory=Nominal)
     kalman: KalmanGains = field(default_factory=KalmanGains)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import annotated_types as at
 
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.scalar import Scalar, clip
 from model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
 
@@ -14,7 +14,9 @@ from model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
 class Coordination:
     """Preload and limits of the two tensions, 2 tension_min < preload < 2 tension_max; and how the winches share."""
 
-    preload: Annotated[float, at.Gt(0), Quantity("N", "sum of both tension commands", "paper Section 4.1")] = PRELOAD
+    preload: Annotated[
+        float, at.Gt(0), Quantity("N", "sum of both tension commands", "paper Section 4.1"), Tunable(800, 8000)
+    ] = PRELOAD
     tension_min: Annotated[float, at.Gt(0), Quantity("N", "lower force limit of a winch", "Table 1")] = TENSION_MIN
     tension_max: Annotated[float, at.Gt(0), Quantity("N", "upper force limit of a winch", "Table 1")] = TENSION_MAX
     kind: Annotated[

@@ -18,7 +18,7 @@ from controllers.coordination import CoordinationOutput, within_limits
 from controllers.differential_tension import TensionLoops, follow_tensions
 from controllers.signals import Measurement
 from model.plant import Plant
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
 from model.scalar import Scalar, clip, maximum
 
@@ -31,7 +31,10 @@ class ForcePositionGains:
     """How the roles change."""
 
     band: Annotated[
-        float, at.Gt(0), Quantity("N", "largest force at which both winches still share the tension control", "by hand")
+        float,
+        at.Gt(0),
+        Quantity("N", "largest force at which both winches still share the tension control", "by hand"),
+        Tunable(1, 2000),
     ] = 100.0
 
 

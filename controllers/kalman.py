@@ -26,7 +26,7 @@ import annotated_types as at
 from controllers.signals import Measurement
 from model.matrix import Matrix, diagonal, plus, solve, times, transpose
 from model.plant import Environment, Plant, vehicle_acceleration
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.rope import rope_lengths, stiffness
 from model.scalar import Scalar, where
 
@@ -43,18 +43,25 @@ class KalmanGains:
     """
 
     position_noise: Annotated[
-        float, at.Gt(0), Quantity("m", "believed standard deviation of the position, rounding included", "assumption")
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of the position, rounding included", "assumption"),
+        Tunable(5e-5, 5e-3, standard=False),
     ] = 6e-4
     speed_noise: Annotated[
-        float, at.Gt(0), Quantity("m/s", "believed standard deviation of the speed", "assumption")
+        float,
+        at.Gt(0),
+        Quantity("m/s", "believed standard deviation of the speed", "assumption"),
+        Tunable(1e-4, 5e-2),
     ] = 2e-3
     encoder_noise: Annotated[
         float,
         at.Gt(0),
         Quantity("m", "believed standard deviation of a position from encoder and stretch", "assumption"),
+        Tunable(1e-5, 1e-2),
     ] = 1e-4
     bandwidth: Annotated[
-        float, at.Gt(0), Quantity("rad/s", "how fast the filter follows a disturbance", "assumption")
+        float, at.Gt(0), Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)
     ] = 20.0
 
 

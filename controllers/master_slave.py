@@ -18,7 +18,7 @@ import annotated_types as at
 from controllers.coordination import Coordination, CoordinationOutput, within_limits
 from controllers.signals import Measurement
 from model.plant import Plant
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
 from model.scalar import Scalar, clip, either, where
 from model.winch import Winch
@@ -32,14 +32,25 @@ class MasterSlaveGains:
     """Gains of the master's speed loop and of the slave's synchronisation."""
 
     position: Annotated[
-        float, at.Ge(0), Quantity("1/s", "master: speed asked for by a metre of position error", "by hand")
+        float,
+        at.Ge(0),
+        Quantity("1/s", "master: speed asked for by a metre of position error", "by hand"),
+        Tunable(0.05, 20),
     ] = 1.0
-    kp: Annotated[float, at.Ge(0), Quantity("N m s/rad", "master: proportional gain on the drum speed", "by hand")] = (
-        5.0
-    )
-    ki: Annotated[float, at.Ge(0), Quantity("N m/rad", "master: integral gain on the drum speed", "by hand")] = 10.0
+    kp: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("N m s/rad", "master: proportional gain on the drum speed", "by hand"),
+        Tunable(0.1, 100),
+    ] = 5.0
+    ki: Annotated[
+        float, at.Ge(0), Quantity("N m/rad", "master: integral gain on the drum speed", "by hand"), Tunable(0.1, 200)
+    ] = 10.0
     synchronisation: Annotated[
-        float, at.Ge(0), Quantity("N m s/rad", "slave: gain on the difference of the drum speeds", "by hand")
+        float,
+        at.Ge(0),
+        Quantity("N m s/rad", "slave: gain on the difference of the drum speeds", "by hand"),
+        Tunable(0.1, 100),
     ] = 5.0
 
 

@@ -9,7 +9,7 @@ from controllers.auxiliary import auxiliary_update
 from controllers.coordination import force_limit
 from controllers.signals import Measurement, PositionOutput
 from model.plant import Plant
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
 from model.scalar import Scalar, clip, power
 from model.vehicle import drag, friction, inertia
@@ -22,10 +22,16 @@ if TYPE_CHECKING:
 class NftsmGains:
     """Gains of the sliding-mode law; p and q odd, p > q."""
 
-    beta: Annotated[float, at.Gt(0), Quantity("m^(p/q-1)/s^(p/q)", "weight of the position error", "paper 4.1")] = 0.05
-    eta: Annotated[float, at.Ge(0), Quantity("1/s^2", "rate of the exponential reaching law", "paper 4.1")] = 0.05
-    k: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the switching term", "paper 4.1")] = 0.5
-    phi: Annotated[float, at.Gt(0), Quantity("m", "thickness of the boundary layer", "paper 4.1")] = 0.5
+    beta: Annotated[
+        float, at.Gt(0), Quantity("m^(p/q-1)/s^(p/q)", "weight of the position error", "paper 4.1"), Tunable(0.005, 5)
+    ] = 0.05
+    eta: Annotated[
+        float, at.Ge(0), Quantity("1/s^2", "rate of the exponential reaching law", "paper 4.1"), Tunable(0.005, 50)
+    ] = 0.05
+    k: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the switching term", "paper 4.1"), Tunable(0.01, 20)] = 0.5
+    phi: Annotated[
+        float, at.Gt(0), Quantity("m", "thickness of the boundary layer", "paper 4.1"), Tunable(0.005, 5)
+    ] = 0.5
     p: Annotated[int, at.Ge(3), Quantity("1", "numerator of the surface's power, odd", "paper 4.1")] = 5
     q: Annotated[int, at.Ge(1), Quantity("1", "denominator of the surface's power, odd", "paper 4.1")] = 3
     smoothing: Annotated[

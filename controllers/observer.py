@@ -10,7 +10,7 @@ from typing import Annotated
 import annotated_types as at
 
 from controllers.fuzzy import inference
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.scalar import Scalar, exp
 
 
@@ -18,14 +18,29 @@ from model.scalar import Scalar, exp
 class ObserverGains:
     """Gains of the disturbance observer."""
 
-    l0: Annotated[float, at.Ge(0), Quantity("1/s", "constant part of the observer gain, L_0", "A9")] = 5.0
-    kf: Annotated[float, at.Ge(0), Quantity("1/s", "fuzzy part of the observer gain, K_f", "A9")] = 5.0
-    error_scale: Annotated[float, at.Gt(0), Quantity("m/s^2", "estimation error that counts as big", "A8")] = 0.1
+    l0: Annotated[
+        float, at.Ge(0), Quantity("1/s", "constant part of the observer gain, L_0", "A9"), Tunable(0.1, 100)
+    ] = 5.0
+    kf: Annotated[float, at.Ge(0), Quantity("1/s", "fuzzy part of the observer gain, K_f", "A9"), Tunable(0.1, 100)] = (
+        5.0
+    )
+    error_scale: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m/s^2", "estimation error that counts as big", "A8"),
+        Tunable(1e-3, 10, standard=False),
+    ] = 0.1
     rate_scale: Annotated[
-        float, at.Gt(0), Quantity("m/s^3", "rate of the estimation error that counts as big", "A8")
+        float,
+        at.Gt(0),
+        Quantity("m/s^3", "rate of the estimation error that counts as big", "A8"),
+        Tunable(1e-2, 100, standard=False),
     ] = 0.5
     filter_time: Annotated[
-        float, at.Ge(0), Quantity("s", "low-pass on the estimation error before the fuzzy rules", "A8")
+        float,
+        at.Ge(0),
+        Quantity("s", "low-pass on the estimation error before the fuzzy rules", "A8"),
+        Tunable(1e-3, 2, standard=False),
     ] = 0.2
 
 

@@ -8,7 +8,7 @@ import annotated_types as at
 from controllers.coordination import force_limit
 from controllers.signals import Measurement, PositionOutput
 from model.plant import Plant
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
 from model.scalar import Scalar, both, clip, either, where
 from model.vehicle import inertia
@@ -21,12 +21,18 @@ if TYPE_CHECKING:
 class PidCascadeGains:
     """Gains of the two loops."""
 
-    kp1: Annotated[float, at.Ge(0), Quantity("1/s", "position loop, proportional", "paper 4.1")] = 10.0
-    ki1: Annotated[float, at.Ge(0), Quantity("1/s^2", "position loop, integral", "paper 4.1")] = 0.1
-    kd1: Annotated[float, at.Ge(0), Quantity("1", "position loop, derivative", "A12")] = 0.0
-    kp2: Annotated[float, at.Ge(0), Quantity("1/s", "speed loop, proportional", "paper 4.1")] = 2.0
-    ki2: Annotated[float, at.Ge(0), Quantity("1/s^2", "speed loop, integral", "paper 4.1")] = 0.05
-    kd2: Annotated[float, at.Ge(0), Quantity("1", "speed loop, derivative", "A12")] = 0.0
+    kp1: Annotated[float, at.Ge(0), Quantity("1/s", "position loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = (
+        10.0
+    )
+    ki1: Annotated[float, at.Ge(0), Quantity("1/s^2", "position loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.1
+    kd1: Annotated[
+        float, at.Ge(0), Quantity("1", "position loop, derivative", "A12"), Tunable(0, 2, log=False, standard=False)
+    ] = 0.0
+    kp2: Annotated[float, at.Ge(0), Quantity("1/s", "speed loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = 2.0
+    ki2: Annotated[float, at.Ge(0), Quantity("1/s^2", "speed loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.05
+    kd2: Annotated[
+        float, at.Ge(0), Quantity("1", "speed loop, derivative", "A12"), Tunable(0, 0.5, log=False, standard=False)
+    ] = 0.0
 
 
 @dataclass(frozen=True)

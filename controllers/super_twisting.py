@@ -22,7 +22,7 @@ from controllers.coordination import force_limit
 from controllers.nftsm import nominal_forces, odd_power
 from controllers.signals import Measurement, PositionOutput
 from model.plant import Plant
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
 from model.scalar import Scalar, clip, where
 
@@ -34,11 +34,16 @@ if TYPE_CHECKING:
 class SuperTwistingGains:
     """Gains of the super-twisting law."""
 
-    lam: Annotated[float, at.Gt(0), Quantity("1/s", "rate at which the error decays on the surface", "by hand")] = 2.0
-    k1: Annotated[float, at.Ge(0), Quantity("m^(1/2)/s", "gain of the square root", "by hand")] = 0.5
-    k2: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the integral", "by hand")] = 0.2
+    lam: Annotated[
+        float, at.Gt(0), Quantity("1/s", "rate at which the error decays on the surface", "by hand"), Tunable(0.1, 20)
+    ] = 2.0
+    k1: Annotated[float, at.Ge(0), Quantity("m^(1/2)/s", "gain of the square root", "by hand"), Tunable(0.01, 20)] = 0.5
+    k2: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the integral", "by hand"), Tunable(1e-3, 20)] = 0.2
     smoothing: Annotated[
-        float, at.Gt(0), Quantity("m", "sliding variable below which root and sign are smoothed", "by hand")
+        float,
+        at.Gt(0),
+        Quantity("m", "sliding variable below which root and sign are smoothed", "by hand"),
+        Tunable(1e-5, 0.1, standard=False),
     ] = 1e-3
 
 

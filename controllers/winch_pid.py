@@ -6,7 +6,7 @@ from typing import Annotated
 import annotated_types as at
 
 from controllers.coordination import Coordination
-from model.quantity import Quantity
+from model.quantity import Quantity, Tunable
 from model.scalar import Scalar, clip, where
 from model.winch import Winch
 
@@ -15,9 +15,11 @@ from model.winch import Winch
 class WinchGains:
     """PID gains of one winch."""
 
-    kp: Annotated[float, at.Ge(0), Quantity("N m/N", "proportional gain", "A11")] = 5e-4
-    ki: Annotated[float, at.Ge(0), Quantity("N m/(N s)", "integral gain", "A11")] = 2e-2
-    kd: Annotated[float, at.Ge(0), Quantity("N m s/N", "derivative gain", "A11")] = 0.0
+    kp: Annotated[float, at.Ge(0), Quantity("N m/N", "proportional gain", "A11"), Tunable(1e-5, 1e-2)] = 5e-4
+    ki: Annotated[float, at.Ge(0), Quantity("N m/(N s)", "integral gain", "A11"), Tunable(1e-3, 1)] = 2e-2
+    kd: Annotated[
+        float, at.Ge(0), Quantity("N m s/N", "derivative gain", "A11"), Tunable(0, 1e-5, log=False, standard=False)
+    ] = 0.0
 
 
 @dataclass(frozen=True)

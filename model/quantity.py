@@ -30,6 +30,22 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class Tunable:
+    """Where a gain is searched for when it is tuned, in its own unit.
+
+    Attributes:
+        lower, upper: bounds of the search.
+        log: whether factors count, not differences.
+        standard: whether it is tuned where nobody says what to tune.
+    """
+
+    lower: float
+    upper: float
+    log: bool = True
+    standard: bool = True
+
+
+@dataclass(frozen=True)
 class Leaf:
     """One scalar of a group: its dotted key, its quantity, its type and its bounds.
 
@@ -39,6 +55,7 @@ class Leaf:
         kind: the Python type (``float``, ``int``, ``bool``, ``str`` or a ``Literal``), without ``None``.
         optional: whether ``None`` (a default taken from elsewhere) is allowed.
         constraints: the bounds from `annotated_types`.
+        tunable: where it is searched for when it is tuned; ``None``: it is no gain.
     """
 
     key: str
@@ -46,6 +63,7 @@ class Leaf:
     kind: Any
     optional: bool
     constraints: tuple[at.BaseMetadata, ...]
+    tunable: Tunable | None = None
 
     @property
     def allowed(self) -> str:
@@ -150,6 +168,7 @@ def _leaf(hint: Any, key: str, where: str) -> Leaf:
         kind=options[0] if optional else base,
         optional=optional,
         constraints=tuple(item for item in metadata if isinstance(item, at.BaseMetadata)),
+        tunable=next((item for item in metadata if isinstance(item, Tunable)), None),
     )
 
 

@@ -27,6 +27,8 @@ class Metrics:
     min_tension: Annotated[float, Quantity("N", "smallest tension of both ropes, at the samples")]
     chatter: Annotated[float, Quantity("N", "mean |change of tension| from sample to sample, of both ropes")]
     energy: Annotated[float, Quantity("J", "work of both motors, braking counted like driving")]
+    torque_rate: Annotated[float, Quantity("N m/s", "mean |change of motor torque| a second, of both winches")]
+    continuous_load: Annotated[float, Quantity("N m", "root mean square of the motor torques, of both winches")]
 
 
 @dataclass(frozen=True)
@@ -50,15 +52,22 @@ class Accumulators:
     F1_previous: Annotated[Scalar, Quantity("N", "tension 1 of the last sample")] = 0.0
     F2_previous: Annotated[Scalar, Quantity("N", "tension 2 of the last sample")] = 0.0
     work: Annotated[Scalar, Quantity("J", "work of both motors")] = 0.0
+    sum_torque_change: Annotated[Scalar, Quantity("N m", "sum of |change of torque| of both motors")] = 0.0
+    sum_torque_square: Annotated[Scalar, Quantity("N^2 m^2", "sum of torque^2 of both motors")] = 0.0
+    tau_1_previous: Annotated[Scalar, Quantity("N m", "torque 1 of the last sample")] = 0.0
+    tau_2_previous: Annotated[Scalar, Quantity("N m", "torque 2 of the last sample")] = 0.0
+    time_step: Annotated[Scalar, Quantity("s", "sample time")] = 0.0
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What one sample contributes: error in m, tensions in N, motor power in W, and three flags."""
+    """What one sample contributes: error in m, tensions in N, torques in N m, motor power in W, flags."""
 
     error: Scalar
     F1: Scalar
     F2: Scalar
+    tau_1: Scalar
+    tau_2: Scalar
     power: Scalar
     saturated: Scalar
     torque_saturated: Scalar
@@ -70,6 +79,7 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
     size, square = absolute(sample.error), sample.error**2
     seen = so_far.samples > 0
     change = absolute(sample.F1 - so_far.F1_previous) + absolute(sample.F2 - so_far.F2_previous)
+    torque_change = absolute(sample.tau_1 - so_far.tau_1_previous) + absolute(sample.tau_2 - so_far.tau_2_previous)
     return Accumulators(
         samples=so_far.samples + 1,
         sum_abs=so_far.sum_abs + size,
@@ -88,6 +98,11 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
         F1_previous=sample.F1,
         F2_previous=sample.F2,
         work=so_far.work + sample_time * absolute(sample.power),
+        sum_torque_change=so_far.sum_torque_change + where(seen, torque_change, 0.0),
+        sum_torque_square=so_far.sum_torque_square + sample.tau_1**2 + sample.tau_2**2,
+        tau_1_previous=sample.tau_1,
+        tau_2_previous=sample.tau_2,
+        time_step=sample_time,
     )
 
 
@@ -115,6 +130,8 @@ def finish(sums: Mapping[str, float]) -> Metrics:
         min_tension=measured(sums["least"], samples),
         chatter=mean(sums["sum_change"], 2 * (samples - 1)),
         energy=measured(sums["work"], samples),
+        torque_rate=mean(sums["sum_torque_change"], 2 * (samples - 1) * sums["time_step"]),
+        continuous_load=np.sqrt(mean(sums["sum_torque_square"], 2 * samples)),
     )
 
 

@@ -13,9 +13,9 @@ def main() -> int:
     if chosen.write and not chosen.write.is_file():
         parser.error(f"--write {chosen.write}: there is no such file")
 
+    from benchmarks.document import put
     from benchmarks.embedded.board import missing
     from benchmarks.embedded.report import report
-    from benchmarks.report import BEGIN, END
 
     lacking = missing()
     if lacking:
@@ -29,8 +29,7 @@ def main() -> int:
         return 1
     print(text)
     if chosen.write:
-        before, rest = chosen.write.read_text(encoding="utf-8").split(BEGIN)
-        chosen.write.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        put(chosen.write, "benchmarks", text)
     return 0
 
 

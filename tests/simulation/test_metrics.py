@@ -36,6 +36,8 @@ def recomputed(result: Result) -> dict[str, float]:
         "min_tension": tensions.min(),
         "chatter": np.abs(np.diff(tensions)).mean(),
         "energy": 1e-3 * np.abs(36 * torques * drums).sum(),
+        "torque_rate": np.abs(np.diff(torques)).mean() / 1e-3,
+        "continuous_load": np.sqrt((torques**2).mean()),
     }
 
 

@@ -1,0 +1,34 @@
+"""Small problems that a second is enough for."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from dualwinch.tuning_setup import problem_of
+from tuning.problem import Problem
+
+MakeProblem = Callable[..., Problem]
+
+
+@pytest.fixture
+def make_problem() -> MakeProblem:
+    """``make_problem(ensemble="sea", ...)``: a problem of 0.1 s runs; the words are those of the command line."""
+
+    def make(**words: Any) -> Problem:
+        given = {
+            "case": None,
+            "config": None,
+            "assignments": ["simulation.duration=0.1"],
+            "ensemble": "sea",
+            "space": ["controller.nftsm.beta", "controller.observer.l0", "controller.coordination.preload"],
+            "objectives": [],
+            "constraints": ["mean.chatter<=1*paper"],
+            "scenarios": 4,
+            "seed": 3,
+        }
+        if words.get("ensemble", "sea") is None:
+            given["scenarios"] = None
+        return problem_of(**(given | words))
+
+    return make

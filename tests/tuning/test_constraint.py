@@ -1,0 +1,81 @@
+"""Statistics, objectives and constraints by name."""
+
+import numpy as np
+import pytest
+
+from simulation.errors import ConfigurationError
+from simulation.paper import case
+from tuning.constraint import Constraint, constraints_from
+from tuning.objective import objectives_from
+from tuning.statistic import UNMEASURED, Statistic, statistic_from
+
+
+def bound(text: str) -> Constraint:
+    return constraints_from([text], case(4), lambda statistic: 8.0 if statistic.metric == "chatter" else 0.0)[0]
+
+
+def test_statistics_look_at_the_bad_end() -> None:
+    values = np.array([1.0, 2.0, 3.0, 10.0])
+    assert Statistic("mean", "mse").over(values) == 4
+    assert Statistic("median", "mse").over(values) == 2.5
+    assert Statistic("worst", "peak_tension").over(values) == 10
+    assert Statistic("worst", "min_tension").over(values) == 1
+    assert Statistic("p95", "min_tension").over(values) == pytest.approx(np.quantile(values, 0.05))
+    assert statistic_from("mse") == Statistic("mean", "mse")
+
+
+def test_what_was_not_measured_is_bad_and_finite() -> None:
+    nothing = np.array([np.nan])
+    assert Statistic("mean", "mse").over(nothing) == UNMEASURED
+    assert Statistic("worst", "min_tension").over(nothing) == -UNMEASURED
+    assert Statistic("worst", "mse").over(np.array([1e300])) == UNMEASURED
+
+
+@pytest.mark.parametrize(
+    ("text", "limit", "at_least"),
+    [
+        ("worst.peak_tension<=6000", 6000, False),
+        ("worst.peak_tension <= 0.95*controller.coordination.tension_max", 5700, False),
+        ("mean.chatter<=0.25*paper", 2, False),
+        ("worst.min_tension>=1e2", 100, True),
+        ("slack_share<=0", 0, False),
+    ],
+)
+def test_bounds(text: str, limit: float, at_least: bool) -> None:
+    found = bound(text)
+    assert (found.bound, found.at_least) == (limit, at_least)
+
+
+def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
+    assert bound("worst.peak_tension<=6000").violation(6600) == pytest.approx(0.1)
+    assert bound("worst.peak_tension<=6000").violation(6000) == 0
+    assert bound("worst.min_tension>=100").violation(50) == pytest.approx(0.5)
+    assert bound("slack_share<=0").violation(0.02) == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("worst.peak_tension<6000", "must be STATISTIC<=BOUND"),
+        ("worst.peak_tensoin<=6000", "unknown metric 'peak_tensoin'; did you mean 'peak_tension'?"),
+        ("least.mse<=1", "unknown statistic 'least'; must be mean, median, p95, worst"),
+        ("mean.mse<=controller.coordination.tension_mx", "did you mean 'controller.coordination.tension_max'?"),
+        ("mean.mse<=controller.kind", "names no number"),
+        ("mean.mse<=nan", "'nan' must be a finite number"),
+        ("mean.mse<=x*paper", "'x' must be a finite number"),
+    ],
+)
+def test_wrong_constraints_are_one_line(text: str, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        bound(text)
+    assert message in str(caught.value)
+
+
+def test_wrong_objectives_and_repetitions_are_refused() -> None:
+    assert [one.name for one in objectives_from(["mse", "p95.chatter"])] == ["mean.mse", "p95.chatter"]
+    with pytest.raises(ConfigurationError, match="small is bad; make it a constraint"):
+        objectives_from(["worst.min_tension"])
+    with pytest.raises(ConfigurationError, match="named twice"):
+        objectives_from(["mse", "mean.mse"])
+    with pytest.raises(ConfigurationError, match="bounded twice"):
+        constraints_from(["mse<=1", "mean.mse<=2"], case(4), lambda _: 0.0)

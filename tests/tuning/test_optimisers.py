@@ -1,0 +1,71 @@
+"""Every optimiser: within the space, reproducible, better than where it started, and led by constraints."""
+
+import numpy as np
+import pytest
+
+from tests.tuning.conftest import MakeProblem
+from tuning.evaluation import Candidate, Evaluation
+from tuning.optimisers import METHODS, optimiser
+from tuning.optimisers.cma import Cma
+from tuning.problem import Problem
+from tuning.ranking import best_first
+from tuning.space import Point
+
+AVAILABLE = [method for method in METHODS if method != "gp"]  # gp needs PyTorch
+
+
+def bowl(problem: Problem, point: Point, objectives: int = 1) -> Evaluation:
+    """A bowl with its bottom at 0.7 of every range, of which only the part with a first share <= 0.6 is allowed."""
+    shares = problem.space.encoded(point)
+    height = float(((shares - 0.7) ** 2).sum())
+    values = (height, float(shares[1]))[:objectives]
+    return Evaluation(Candidate(point, ""), values, {"wall": float(shares[0] - 0.6)}, {}, {}, 1)
+
+
+def run(problem: Problem, method: str, batches: int, seed: int = 0) -> list[Evaluation]:
+    proposer, done = optimiser(method, problem, seed), []
+    for _ in range(batches):
+        fresh = [bowl(problem, point, len(problem.objectives)) for point in proposer.ask(16)]
+        proposer.tell(fresh)
+        done += fresh
+    return done
+
+
+@pytest.mark.parametrize("method", AVAILABLE)
+def test_candidates_are_within_the_space_and_reproducible(method: str, make_problem: MakeProblem) -> None:
+    problem = make_problem(space=["controller.nftsm.beta", "controller.nftsm.p/q", "controller.winch.kp"])
+    done = run(problem, method, 3)
+    assert all(d.holds(one.point[d.name]) for one in done for d in problem.space.dimensions)
+    assert [one.point for one in run(problem, method, 3)] == [one.point for one in done]
+    assert [one.point for one in run(problem, method, 3, seed=1)] != [one.point for one in done]
+
+
+@pytest.mark.parametrize(("method", "batches", "reached"), [("cmaes", 40, 0.0102), ("tpe", 20, 0.02)])
+def test_the_bottom_is_found_where_the_constraint_allows(
+    method: str, batches: int, reached: float, make_problem: MakeProblem
+) -> None:
+    """The allowed minimum is (0.6 − 0.7)² = 0.01, on the constraint."""
+    done = run(make_problem(), method, batches)
+    best = done[best_first(done)[0]]
+    assert best.feasible
+    assert 0.01 <= best.objectives[0] < reached
+
+
+def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: MakeProblem) -> None:
+    """What it has learned is a function of the trials alone, so a resumed study goes on where it was."""
+    problem = make_problem()
+    done = run(problem, "cmaes", 8)
+    resumed = Cma(problem, 5)
+    resumed.tell(done)
+    points = np.array([problem.space.encoded(point) for point in resumed.ask(64)])
+    best = problem.space.encoded(done[best_first(done)[0]].point)
+    assert np.abs(points.mean(axis=0) - best).max() < 0.15
+
+
+def test_several_objectives_have_their_methods(make_problem: MakeProblem) -> None:
+    problem = make_problem(objectives=["mean.mse", "mean.chatter"])
+    assert len({one.objectives for one in run(problem, "nsga2", 3)}) == 48
+    with pytest.raises(Exception, match="has one objective; use nsga2"):
+        optimiser("cmaes", problem, 0)
+    with pytest.raises(Exception, match="--method simplex: must be one of cmaes, tpe"):
+        optimiser("simplex", problem, 0)

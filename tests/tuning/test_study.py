@@ -1,0 +1,117 @@
+"""Studies in a journal: budget, first trials, resuming, refusals, and what a killed process leaves."""
+
+from pathlib import Path
+
+import optuna
+import pytest
+from optuna.storages.journal import JournalFileBackend
+
+from dualwinch.tuning_setup import definition_of, problem_from
+from simulation.errors import ConfigurationError
+from tests.tuning.conftest import MakeProblem
+from tuning.evaluate import Evaluator
+from tuning.evaluation import Evaluation
+from tuning.optimisers import optimiser
+from tuning.problem import Problem
+from tuning.selection import judge
+from tuning.storage import Budget, open_store
+from tuning.study import search
+
+
+def studied(
+    problem: Problem, file: Path, trials: int, *, method: str = "cmaes", resume: bool = False
+) -> list[Evaluation]:
+    store = open_store(str(file), "s", problem, definition_of(problem, method), Budget(trials), resume=resume)
+    search(problem, method, optimiser(method, problem, 0), store, Evaluator(problem))
+    found = store.finished()
+    store.close()
+    return found
+
+
+def test_a_study_has_its_trials_the_papers_gains_first_and_is_reproducible(
+    make_problem: MakeProblem, tmp_path: Path
+) -> None:
+    start = ["simulation.duration=0.1", "controller.nftsm.beta=0.2"]
+    problem = make_problem(assignments=start, scenarios=2)
+    found = studied(problem, tmp_path / "a", 37)
+    assert [one.number for one in found] == list(range(37))
+    assert [one.candidate.origin for one in found[:3]] == ["paper", "start", "cmaes"]
+    assert (found[0].point, found[1].point) == (problem.paper_point, problem.start)
+    assert min(one.objectives for one in found) < found[0].objectives
+    assert studied(problem, tmp_path / "b", 37) == found
+
+
+def test_optuna_reads_the_file_with_units_and_constraints(make_problem: MakeProblem, tmp_path: Path) -> None:
+    problem = make_problem(scenarios=4)
+    found = studied(problem, tmp_path / "a", 20)
+    backend = JournalFileBackend(str(tmp_path / "a"))
+    study = optuna.load_study(study_name="s", storage=optuna.storages.JournalStorage(backend))
+    assert {trial.state.name for trial in study.trials} == {"COMPLETE", "PRUNED"}
+    first = study.trials[0]
+    assert first.values == list(found[0].objectives)
+    assert first.constraints == found[0].violations
+    assert first.user_attrs["mean.mse [m^2]"] == found[0].objectives[0]
+    assert first.user_attrs["outcomes"] == {"completed": 4}
+
+
+def test_a_study_goes_on_when_asked_and_after_a_kill(make_problem: MakeProblem, tmp_path: Path) -> None:
+    problem, file = make_problem(scenarios=2), tmp_path / "a"
+    before = studied(problem, file, 20)
+    with pytest.raises(ConfigurationError, match="has 20 trials; go on with --resume"):
+        studied(problem, file, 30)
+    with file.open("ab") as torn:
+        torn.write(b'{"op_code":4,"worker_id"')  # a process was killed while it wrote
+    after = studied(problem, file, 30, resume=True)
+    assert len(after) == 30
+    assert after[:20] == before
+
+
+def test_another_problem_is_refused_and_the_difference_is_said(make_problem: MakeProblem, tmp_path: Path) -> None:
+    file = tmp_path / "a"
+    studied(make_problem(scenarios=1), file, 4)
+    for words, message in (
+        ({"space": ["controller.nftsm.beta=0.01:1:log"]}, "has another space: .*controller.nftsm.beta is 0.01 to 1"),
+        ({"seed": 4}, "was begun with another seed: 4 here, 3 there"),
+        ({"objectives": ["mean.mae"]}, r"another objectives: \['mean.mae'\] here"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            studied(make_problem(**({"scenarios": 1} | words)), file, 8, resume=True)
+    store = open_store(
+        str(file), "other", make_problem(), definition_of(make_problem(), "cmaes"), Budget(1), resume=False
+    )
+    with pytest.raises(ConfigurationError, match="another process is writing it"):
+        studied(make_problem(scenarios=1), file, 8, resume=True)
+    store.close()
+    (tmp_path / "text").write_text("hello\n")
+    with pytest.raises(ConfigurationError, match="no journal of a study"):
+        studied(make_problem(), tmp_path / "text", 1)
+
+
+def test_a_worker_reads_the_same_problem_from_the_definition(make_problem: MakeProblem) -> None:
+    for problem in (make_problem(), make_problem(ensemble=None, constraints=None)):
+        assert problem_from(definition_of(problem, "tpe")) == problem
+
+
+def test_time_is_a_budget(make_problem: MakeProblem, tmp_path: Path) -> None:
+    problem = make_problem(scenarios=1)
+    store = open_store(
+        str(tmp_path / "a"), "s", problem, definition_of(problem, "random"), Budget(until=0), resume=False
+    )
+    search(problem, "random", optimiser("random", problem, 0), store, Evaluator(problem))
+    assert store.count() == 0
+    store.close()
+
+
+def test_the_best_is_scored_in_scenarios_of_their_own(make_problem: MakeProblem, tmp_path: Path) -> None:
+    problem = make_problem(scenarios=2)
+    found = studied(problem, tmp_path / "a", 32)
+    verdict = judge(problem, found, Evaluator(problem), 10)
+    seen = {one.draws["disturbance.seed"] for one in problem.tuning_scenarios}  # pyright: ignore[reportAttributeAccessIssue]
+    held_out = {one.draws["disturbance.seed"] for one in problem.drawn(10, problem.seed + 2_000_000)}  # pyright: ignore[reportAttributeAccessIssue]
+    assert not seen & held_out
+    assert verdict.held_out is not None
+    assert verdict.held_out.scenarios == 10
+    assert verdict.selection is not None
+    assert verdict.selection.scenarios == 48
+    assert verdict.paper["mean.mse"] > verdict.held_out.statistics["mean.mse"]
+    assert len(verdict.held_out_metrics["paper"].outcomes[0]) == 10

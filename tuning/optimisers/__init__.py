@@ -1,0 +1,60 @@
+"""Optimisers by name. A new one is a new file with `ask` and `tell`, and one line here."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Protocol
+
+from simulation.errors import ConfigurationError
+from tuning.evaluation import Evaluation
+from tuning.optimisers.cma import Cma
+from tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, Sampler
+from tuning.problem import Problem
+from tuning.space import Point
+
+
+class Optimiser(Protocol):
+    """Proposes candidates and learns from what they came to."""
+
+    def ask(self, count: int) -> list[Point]:
+        """Candidates to evaluate next, `count` of them or fewer, at least one."""
+        ...
+
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """Learn from evaluations, whoever proposed them."""
+        ...
+
+
+Method = Callable[[Problem, int], Optimiser]
+"""Makes an optimiser for a problem from a seed."""
+
+METHODS: dict[str, Method] = {
+    "cmaes": Cma,
+    "tpe": partial(Sampler, TPE),
+    "gp": partial(Sampler, GP),
+    "nsga2": partial(Sampler, NSGA2),
+    "nsga3": partial(Sampler, NSGA3),
+    "qmc": partial(Sampler, QMC),
+    "random": partial(Sampler, RANDOM),
+}
+"""Every method by its name."""
+
+ONE_OBJECTIVE = ("cmaes",)
+"""Methods for a single objective."""
+
+
+def default_method(objectives: int) -> str:
+    """The method where nobody asks for one."""
+    return "cmaes" if objectives == 1 else "nsga2"
+
+
+def optimiser(method: str, problem: Problem, seed: int) -> Optimiser:
+    """The optimiser of a name.
+
+    Raises:
+        ConfigurationError: unknown name, one for a single objective only, or one that needs a library that is missing.
+    """
+    if method not in METHODS:
+        raise ConfigurationError(f"--method {method}: must be one of {', '.join(METHODS)}")
+    if method in ONE_OBJECTIVE and len(problem.objectives) > 1:
+        raise ConfigurationError(f"--method {method}: has one objective; use nsga2, nsga3 or tpe for several")
+    return METHODS[method](problem, seed)

@@ -1,0 +1,127 @@
+"""Optuna's samplers, each on a study in memory, so that what a candidate costs does not grow with the storage."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulation.errors import ConfigurationError
+from tuning.evaluation import Evaluation
+from tuning.problem import Problem
+from tuning.ranking import best_first
+from tuning.record import distributions, finished_trial
+from tuning.space import Point
+
+if TYPE_CHECKING:
+    import optuna
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A family of samplers.
+
+    Attributes:
+        make: the sampler, from a seed.
+        memory: evaluations it works with, at most; beyond, half of them are forgotten, the best and the latest kept.
+            0: it needs them all.
+    """
+
+    make: Callable[[int], "optuna.samplers.BaseSampler"]
+    memory: int
+
+
+class Sampler:
+    """An optimiser that asks one of Optuna's samplers."""
+
+    def __init__(self, kind: Kind, problem: Problem, seed: int) -> None:
+        """The sampler of a problem; the same seed gives the same candidates."""
+        self._kind = kind
+        self._space = problem.space
+        self._distributions = distributions(problem.space)
+        self._objectives = len(problem.objectives)
+        self._random = np.random.default_rng(seed)
+        self._known: list[Evaluation] = []
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # some of the samplers call themselves experimental
+            self._sampler = kind.make(int(self._random.integers(2**31)))
+        self._asked: dict[tuple[object, ...], optuna.Trial] = {}
+        self._begin([])
+
+    def _begin(self, kept: Sequence[Evaluation]) -> None:
+        import optuna
+
+        self._study = optuna.create_study(
+            directions=[optuna.study.StudyDirection.MINIMIZE] * self._objectives, sampler=self._sampler
+        )
+        self._asked.clear()
+        self._study.add_trials([finished_trial(one, self._space) for one in kept])
+        self._known = list(kept)
+
+    def ask(self, count: int) -> list[Point]:
+        """Candidates, each sampled with those still under way in mind."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            trials = [self._study.ask(self._distributions) for _ in range(count)]
+        points = [{name: trial.params[name] for name in self._distributions} for trial in trials]
+        self._asked |= {tuple(point.values()): trial for point, trial in zip(points, trials, strict=True)}
+        return points
+
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """Learn from evaluations, and forget half where the sampler has a short memory."""
+        for one in evaluations:
+            trial = self._asked.pop(tuple(one.point[name] for name in self._distributions), None)
+            if trial is None:
+                self._study.add_trial(finished_trial(one, self._space))
+            else:
+                self._finish(trial, one)
+        self._known += evaluations
+        if self._kind.memory and len(self._known) > self._kind.memory and not self._asked:
+            self._begin(_remembered(self._known, self._kind.memory // 2))
+
+    def _finish(self, trial: "optuna.Trial", one: Evaluation) -> None:
+        import optuna
+
+        for name, violation in one.violations.items():
+            trial.set_constraint(name, violation)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if one.pruned:
+                trial.report(one.objectives[0], one.scenarios)
+                self._study.tell(trial, state=optuna.trial.TrialState.PRUNED)
+            else:
+                self._study.tell(trial, list(one.objectives))
+
+
+def _remembered(known: Sequence[Evaluation], count: int) -> list[Evaluation]:
+    """The best and the latest, half of each, in their order."""
+    kept = set(best_first(known)[: count // 2])
+    kept |= set([place for place in range(len(known)) if place not in kept][-(count - len(kept)) :])
+    return [known[place] for place in sorted(kept)]
+
+
+def _gp(seed: int) -> "optuna.samplers.BaseSampler":
+    import importlib.util
+
+    import optuna
+
+    if importlib.util.find_spec("torch") is None:
+        raise ConfigurationError("--method gp: needs PyTorch, `pip install torch`")
+    return optuna.samplers.GPSampler(seed=seed, deterministic_objective=True)
+
+
+def _named(name: str, **settings: Any) -> Callable[[int], "optuna.samplers.BaseSampler"]:
+    def make(seed: int) -> "optuna.samplers.BaseSampler":
+        import optuna
+
+        return getattr(optuna.samplers, name)(seed=seed, **settings)
+
+    return make
+
+
+TPE = Kind(_named("TPESampler", n_startup_trials=20), 256)
+GP = Kind(_gp, 128)
+NSGA2, NSGA3 = Kind(_named("NSGAIISampler"), 0), Kind(_named("NSGAIIISampler"), 0)
+QMC = Kind(_named("QMCSampler", scramble=True, warn_independent_sampling=False), 256)
+RANDOM = Kind(_named("RandomSampler"), 256)

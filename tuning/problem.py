@@ -1,0 +1,151 @@
+"""A tuning problem: what varies, in which scenarios, what is minimised and what must be kept to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from controllers.controller import Controller
+from model.quantity import with_leaves
+from simulation.batch import NOT_RUN, BatchResult, rollout
+from simulation.check import check
+from simulation.ensemble import Ensemble, Scenario
+from simulation.errors import ConfigurationError
+from simulation.experiment import Experiment
+from tuning.constraint import Constraint, constraints_from
+from tuning.objective import objectives_from
+from tuning.space import Point, Space
+from tuning.statistic import Statistic, statistic_from
+
+SELECTION, HELD_OUT = 1_000_000, 2_000_000
+"""Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
+
+REPORTED = (
+    "mean.mse",
+    "mean.chatter",
+    "worst.peak_tension",
+    "worst.min_tension",
+    "mean.slack_share",
+    "mean.saturated_share",
+    "mean.continuous_load",
+)
+"""Statistics kept of every candidate, beside objectives and constraints."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A tuning problem.
+
+    Attributes:
+        experiment: structure and values of everything that is not tuned; its gains are where the search starts.
+        ensemble: what scenarios are drawn from; ``None``: the experiment is the only one.
+        space: what varies.
+        objectives: names of statistics to minimise.
+        constraints: texts, as in `tuning.constraint`.
+        scenarios: number of scenarios a candidate is tuned on.
+        seed: of the tuning scenarios.
+    """
+
+    experiment: Experiment
+    ensemble: Ensemble | None
+    space: Space
+    objectives: tuple[str, ...]
+    constraints: tuple[str, ...]
+    scenarios: int
+    seed: int
+
+    def check(self) -> None:
+        """Find out now whether the start makes sense.
+
+        Raises:
+            ConfigurationError: values that do not fit together, or a start outside of the bounds.
+        """
+        check(self.experiment)
+        for dimension in self.space.dimensions:
+            start = self.start[dimension.name]
+            if not dimension.holds(start):
+                keys = " and ".join(dimension.keys)
+                shown = start if isinstance(start, str) else f"{start:g}"
+                raise ConfigurationError(
+                    f"infeasible start: {keys} = {shown} is outside of the space, {dimension.allowed}; "
+                    "widen the bounds, or start elsewhere with --set"
+                )
+
+    @property
+    def start(self) -> Point:
+        """The experiment's own gains."""
+        return self.space.start(self.experiment)
+
+    @property
+    def paper_point(self) -> Point:
+        """The paper's gains, as near as the space allows."""
+        return self.space.nearest(self.space.start(self.paper_experiment))
+
+    @cached_property
+    def paper_experiment(self) -> Experiment:
+        """The experiment with the paper's controller and gains: no estimator, differential tension."""
+        ours = self.experiment.controller
+        return replace(self.experiment, controller=Controller(kind=ours.kind, estimator="none", nominal=ours.nominal))
+
+    def tuned(self, point: Point) -> Experiment:
+        """The experiment with a candidate's gains."""
+        return with_leaves(self.experiment, self.space.settings(point))
+
+    @cached_property
+    def minimised(self) -> tuple[Statistic, ...]:
+        """The objectives."""
+        return objectives_from(self.objectives)
+
+    @cached_property
+    def bounded(self) -> tuple[Constraint, ...]:
+        """The constraints; one relative to the paper's gains costs a rollout of those."""
+        return constraints_from(self.constraints, self.experiment, self._paper_value)
+
+    @cached_property
+    def reported(self) -> tuple[Statistic, ...]:
+        """Every statistic that is kept of a candidate, without repetition."""
+        used = (*self.minimised, *(one.statistic for one in self.bounded))
+        return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED))))
+
+    def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
+        """Scenarios of the ensemble, or the experiment alone.
+
+        Args:
+            count: how many.
+            seed: of the draws.
+            experiment: other nominal values than the problem's, such as those of the paper's gains.
+        """
+        nominal = experiment or self.experiment
+        if self.ensemble is None:
+            return (nominal,)
+        return tuple(replace(self.ensemble, experiment=nominal).scenarios(count, seed))
+
+    @cached_property
+    def tuning_scenarios(self) -> tuple[Experiment | Scenario, ...]:
+        """What every candidate is tried in: the same for all."""
+        return self.drawn(self.scenarios, self.seed)
+
+    @cached_property
+    def paper_result(self) -> BatchResult:
+        """The paper's gains in the tuning scenarios."""
+        return run_pairs([], [[]], self.drawn(self.scenarios, self.seed, self.paper_experiment))
+
+    def _paper_value(self, statistic: Statistic) -> float:
+        done = self.paper_result.outcomes[0] == "completed"
+        return statistic.over(self.paper_result.metrics[statistic.metric][0, done])
+
+
+def run_pairs(
+    keys: Sequence[str],
+    parameters: Sequence[Sequence[float]],
+    scenarios: Sequence[Experiment | Scenario],
+    threads: int | None = None,
+) -> BatchResult:
+    """`rollout`, but an interrupt is raised, for half a batch is of no use here.
+
+    Raises:
+        KeyboardInterrupt: it was interrupted.
+    """
+    result = rollout(keys, parameters, scenarios, threads=threads)
+    if (result.outcomes == NOT_RUN).any():
+        raise KeyboardInterrupt
+    return result

@@ -1,0 +1,95 @@
+"""Which trial is the best, and what it is worth: chosen in scenarios of their own, scored in others never seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from simulation.batch import BatchResult
+from tuning.evaluate import Evaluator
+from tuning.evaluation import Candidate, Evaluation
+from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
+from tuning.ranking import best_first, pareto_front
+
+FINALISTS, SELECTION_SCENARIOS = 16, 48
+"""Trials among which the best is chosen, and the scenarios in which."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The best of a study and its score.
+
+    Attributes:
+        best: as it was tuned.
+        selection: the best in the selection scenarios; ``None`` without an ensemble.
+        held_out: the best in scenarios that neither search nor selection saw; ``None`` without an ensemble.
+        held_out_metrics: ``best`` and ``paper`` → figures of merit of every held-out scenario.
+        paper: statistics of the paper's gains, by name, in the held-out scenarios, or in the only one there is.
+    """
+
+    best: Evaluation
+    selection: Evaluation | None
+    held_out: Evaluation | None
+    held_out_metrics: dict[str, BatchResult]
+    paper: dict[str, float]
+
+
+def rollouts_needed(problem: Problem, held_out: int) -> int:
+    """Rollouts that `judge` makes, at most."""
+    return FINALISTS * SELECTION_SCENARIOS + 2 * held_out if problem.ensemble else 1
+
+
+def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, held_out: int) -> Verdict:
+    """Choose the best trial and score it.
+
+    The finalists are the best in the tuning scenarios. Keeping to a constraint in a few scenarios is a promise, so the
+    one is chosen that is best in more of them.
+
+    Args:
+        problem: gives scenarios, objectives and constraints.
+        trials: finished trials, at least one.
+        evaluator: runs them.
+        held_out: number of held-out scenarios.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    order = best_first(trials)
+    if problem.ensemble is None:
+        return Verdict(trials[order[0]], None, None, {}, statistics(problem, problem.paper_result))
+    finalists = [trials[place] for place in order if not trials[place].pruned][:FINALISTS]
+    if len(problem.objectives) > 1:
+        front = [trials[place] for place in pareto_front(trials)][:FINALISTS]
+        finalists = front or finalists
+    chosen = evaluator.over(
+        [one.candidate for one in finalists], problem.drawn(SELECTION_SCENARIOS, problem.seed + SELECTION)
+    )
+    place = best_first(chosen)[0]
+    best = finalists[place]
+    seed = problem.seed + HELD_OUT
+    ours = _run(problem, best.candidate, held_out, seed)
+    paper = run_pairs([], [[]], problem.drawn(held_out, seed, problem.paper_experiment))
+    return Verdict(
+        best=best,
+        selection=replace(chosen[place], number=best.number),
+        held_out=evaluator.judged(best.candidate, ours),
+        held_out_metrics={"best": ours, "paper": paper},
+        paper=statistics(problem, paper),
+    )
+
+
+def statistics(problem: Problem, result: BatchResult) -> dict[str, float]:
+    """Every reported statistic of the first row of a result."""
+    done = result.outcomes[0] == "completed"
+    return {one.name: one.over(result.metrics[one.metric][0, done]) for one in problem.reported}
+
+
+def improvement(verdict: Verdict, name: str) -> float:
+    """How many times a statistic of the best is below that of the paper's gains, where they were scored."""
+    scored = verdict.held_out or verdict.best
+    ours = scored.statistics[name]
+    return verdict.paper[name] / ours if ours else np.inf
+
+
+def _run(problem: Problem, candidate: Candidate, count: int, seed: int) -> BatchResult:
+    return run_pairs(problem.space.keys, [problem.space.parameters(candidate.point)], problem.drawn(count, seed))
