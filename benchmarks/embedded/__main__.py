@@ -29,7 +29,7 @@ def main() -> int:
         return 1
     print(text)
     if chosen.write:
-        put(chosen.write, "benchmarks", text)
+        put(chosen.write, "table", text)
     return 0
 
 
