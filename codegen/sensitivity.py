@@ -37,7 +37,7 @@ def sensitivity_source(
 ) -> str:
     """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`."""
     by_gains = {"state": Tangents("state_tangent"), "parameters": Tangents("direction", gains)}
-    joints = joined.numel_out("returned")
+    joints = joined.numel_out("returned") if "returned" in joined.name_out() else 0
     spreads = {"SPREAD_SAMPLE": spread(system.sample, joined, by_gains, ["discrete", "held"], joints)}
     if system.leap and smooth.leap:
         between = {"motion": Tangents("motion_tangent"), "held": Tangents("held_tangent")}
