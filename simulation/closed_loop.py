@@ -6,6 +6,7 @@ from typing import Annotated
 
 import casadi as ca
 
+from codegen.expressions import BUILDING
 from codegen.sampled import Sampled
 from controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from controllers.coordination import Coordination
@@ -132,6 +133,11 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts:
             ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``, of
             `sample`.
     """
+    with BUILDING:
+        return _closed_loop(structure, zeros, cuts)
+
+
+def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
     template = Experiment(
         plant=Plant(rope_slack=structure.rope_slack),
         controller=Controller(
