@@ -94,7 +94,7 @@ def test_tension_is_never_negative_in_the_papers_cases(number: int, kind: str, p
 
 
 def but_zero(value: float) -> float:
-    """The smallest number in zero's place: zeros are left out of the compiled code, so that each set of them has its own."""
+    """The smallest number in zero's place: each set of zeros has compiled code of its own, without what they multiply."""
     return value or 5e-324
 
 
