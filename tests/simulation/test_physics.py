@@ -94,7 +94,7 @@ def test_tension_is_never_negative_in_the_papers_cases(number: int, kind: str, p
 
 
 def but_zero(value: float) -> float:
-    """The smallest number in zero's place: each set of zeros has compiled code of its own, without what they multiply."""
+    """The smallest number in zero's place: each set of zeros has compiled code of its own."""
     return value or 5e-324
 
 
