@@ -15,7 +15,7 @@ from simulation.ensemble_collector import TRACED, Collector, Finished
 from simulation.ensemble_result import EnsembleResult
 from simulation.errors import ConfigurationError
 from simulation.simulate import simulate
-from simulation.structure import structure_of
+from simulation.structure import parameters_of, structure_of, zeros_of
 
 POINTS = 500
 """Instants of a trace."""
@@ -45,9 +45,8 @@ def rollout_scenarios(
     waiting: deque[Future[Finished]] = deque()
     pool = ThreadPoolExecutor(threads)
     try:
-        for number, scenario in enumerate(scenarios):
-            if not number:
-                engine(closed_loop(structure_of(scenario.experiment)))  # compiled once, before the threads want it
+        for scenario in scenarios:
+            _compile(scenario)
             waiting.append(pool.submit(_run, scenario, points))
             if len(waiting) >= AHEAD * threads:
                 yield waiting.popleft().result()
@@ -55,6 +54,12 @@ def rollout_scenarios(
             yield waiting.popleft().result()
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _compile(scenario: Scenario) -> None:
+    """What `_run` will ask for, made before the threads want it: CasADi builds expressions in one thread only."""
+    zeros = zeros_of(parameters_of(scenario.experiment, scenario.nominal))
+    engine(closed_loop(structure_of(scenario.experiment), zeros))
 
 
 def _run(scenario: Scenario, points: int) -> Finished:
