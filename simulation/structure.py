@@ -64,6 +64,14 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
     return {key: float(value) for key, value in values.items()}
 
 
+SWITCHES_OFF = ("plant.", "nominal.", "sensors.", "disturbance.", "controller.winch_1.kd", "controller.winch_2.kd")
+"""Parameters that are often zero for good, by what their names begin with: each choice of zeros is code of its own."""
+
+
 def zeros_of(*parameters: Mapping[str, float]) -> frozenset[str]:
-    """The parameters that are zero in all of these: what they multiply can be left out of the compiled code."""
-    return frozenset(name for name in parameters[0] if not any(values[name] for values in parameters))
+    """Parameters that are zero in all of these: what they multiply can be left out of the compiled code."""
+    return frozenset(
+        name
+        for name in parameters[0]
+        if name.startswith(SWITCHES_OFF) and not any(values[name] for values in parameters)
+    )
