@@ -64,7 +64,15 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
     return {key: float(value) for key, value in values.items()}
 
 
-SWITCHES_OFF = ("plant.", "nominal.", "sensors.", "disturbance.", "controller.winch_1.kd", "controller.winch_2.kd")
+SWITCHES_OFF = (
+    "plant.",
+    "nominal.",
+    "sensors.",
+    "disturbance.",
+    "controller.speed_filter_time",
+    "controller.winch_1.kd",
+    "controller.winch_2.kd",
+)
 """Parameters that are often zero for good, by what their names begin with: each choice of zeros is code of its own."""
 
 
