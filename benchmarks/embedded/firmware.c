@@ -31,7 +31,7 @@ typedef struct {
 static OF(_input) inputs[SAMPLES];
 static result results[SAMPLES];
 static struct {
-  uint32_t empty_call, stack;
+  uint32_t empty_call, stack, after_change;
 } summary;
 
 static OF(_state) state;
@@ -91,6 +91,10 @@ static __attribute__((noinline)) void run(void) {
   }
   for (deepest = here - DEPTH; *deepest == PAINT;) ++deepest;
   summary.stack = (uint32_t)((char *)here - (char *)deepest);
+#if !FROZEN
+  *(OF(_real) *)(void *)&parameters *= 1.01f;
+#endif
+  summary.after_change = ticks_of(step, inputs + SAMPLES - 1);
 }
 
 void start(void) {

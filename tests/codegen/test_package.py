@@ -133,6 +133,25 @@ def test_single_precision_stays_within_its_band_over_case_4(hosts) -> None:
         assert 0 < worst < band
 
 
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_the_kalman_gain_is_worked_out_when_parameters_change_and_only_then(tmp_path: Path, precision: str) -> None:
+    made = block("controller", with_leaves(case(4), {"controller.estimator": "kalman"}))
+    source = c_package(made, made.name, ABOUT, precision)
+    assert len(source["controller.c"].split("static void evaluate")[1].splitlines()) < 600
+    library = build(tmp_path, source, made.name, find_compiler().command, *(PRECISE if precision == "float" else ()))
+    host, noise = Host(library, made.name, made, precision), place(made, "parameters", "controller.kalman.speed_noise")
+    states, inputs = plausible(made, 60)
+    tolerance = {"double": 1e-12, "float": 1e-3}[precision]
+    for k, (state, given) in enumerate(zip(states, inputs, strict=True)):
+        host.parameters[noise] = 2e-3 * (1 + k // 20)
+        host.state[: len(state)], host.input[:] = state, given
+        assert host.step() == 0
+        expected = interpreted(made, state[None], given[None], host.parameters.astype(float))[0]
+        np.testing.assert_allclose(host.state, expected, rtol=tolerance, atol=tolerance)
+    host.parameters[:] = np.nan
+    assert host.step() == 2
+
+
 def test_what_is_not_finite_is_refused_and_changes_nothing(hosts) -> None:
     host = hosts("controller")
     host.input[0], host.input[4] = 10.0, 10.01
@@ -189,7 +208,7 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
         parts = ["init", "reset", "rest", "step"] + ([] if freeze else ["defaults"])
         assert shown == {f"{made.name}_{part}" for part in parts}
         assert not {symbol for kind, symbol in found if kind in "bBdDC"}  # no variable outlives a call
-        needed = {symbol for kind, symbol in found if kind == "U"} - {"memcpy", "memset", "__stack_chk_fail"}
+        needed = {symbol for kind, symbol in found if kind == "U"} - {"memcmp", "memcpy", "memset", "__stack_chk_fail"}
         needed.discard("_GLOBAL_OFFSET_TABLE_")
         allowed = {"exp", "log", "sin", "sqrt", "tanh", "floor"}
         assert needed <= ({f"{one}f" for one in allowed} if precision == "float" else allowed)
