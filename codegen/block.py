@@ -42,7 +42,7 @@ class Block:
         sample_time: in s, where the parameters do not say otherwise.
         output: ``output(state, parameters) -> output``, of a block whose output does not depend on its input.
         derivative: ``derivative(state, input, parameters) -> (dx, output)``, of a block that is sampled from a
-            continuous one.
+            continuous one. The states come first that are continuous; what an integrator keeps for itself follows.
     """
 
     name: str
@@ -56,3 +56,8 @@ class Block:
     sample_time: float
     output: ca.Function | None = None
     derivative: ca.Function | None = None
+
+    @property
+    def continuous(self) -> tuple[Variable, ...]:
+        """The states that have a derivative."""
+        return self.states[: self.derivative.numel_out("dx")] if self.derivative else ()

@@ -23,8 +23,8 @@ Scalars: TypeAlias = dict[str, Scalar]
 Facts: TypeAlias = dict[str, tuple[Quantity, tuple[float, float]]]
 """Variable name → what it is and the range it may take."""
 
-MEMORY = ("phase", "slow")
-"""What moves beside the plant's own state."""
+PHASE, SAMPLE, SLOW = "phase", "sample", "slow"
+"""What moves beside the plant's own state; the last is an integrator's memory and no part of the continuous plant."""
 
 ANY = (-np.inf, np.inf)
 SAMPLE_NUMBER = Quantity("1", "number of the sample"), ANY
@@ -39,7 +39,7 @@ class Equations:
         initial, next_state, output: expressions by name; `output` may depend on the input.
         about: what states, inputs and outputs are.
         output_now: the output from the state before the step, where it does not depend on the input.
-        derivative: of the state by time, of a continuous system.
+        derivative: by time of the states that are continuous, which come first; of a continuous system.
     """
 
     state: Scalars
@@ -101,12 +101,12 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
 def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the plant as `simulate` integrates it, and its time derivative."""
     controller, plant, _ = _symbolic(experiment, symbols)
-    state = _new((*describe(PlantState), *MEMORY, "sample"))
+    state = _new((*describe(PlantState), PHASE, SAMPLE, SLOW))
     torques, sea = _new(describe(Torques)), _new(describe(Environment))
     sample_time = symbols["simulation.sample_time"]
     motion = with_leaves(Motion(PlantState(0, 0, 0, 0, 0, 0)), {f"plant.{name}": state[name] for name in state} | state)
     problem = Problem(
-        t=state["sample"] * sample_time,
+        t=state[SAMPLE] * sample_time,
         duration=sample_time,
         torques=Torques(**torques),
         environment=Environment(**sea),
@@ -122,16 +122,15 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
 
     states = (
         _facts(describe_parts(motion.plant))
-        | _facts({name: describe_parts(motion)[name] for name in MEMORY})
-        | {"sample": SAMPLE_NUMBER}
+        | _facts({name: describe_parts(motion)[name] for name in (PHASE, SLOW)})
+        | {SAMPLE: SAMPLE_NUMBER}
     )
     return Equations(
         state=state,
         input=torques | sea,
-        initial=leaves(resting_state(controller.coordination.preload, plant)) | dict.fromkeys((*MEMORY, "sample"), 0.0),
+        initial=leaves(resting_state(controller.coordination.preload, plant)) | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
         next_state=leaves(moved.plant)
-        | {name: getattr(moved, name) for name in MEMORY}
-        | {"sample": state["sample"] + 1},
+        | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
         output=output(moved.plant),
         about=(
             states,
@@ -139,7 +138,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
             states | {name: (COLUMNS[name], ANY) for name in ("F1", "F2")},
         ),
         output_now=output(motion.plant),
-        derivative=leaves(slope.plant) | {name: getattr(slope, name) for name in MEMORY} | {"sample": 1 / sample_time},
+        derivative=leaves(slope.plant) | {PHASE: slope.phase, SAMPLE: 1 / sample_time},
     )
 
 

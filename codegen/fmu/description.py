@@ -18,6 +18,10 @@ CAUSALITY = {
 """Causality, variability and initial of each role."""
 
 
+TOLERANCE = 1e-8
+"""Relative tolerance proposed to a solver: what matters may be a small difference of large states."""
+
+
 @dataclass(frozen=True)
 class About:
     """What a model description says beside the block.
@@ -39,8 +43,13 @@ def number(value: float) -> str:
 
 
 def listed(model: FmuModel) -> tuple[Signal, ...]:
-    """The variables a model description shows: derivatives only with model exchange."""
-    return tuple(one for one in model.signals if one.role != "derivative" or model.flows)
+    """The variables a model description shows.
+
+    Derivatives only with model exchange, and what an integrator keeps for itself only with co-simulation.
+    """
+    continuous = {one.state for one in model.of("derivative")}
+    shown = {"derivative": model.flows, "state": model.steps}
+    return tuple(one for one in model.signals if shown.get(one.role, True) or one.reference in continuous)
 
 
 def root(model: FmuModel, about: About, **attributes: str) -> Element:
@@ -83,6 +92,7 @@ def add_experiment(parent: Element, model: FmuModel, about: About) -> None:
         "DefaultExperiment",
         startTime="0.0",
         stopTime=number(about.stop_time),
+        **({"tolerance": number(TOLERANCE)} if model.flows else {}),
         stepSize=number(model.block.sample_time),
     )
 

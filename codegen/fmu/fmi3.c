@@ -187,7 +187,7 @@ EXPORT fmi3Status FMI(fmi3GetNominalsOfContinuousStates)(fmi3Instance c, fmi3Flo
 
 EXPORT fmi3Status FMI(fmi3GetNumberOfContinuousStates)(fmi3Instance c, size_t *n) {
   (void)c;
-  *n = STATES;
+  *n = DERIVATIVES;
   return STATUS_OK;
 }
 
