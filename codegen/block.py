@@ -17,6 +17,8 @@ class Variable:
         start: value at the start; of a parameter, its value.
         lower, upper: range it is made for; infinite where there is none.
         source: where its value comes from, as far as known.
+        nominal: of a state, its size beside the others, by which a solver scales its tolerance.
+        exclusive: whether `lower` itself is outside the range.
     """
 
     name: str
@@ -26,6 +28,8 @@ class Variable:
     lower: float = -math.inf
     upper: float = math.inf
     source: str = ""
+    nominal: float = 1.0
+    exclusive: bool = False
 
 
 @dataclass(frozen=True)

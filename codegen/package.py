@@ -152,7 +152,8 @@ def _bodies(
 def _comment(variable: Variable, *, value: bool = False) -> str:
     """What a comment says of a variable."""
     lower, upper = variable.lower, variable.upper
-    bounds = [f"min {lower:g}"] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
+    least = f"> {lower:g}" if variable.exclusive else f"min {lower:g}"
+    bounds = [least] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
     words = [f"[{variable.unit}] {variable.description}", *bounds]
     if value:
         words.append(f"{variable.start!r}" + (f" ({variable.source})" if variable.source else ""))

@@ -1,7 +1,8 @@
 """Equations of controller, plant and closed loop over symbols, from the functions that `simulate` runs."""
 
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import casadi as ca
@@ -12,6 +13,7 @@ from controllers.signals import Measurement
 from model.plant import Environment, Plant, PlantState, Torques, resting_state, tensions
 from model.quantity import Leaf, Quantity, describe, describe_parts, leaves, with_leaves
 from model.reference import Setpoint
+from model.rope import rope_lengths, stiffness
 from model.scalar import Scalar
 from simulation.closed_loop import Exogenous, closed_loop, initial_loop_state, starting_state
 from simulation.experiment import Experiment
@@ -39,6 +41,7 @@ class Equations:
         initial, next_state, output: expressions by name; `output` may depend on the input.
         about: what states, inputs and outputs are.
         output_now: the output from the state before the step, where it does not depend on the input.
+        nominal: sizes of states beside the others, where they are not 1.
         derivative: by time of the states that are continuous, which come first; of a continuous system.
     """
 
@@ -50,6 +53,7 @@ class Equations:
     about: tuple[Facts, Facts, Facts]
     output_now: Scalars | None = None
     derivative: Scalars | None = None
+    nominal: dict[str, float] = field(default_factory=dict)
 
 
 def _symbolic(experiment: Experiment, symbols: Scalars) -> tuple[Controller, Plant, Plant]:
@@ -139,7 +143,21 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         ),
         output_now=output(motion.plant),
         derivative=leaves(slope.plant) | {PHASE: slope.phase, SAMPLE: 1 / sample_time},
+        nominal=_swings(experiment.plant),
     )
+
+
+def _swings(plant: Plant) -> dict[str, float]:
+    """Size of each speed beside its position: the frequency in rad/s of the ropes' swing amid the track, in decades.
+
+    A solver that allows both the same error would ask more of the speeds than the positions can give.
+    """
+    lengths = rope_lengths(plant.track.length / 2, plant.track)
+    rates = [stiffness(length, rope) for length, rope in zip(lengths, (plant.rope_1, plant.rope_2), strict=True)]
+    squares = {"v": sum(rates) / plant.vehicle.mass}
+    for number, rate, winch in zip((1, 2), rates, (plant.winch_1, plant.winch_2), strict=True):
+        squares[f"omega_{number}"] = rate * winch.drum_radius**2 / winch.inertia
+    return {name: 10.0 ** round(math.log10(square) / 2) for name, square in squares.items()}
 
 
 def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:

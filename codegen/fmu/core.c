@@ -196,6 +196,12 @@ static Status set_states(Instance *instance, const double state[], size_t count)
   return STATUS_OK;
 }
 
+static Status get_nominals(Instance *instance, double nominals[], size_t count) {
+  if (count != DERIVATIVES) return complain(instance, STATUS_ERROR, "wrong number of continuous states", "");
+  memcpy(nominals, nominal, DERIVATIVES * sizeof *nominals);
+  return STATUS_OK;
+}
+
 static Status get_vector(Instance *instance, unsigned int first, double wanted[], size_t count) {
   if (count != DERIVATIVES) return complain(instance, STATUS_ERROR, "wrong number of continuous states", "");
   settle(&instance->memory);

@@ -18,7 +18,7 @@ CAUSALITY = {
 """Causality, variability and initial of each role."""
 
 
-TOLERANCE = 1e-8
+TOLERANCE = 1e-9
 """Relative tolerance proposed to a solver: what matters may be a small difference of large states."""
 
 
@@ -101,6 +101,8 @@ def value_attributes(signal: Signal) -> dict[str, str]:
     """Unit, range and start value."""
     variable = signal.variable
     attributes = {} if variable.unit in {"", "1"} else {"unit": variable.unit}
+    if signal.role == "state" and variable.nominal != 1:
+        attributes["nominal"] = number(variable.nominal)
     if signal.role in {"input", "parameter"}:
         if math.isfinite(variable.lower):
             attributes["min"] = number(variable.lower)
@@ -113,10 +115,12 @@ def value_attributes(signal: Signal) -> dict[str, str]:
 def variable_attributes(signal: Signal) -> dict[str, str]:
     """Name, value reference, description and the role in FMI's words."""
     causality, variability, initial = CAUSALITY[signal.role]
+    variable = signal.variable
+    beyond = f" (greater than {variable.lower:g})" if variable.exclusive else ""  # FMI's min includes itself
     attributes = {
         "name": signal.name,
         "valueReference": str(signal.reference),
-        "description": signal.variable.description,
+        "description": variable.description + beyond,
         "causality": causality,
         "variability": variability,
     }
