@@ -130,9 +130,7 @@ def templates(precision: Precision) -> Environment:
     return environment
 
 
-def _bodies(
-    block: Block, apart: tuple[ca.Function, ca.Function] | None, precision: Precision
-) -> dict[str, str]:
+def _bodies(block: Block, apart: tuple[ca.Function, ca.Function] | None, precision: Precision) -> dict[str, str]:
     places = {
         "state": ("state->", block.states),
         "input": ("input->", block.inputs),

@@ -132,9 +132,9 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     return Equations(
         state=state,
         input=torques | sea,
-        initial=leaves(resting_state(controller.coordination.preload, plant)) | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
-        next_state=leaves(moved.plant)
-        | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
+        initial=leaves(resting_state(controller.coordination.preload, plant))
+        | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
+        next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
         output=output(moved.plant),
         about=(
             states,

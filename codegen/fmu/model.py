@@ -120,7 +120,9 @@ class FmuModel:
         found = {
             unknown.reference: [one.reference for one, used in zip(knowns, row, strict=True) if used]
             for unknown, row in zip(unknowns, self.functions.at_start, strict=True)
-            if unknown.role == "output" or self.flows and (unknown.role == "derivative" or unknown.reference in continuous)
+            if unknown.role == "output"
+            or self.flows
+            and (unknown.role == "derivative" or unknown.reference in continuous)
         }
         return dict(sorted(found.items()))
 
