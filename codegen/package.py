@@ -13,7 +13,6 @@ from codegen.c_body import PRECISIONS, Precision, c_body, literal, member
 from codegen.errors import CodegenError
 from codegen.hoist import hoisted
 
-
 WORTHWHILE = 0.25
 """Share of a step's operations that must depend on the parameters alone for a package to keep their results."""
 

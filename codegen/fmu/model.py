@@ -117,12 +117,13 @@ class FmuModel:
         unknowns = (*self.of("state"), *self.of("derivative"), *self.of("output"))
         continuous = {one.state for one in self.of("derivative")}
         knowns = (*self.of("input"), *self.of("parameter"))
+        wanted = {one.reference for one in self.of("output")}
+        if self.flows:
+            wanted |= continuous | {one.reference for one in self.of("derivative")}
         found = {
             unknown.reference: [one.reference for one, used in zip(knowns, row, strict=True) if used]
             for unknown, row in zip(unknowns, self.functions.at_start, strict=True)
-            if unknown.role == "output"
-            or self.flows
-            and (unknown.role == "derivative" or unknown.reference in continuous)
+            if unknown.reference in wanted
         }
         return dict(sorted(found.items()))
 

@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -27,6 +26,7 @@ from simulation.environment import exogenous_signals
 from simulation.experiment import Experiment
 from simulation.paper import case
 from simulation.simulate import simulate
+from tests.stepping import interpreted, plausible, values
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
 
@@ -38,10 +38,6 @@ def of(what: str) -> Block:
 
 def place(block: Block, vector: str, name: str) -> int:
     return [variable.name for variable in getattr(block, vector)].index(name)
-
-
-def values(variables) -> np.ndarray:
-    return np.array([variable.start for variable in variables])
 
 
 @pytest.fixture(scope="module")
@@ -59,24 +55,6 @@ def hosts(tmp_path_factory):
         return Host(libraries[key], made.name, made, precision, freeze=freeze)
 
     return new
-
-
-def interpreted(made: Block, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    """Next states and outputs (n, states + outputs) by CasADi's interpreter."""
-    following, outputs = made.step.map(len(states))(states.T, inputs.T, ca.repmat(ca.DM(parameters), 1, len(states)))
-    return np.hstack([np.array(following).T, np.array(outputs).T])
-
-
-def plausible(made: Block, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Random states and inputs around those of a run."""
-    random = np.random.default_rng(5)
-    spread = {"m": 20.0, "rad": 25.0, "m/s": 1.0, "rad/s": 2.0, "N": 2000.0, "N m": 40.0, "N s": 500.0, "1": 1.0}
-
-    def draws(variables) -> np.ndarray:
-        scale = np.array([spread.get(variable.unit, 0.1) for variable in variables])
-        return values(variables) + scale * random.standard_normal((samples, len(variables)))
-
-    return draws(made.states), draws(made.inputs)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
