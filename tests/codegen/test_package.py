@@ -223,6 +223,21 @@ def test_the_closed_loop_runs_clean_under_sanitizers(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.parametrize("what", ["controller", "plant"])
+def test_valgrind_finds_nothing(what: str, tmp_path: Path) -> None:
+    valgrind, gcc = shutil.which("valgrind"), shutil.which("gcc")
+    if valgrind is None or gcc is None:
+        pytest.skip("no valgrind")
+    made = block(what, with_leaves(case(4), {"controller.estimator": "kalman"}))
+    for file, text in c_package(made, made.name, ABOUT).items():
+        (tmp_path / file).write_text(text)
+    command = [gcc, *STRICT, "-O1", "-g", "main.c", f"{made.name}.c", "-lm", "-o", "example"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    command = [valgrind, "--quiet", "--error-exitcode=9", "--leak-check=full", tmp_path / "example"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_cmake_builds_the_package(tmp_path: Path) -> None:
     if shutil.which("cmake") is None:
         pytest.skip("no cmake")

@@ -1,6 +1,7 @@
 """FMUs of the controller, the plant and the closed loop in the hands of FMPy and CasADi's importer."""
 
 import re
+import shutil
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -266,6 +267,25 @@ def test_what_makes_no_sense_is_refused_and_changes_nothing(version: int, export
     with pytest.raises(FMICallException):  # a state beyond all numbers is an error, never a NaN
         plant.step(1000)
     assert np.isfinite(plant.get(*STATE)).all()
+
+
+@pytest.mark.parametrize("what", ["controller", "plant"])
+def test_fuzzing_finds_no_trap_no_value_that_is_not_finite_and_no_torque_beyond_its_limits(
+    what: str, exported: Exported, tmp_path: Path
+) -> None:
+    gcc = shutil.which("gcc")
+    if gcc is None:
+        pytest.skip("needs gcc with its sanitizers")
+    with ZipFile(exported(what, 2)) as files:
+        source = files.read(f"sources/dualwinch_{what}.c").decode()
+    fuzzer = Path(__file__).parents[1] / "codegen" / "fmu_fuzz.c"
+    (tmp_path / "fuzz.c").write_text(f"#include <stdint.h>\n{source}{fuzzer.read_text()}")
+    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    strict = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1")
+    subprocess.run([gcc, *strict, *sanitizers, "fuzz.c", "-o", "fuzz", "-lm"], cwd=tmp_path, check=True)
+    done = subprocess.run([str(tmp_path / "fuzz"), "200000", "7"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr[-2000:]
+    assert min(map(int, re.findall(r"\d+", done.stdout))) > 10_000
 
 
 @pytest.mark.parametrize(("platform", "magic"), [("darwin64", b"\xcf\xfa\xed\xfe"), ("aarch64-linux", b"\x7fELF")])
