@@ -196,8 +196,10 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
     subprocess.run([*compiler.command, *STRICT, *PRECISE, "-O0", "-c", "closed_loop.c"], cwd=tmp_path, check=True)
 
 
-def test_fuzzing_finds_no_trap_no_infinity_and_no_torque_beyond_its_limits(tmp_path: Path) -> None:
-    for file, text in c_package(of("controller"), "controller", ABOUT).items():
+@pytest.mark.parametrize("estimator", ["lowpass", "kalman"])
+def test_fuzzing_finds_no_trap_no_infinity_and_no_torque_beyond_its_limits(estimator: str, tmp_path: Path) -> None:
+    made = block("controller", with_leaves(case(4), {"controller.estimator": estimator}))
+    for file, text in c_package(made, "controller", ABOUT).items():
         (tmp_path / file).write_text(text)
     source = Path(__file__).with_name("fuzz.c")
     sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
