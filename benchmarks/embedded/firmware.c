@@ -89,12 +89,12 @@ static __attribute__((noinline)) void run(void) {
     results[k].ticks = ticks_of(step, inputs + k);
     results[k].output = output;
   }
-  for (deepest = here - DEPTH; *deepest == PAINT;) ++deepest;
-  summary.stack = (uint32_t)((char *)here - (char *)deepest);
 #if !FROZEN
   *(OF(_real) *)(void *)&parameters *= 1.01f;
 #endif
   summary.after_change = ticks_of(step, inputs + SAMPLES - 1);
+  for (deepest = here - DEPTH; *deepest == PAINT;) ++deepest;
+  summary.stack = (uint32_t)((char *)here - (char *)deepest);
 }
 
 void start(void) {

@@ -87,14 +87,8 @@ def add_log_category(parent: Element) -> None:
 
 def add_experiment(parent: Element, model: FmuModel, about: About) -> None:
     """The default experiment: one communication step a sample."""
-    SubElement(
-        parent,
-        "DefaultExperiment",
-        startTime="0.0",
-        stopTime=number(about.stop_time),
-        **({"tolerance": number(TOLERANCE)} if model.flows else {}),
-        stepSize=number(model.block.sample_time),
-    )
+    attributes = {"startTime": "0.0", "stopTime": number(about.stop_time), "stepSize": number(model.block.sample_time)}
+    SubElement(parent, "DefaultExperiment", attributes | ({"tolerance": number(TOLERANCE)} if model.flows else {}))
 
 
 def value_attributes(signal: Signal) -> dict[str, str]:

@@ -90,10 +90,10 @@ def test_mex_functions_run_the_closed_loop_in_octave(tmp_path: Path) -> None:
     for number in (1, 2, 3, 4):
         references = exogenous_signals(case(number))[:, :3]
         np.savetxt(tmp_path / f"reference{number}.csv", references, "%.17g", ",")
-    blocks, points = {what: block(what, case(4)) for what in ("plant", "controller")}, {}
-    for what, made in blocks.items():
-        points[what] = plausible(made, 1000)
-        np.savetxt(tmp_path / f"{what}.csv", np.hstack(points[what]), "%.17g", ",")
+    blocks = {what: block(what, case(4)) for what in ("plant", "controller")}
+    points = {what: plausible(made, 1000) for what, made in blocks.items()}
+    for what, pair in points.items():
+        np.savetxt(tmp_path / f"{what}.csv", np.hstack(pair), "%.17g", ",")
     command = [octave, "--no-gui", "--quiet", "--norc", "check.m"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "state: must be 17 real numbers" in done.stdout, done.stderr
@@ -106,7 +106,8 @@ def test_mex_functions_run_the_closed_loop_in_octave(tmp_path: Path) -> None:
         np.testing.assert_allclose(table[:, 0], columns["x"], rtol=0, atol=1e-9)
         np.testing.assert_allclose(table[:, 1], columns["tau1"], rtol=0, atol=1e-6)
     for what, made in blocks.items():
-        expected = interpreted(made, *points[what], values(made.parameters))
+        states, inputs = points[what]
+        expected = interpreted(made, states, inputs, values(made.parameters))
         found = np.loadtxt(tmp_path / f"{what}_found.csv", delimiter=",")
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
