@@ -13,7 +13,7 @@ import pytest
 from benchmarks.embedded.host import PRECISE, STRICT, Host, build
 from benchmarks.embedded.report import recorded
 from codegen.block import Block
-from codegen.c_body import PRECISIONS, literal
+from codegen.c_body import PRECISIONS
 from codegen.compiler import Compiler, find_compiler
 from codegen.errors import CodegenError
 from codegen.package import Provenance, c_package, frozen
@@ -288,14 +288,6 @@ def test_header_names_units_sources_and_provenance() -> None:
 def test_wrong_requests_say_what_is_allowed(arguments, message: str) -> None:
     with pytest.raises(CodegenError, match=re.escape(message)):
         c_package(of("controller"), *arguments)
-
-
-def test_literals_keep_guards_against_division_by_zero() -> None:
-    assert literal(0.1, "float") == "0.1f"
-    assert literal(0.1, "double") == "0.1"
-    assert np.float32(literal(1e-100, "float")[:-1]) > 0
-    assert np.isfinite(np.float32(literal(-1e100, "float")[:-1]))
-    assert literal(0.0, "float") == "0.0f"
 
 
 def test_frozen_block_has_its_parameters_inside() -> None:
