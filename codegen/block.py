@@ -17,6 +17,8 @@ class Variable:
         start: value at the start; of a parameter, its value.
         lower, upper: range it is made for; infinite where there is none.
         source: where its value comes from, as far as known.
+        nominal: of a state, its size beside the others, by which a solver scales its tolerance.
+        exclusive: whether `lower` itself is outside the range.
     """
 
     name: str
@@ -26,6 +28,8 @@ class Variable:
     lower: float = -math.inf
     upper: float = math.inf
     source: str = ""
+    nominal: float = 1.0
+    exclusive: bool = False
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Block:
         sample_time: in s, where the parameters do not say otherwise.
         output: ``output(state, parameters) -> output``, of a block whose output does not depend on its input.
         derivative: ``derivative(state, input, parameters) -> (dx, output)``, of a block that is sampled from a
-            continuous one.
+            continuous one. The states come first that are continuous; what an integrator keeps for itself follows.
     """
 
     name: str
@@ -56,3 +60,8 @@ class Block:
     sample_time: float
     output: ca.Function | None = None
     derivative: ca.Function | None = None
+
+    @property
+    def continuous(self) -> tuple[Variable, ...]:
+        """The states that have a derivative."""
+        return self.states[: self.derivative.numel_out("dx")] if self.derivative else ()

@@ -83,13 +83,14 @@ def _column(values: list[ca.SX]) -> ca.SX:
 
 
 @cache
-def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
+def hoisted(step: ca.Function, *, exact: bool = False) -> tuple[ca.Function, ca.Function]:
     """Split a function so that what depends on its parameters alone is computed once (cached).
 
     Divisions by such values become products with their reciprocals, which can change the last bit of a result.
 
     Args:
         step: a function of dense SX expressions with an input ``parameters``.
+        exact: leave the divisions as they are: every result stays as it was, to the last bit.
 
     Returns:
         ``derive_NAME(parameters) -> derived``, and the function again with ``derived`` as its last input.
@@ -99,7 +100,7 @@ def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
     parameters = inputs[names.index("parameters")]
     reciprocals = _Reciprocals(names.index("parameters"))
     with as_written():
-        outputs = _without_divisions(step, inputs, reciprocals)
+        outputs = step.call(inputs) if exact else _without_divisions(step, inputs, reciprocals)
         return _split(step, inputs, parameters, outputs, reciprocals)
 
 

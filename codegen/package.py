@@ -11,6 +11,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from codegen.block import Block, Variable
 from codegen.c_body import PRECISIONS, Precision, c_body, literal, member
 from codegen.errors import CodegenError
+from codegen.hoist import hoisted
+
+WORTHWHILE = 0.25
+"""Share of a step's operations that must depend on the parameters alone for a package to keep their results."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,18 @@ def frozen(block: Block, names: Collection[str] | None = None) -> Block:
     )
 
 
+def kept_apart(block: Block) -> tuple[ca.Function, ca.Function] | None:
+    """``derive_step(parameters) -> derived`` and the step that takes it last; None where that saves too little.
+
+    The steady-state gain of a Kalman filter is such work: it takes many times the operations of the rest of a step.
+    """
+    if not block.parameters:
+        return None
+    derive, step = hoisted(block.step, exact=True)
+    saved = 1 - step.n_instructions() / block.step.n_instructions()
+    return (derive, step) if saved > WORTHWHILE else None
+
+
 def c_package(
     block: Block, name: str, provenance: Provenance, precision: str = "double", *, freeze: bool = False
 ) -> dict[str, str]:
@@ -74,13 +90,15 @@ def c_package(
         raise CodegenError(f"{name!r}: must be a C identifier")
     environment = templates(precision)
     written = frozen(block) if freeze else block
+    apart = kept_apart(written)
     facts = {
         "block": written,
+        "derived": apart[0].numel_out("derived") if apart else 0,
         "constants": block.parameters if freeze else (),
         "name": name,
         "precision": precision,
         "provenance": provenance,
-        "bodies": _bodies(written, precision),
+        "bodies": _bodies(written, apart, precision),
         "comment": _comment,
     }
     files = {
@@ -111,7 +129,7 @@ def templates(precision: Precision) -> Environment:
     return environment
 
 
-def _bodies(block: Block, precision: Precision) -> dict[str, str]:
+def _bodies(block: Block, apart: tuple[ca.Function, ca.Function] | None, precision: Precision) -> dict[str, str]:
     places = {
         "state": ("state->", block.states),
         "input": ("input->", block.inputs),
@@ -120,16 +138,19 @@ def _bodies(block: Block, precision: Precision) -> dict[str, str]:
         "output": ("next->output.", block.outputs),
     }
     bodies = {
-        "step": c_body(block.step, places, precision),
+        "step": c_body(apart[1] if apart else block.step, places, precision),
         "initial": c_body(block.initial, places | {"state": ("next->", block.states)}, precision),
     }
+    if apart:
+        bodies["derive"] = c_body(apart[0], places, precision)
     return bodies | ({"output": c_body(block.output, places, precision)} if block.output else {})
 
 
 def _comment(variable: Variable, *, value: bool = False) -> str:
     """What a comment says of a variable."""
     lower, upper = variable.lower, variable.upper
-    bounds = [f"min {lower:g}"] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
+    least = f"> {lower:g}" if variable.exclusive else f"min {lower:g}"
+    bounds = [least] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
     words = [f"[{variable.unit}] {variable.description}", *bounds]
     if value:
         words.append(f"{variable.start!r}" + (f" ({variable.source})" if variable.source else ""))

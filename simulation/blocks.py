@@ -1,8 +1,10 @@
 """Controller, plant and closed loop as blocks for other people's tools, from the functions that `simulate` runs."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Literal, TypeAlias, get_args
 
+import annotated_types as at
 import casadi as ca
 import numpy as np
 
@@ -94,7 +96,9 @@ def _assemble(
         description=description,
         step=step,
         initial=initial,
-        states=_variables(law.state, state, of_state),
+        states=tuple(
+            replace(one, nominal=law.nominal.get(one.name, 1.0)) for one in _variables(law.state, state, of_state)
+        ),
         inputs=_variables(inputs, start, of_input),
         outputs=_variables(law.output, np.array(first).ravel(), of_output),
         parameters=tuple(_parameter(key, values[key]) for key in parameters),
@@ -143,4 +147,5 @@ def _parameter(key: str, value: float) -> Variable:
         lower=leaf.bounds[0],
         upper=leaf.bounds[1],
         source=leaf.quantity.source if value == default else "configuration",
+        exclusive=any(isinstance(one, at.Gt) for one in leaf.constraints),
     )

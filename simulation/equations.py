@@ -1,7 +1,8 @@
 """Equations of controller, plant and closed loop over symbols, from the functions that `simulate` runs."""
 
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import casadi as ca
@@ -12,6 +13,7 @@ from controllers.signals import Measurement
 from model.plant import Environment, Plant, PlantState, Torques, resting_state, tensions
 from model.quantity import Leaf, Quantity, describe, describe_parts, leaves, with_leaves
 from model.reference import Setpoint
+from model.rope import rope_lengths, stiffness
 from model.scalar import Scalar
 from simulation.closed_loop import Exogenous, closed_loop, initial_loop_state, starting_state
 from simulation.experiment import Experiment
@@ -23,8 +25,8 @@ Scalars: TypeAlias = dict[str, Scalar]
 Facts: TypeAlias = dict[str, tuple[Quantity, tuple[float, float]]]
 """Variable name → what it is and the range it may take."""
 
-MEMORY = ("phase", "slow")
-"""What moves beside the plant's own state."""
+PHASE, SAMPLE, SLOW = "phase", "sample", "slow"
+"""What moves beside the plant's own state; the last is an integrator's memory and no part of the continuous plant."""
 
 ANY = (-np.inf, np.inf)
 SAMPLE_NUMBER = Quantity("1", "number of the sample"), ANY
@@ -39,7 +41,8 @@ class Equations:
         initial, next_state, output: expressions by name; `output` may depend on the input.
         about: what states, inputs and outputs are.
         output_now: the output from the state before the step, where it does not depend on the input.
-        derivative: of the state by time, of a continuous system.
+        nominal: sizes of states beside the others, where they are not 1.
+        derivative: by time of the states that are continuous, which come first; of a continuous system.
     """
 
     state: Scalars
@@ -50,6 +53,7 @@ class Equations:
     about: tuple[Facts, Facts, Facts]
     output_now: Scalars | None = None
     derivative: Scalars | None = None
+    nominal: dict[str, float] = field(default_factory=dict)
 
 
 def _symbolic(experiment: Experiment, symbols: Scalars) -> tuple[Controller, Plant, Plant]:
@@ -101,12 +105,12 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
 def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the plant as `simulate` integrates it, and its time derivative."""
     controller, plant, _ = _symbolic(experiment, symbols)
-    state = _new((*describe(PlantState), *MEMORY, "sample"))
+    state = _new((*describe(PlantState), PHASE, SAMPLE, SLOW))
     torques, sea = _new(describe(Torques)), _new(describe(Environment))
     sample_time = symbols["simulation.sample_time"]
     motion = with_leaves(Motion(PlantState(0, 0, 0, 0, 0, 0)), {f"plant.{name}": state[name] for name in state} | state)
     problem = Problem(
-        t=state["sample"] * sample_time,
+        t=state[SAMPLE] * sample_time,
         duration=sample_time,
         torques=Torques(**torques),
         environment=Environment(**sea),
@@ -122,16 +126,15 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
 
     states = (
         _facts(describe_parts(motion.plant))
-        | _facts({name: describe_parts(motion)[name] for name in MEMORY})
-        | {"sample": SAMPLE_NUMBER}
+        | _facts({name: describe_parts(motion)[name] for name in (PHASE, SLOW)})
+        | {SAMPLE: SAMPLE_NUMBER}
     )
     return Equations(
         state=state,
         input=torques | sea,
-        initial=leaves(resting_state(controller.coordination.preload, plant)) | dict.fromkeys((*MEMORY, "sample"), 0.0),
-        next_state=leaves(moved.plant)
-        | {name: getattr(moved, name) for name in MEMORY}
-        | {"sample": state["sample"] + 1},
+        initial=leaves(resting_state(controller.coordination.preload, plant))
+        | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
+        next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
         output=output(moved.plant),
         about=(
             states,
@@ -139,8 +142,22 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
             states | {name: (COLUMNS[name], ANY) for name in ("F1", "F2")},
         ),
         output_now=output(motion.plant),
-        derivative=leaves(slope.plant) | {name: getattr(slope, name) for name in MEMORY} | {"sample": 1 / sample_time},
+        derivative=leaves(slope.plant) | {PHASE: slope.phase, SAMPLE: 1 / sample_time},
+        nominal=_swings(experiment.plant),
     )
+
+
+def _swings(plant: Plant) -> dict[str, float]:
+    """Size of each speed beside its position: the frequency in rad/s of the ropes' swing amid the track, in decades.
+
+    A solver that allows both the same error would ask more of the speeds than the positions can give.
+    """
+    lengths = rope_lengths(plant.track.length / 2, plant.track)
+    rates = [stiffness(length, rope) for length, rope in zip(lengths, (plant.rope_1, plant.rope_2), strict=True)]
+    squares = {"v": sum(rates) / plant.vehicle.mass}
+    for number, rate, winch in zip((1, 2), rates, (plant.winch_1, plant.winch_2), strict=True):
+        squares[f"omega_{number}"] = rate * winch.drum_radius**2 / winch.inertia
+    return {name: 10.0 ** round(math.log10(square) / 2) for name, square in squares.items()}
 
 
 def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:

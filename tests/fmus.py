@@ -1,12 +1,15 @@
 """FMUs as an importer runs them, by FMPy; alike for FMI 2 and FMI 3."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import fmpy
 from fmpy import fmi2, fmi3
 from fmpy.model_description import read_model_description
+
+Exported = Callable[[str, int], Path]
+"""``exported(what, version)``: the fixture that makes an FMU."""
 
 STEP = 1e-3
 

@@ -47,6 +47,7 @@ class Measurement:
     Attributes:
         outputs: (samples, outputs) float32.
         instructions: (samples,) of every step, call included.
+        after_change: instructions of one more step, after a change of a parameter where there are any.
         code: bytes of the package's functions and constants.
         linked: the same with everything they call of the C library.
         stack: deepest stack in bytes that the run used in a step, C library included.
@@ -56,6 +57,7 @@ class Measurement:
 
     outputs: NDArray[np.float32]
     instructions: NDArray[np.int64]
+    after_change: int
     code: int
     linked: int
     stack: int
@@ -111,13 +113,14 @@ def measure(
             "-kernel", "firmware.elf",
         )  # fmt: skip
         raw = np.fromfile(folder / "outputs.bin", np.uint32)
-        table = raw[2:].reshape(len(inputs), outputs + 1)
+        table = raw[3:].reshape(len(inputs), outputs + 1)
         used = re.findall(r":(\w+)\t(\d+)\t", (folder / f"{name}.su").read_text())
         frames = {function: int(size) for function, size in used}
         step, inner = frames[f"{name}_step"], (size for one, size in frames.items() if not one.startswith(name))
         return Measurement(
             outputs=table[:, :-1].copy().view(np.float32),
             instructions=np.rint((table[:, -1].astype(float) - raw[0]) / TICKS).astype(np.int64),
+            after_change=round((float(raw[2]) - float(raw[0])) / TICKS),
             code=_size(folder, f"{name}.o"),
             linked=_size(folder, "alone.elf"),
             stack=int(raw[1]),

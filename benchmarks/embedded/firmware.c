@@ -31,7 +31,7 @@ typedef struct {
 static OF(_input) inputs[SAMPLES];
 static result results[SAMPLES];
 static struct {
-  uint32_t empty_call, stack;
+  uint32_t empty_call, stack, after_change;
 } summary;
 
 static OF(_state) state;
@@ -89,6 +89,10 @@ static __attribute__((noinline)) void run(void) {
     results[k].ticks = ticks_of(step, inputs + k);
     results[k].output = output;
   }
+#if !FROZEN
+  *(OF(_real) *)(void *)&parameters *= 1.01f;
+#endif
+  summary.after_change = ticks_of(step, inputs + SAMPLES - 1);
   for (deepest = here - DEPTH; *deepest == PAINT;) ++deepest;
   summary.stack = (uint32_t)((char *)here - (char *)deepest);
 }

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.block import Block
+from codegen.package import kept_apart
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 PRECISE = ("-Wdouble-promotion", "-Wfloat-conversion")
@@ -39,7 +40,10 @@ class Host:
     def __init__(self, library: Path, name: str, block: Block, precision: str = "double", *, freeze: bool = False):
         """Load and initialise an instance."""
         kind = np.float32 if precision == "float" else np.float64
-        self.state = np.zeros(len(block.states) + len(block.outputs), kind)
+        numbers, apart = len(block.states) + len(block.outputs), None if freeze else kept_apart(block)
+        kept = apart[0].numel_out("derived") + len(block.parameters) if apart else 0
+        self._memory = np.zeros(numbers + kept, kind)
+        self.state = self._memory[:numbers]
         self.input, self.output = np.zeros(len(block.inputs), kind), np.zeros(len(block.outputs), kind)
         self.parameters = np.zeros(len(block.parameters), kind)
         self._library, self._name = ctypes.CDLL(str(library)), name

@@ -188,18 +188,24 @@ static Status directional(Instance *instance, const unsigned int unknown[], size
 
 #if OFFERS_MODEL_EXCHANGE
 static Status set_states(Instance *instance, const double state[], size_t count) {
-  if (count != STATES) return complain(instance, STATUS_ERROR, "wrong number of continuous states", "");
-  for (size_t i = 0; i < STATES; i++)
+  if (count != DERIVATIVES) return complain(instance, STATUS_ERROR, "wrong number of continuous states", "");
+  for (size_t i = 0; i < DERIVATIVES; i++)
     if (!isfinite(state[i])) return complain(instance, STATUS_DISCARD, " is not finite", name[FIRST_STATE + i]);
-  memcpy(instance->memory.value + FIRST_STATE, state, STATES * sizeof *state);
+  memcpy(instance->memory.value + FIRST_STATE, state, DERIVATIVES * sizeof *state);
   instance->memory.stale = 1;
   return STATUS_OK;
 }
 
+static Status get_nominals(Instance *instance, double nominals[], size_t count) {
+  if (count != DERIVATIVES) return complain(instance, STATUS_ERROR, "wrong number of continuous states", "");
+  memcpy(nominals, nominal, DERIVATIVES * sizeof *nominals);
+  return STATUS_OK;
+}
+
 static Status get_vector(Instance *instance, unsigned int first, double wanted[], size_t count) {
-  if (count != STATES) return complain(instance, STATUS_ERROR, "wrong number of continuous states", "");
+  if (count != DERIVATIVES) return complain(instance, STATUS_ERROR, "wrong number of continuous states", "");
   settle(&instance->memory);
-  memcpy(wanted, instance->memory.value + first, STATES * sizeof *wanted);
+  memcpy(wanted, instance->memory.value + first, DERIVATIVES * sizeof *wanted);
   return STATUS_OK;
 }
 #endif

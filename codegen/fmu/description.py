@@ -18,6 +18,10 @@ CAUSALITY = {
 """Causality, variability and initial of each role."""
 
 
+TOLERANCE = 1e-9
+"""Relative tolerance proposed to a solver: what matters may be a small difference of large states."""
+
+
 @dataclass(frozen=True)
 class About:
     """What a model description says beside the block.
@@ -39,8 +43,13 @@ def number(value: float) -> str:
 
 
 def listed(model: FmuModel) -> tuple[Signal, ...]:
-    """The variables a model description shows: derivatives only with model exchange."""
-    return tuple(one for one in model.signals if one.role != "derivative" or model.flows)
+    """The variables a model description shows.
+
+    Derivatives only with model exchange, and what an integrator keeps for itself only with co-simulation.
+    """
+    continuous = {one.state for one in model.of("derivative")}
+    shown = {"derivative": model.flows, "state": model.steps}
+    return tuple(one for one in model.signals if shown.get(one.role, True) or one.reference in continuous)
 
 
 def root(model: FmuModel, about: About, **attributes: str) -> Element:
@@ -78,19 +87,16 @@ def add_log_category(parent: Element) -> None:
 
 def add_experiment(parent: Element, model: FmuModel, about: About) -> None:
     """The default experiment: one communication step a sample."""
-    SubElement(
-        parent,
-        "DefaultExperiment",
-        startTime="0.0",
-        stopTime=number(about.stop_time),
-        stepSize=number(model.block.sample_time),
-    )
+    attributes = {"startTime": "0.0", "stopTime": number(about.stop_time), "stepSize": number(model.block.sample_time)}
+    SubElement(parent, "DefaultExperiment", attributes | ({"tolerance": number(TOLERANCE)} if model.flows else {}))
 
 
 def value_attributes(signal: Signal) -> dict[str, str]:
     """Unit, range and start value."""
     variable = signal.variable
     attributes = {} if variable.unit in {"", "1"} else {"unit": variable.unit}
+    if signal.role == "state" and variable.nominal != 1:
+        attributes["nominal"] = number(variable.nominal)
     if signal.role in {"input", "parameter"}:
         if math.isfinite(variable.lower):
             attributes["min"] = number(variable.lower)
@@ -103,10 +109,12 @@ def value_attributes(signal: Signal) -> dict[str, str]:
 def variable_attributes(signal: Signal) -> dict[str, str]:
     """Name, value reference, description and the role in FMI's words."""
     causality, variability, initial = CAUSALITY[signal.role]
+    variable = signal.variable
+    beyond = f" (greater than {variable.lower:g})" if variable.exclusive else ""  # FMI's min includes itself
     attributes = {
         "name": signal.name,
         "valueReference": str(signal.reference),
-        "description": signal.variable.description,
+        "description": variable.description + beyond,
         "causality": causality,
         "variability": variability,
     }

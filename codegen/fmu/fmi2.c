@@ -193,9 +193,7 @@ EXPORT fmi2Status FMI(fmi2GetContinuousStates)(fmi2Component c, fmi2Real x[], si
 }
 
 EXPORT fmi2Status FMI(fmi2GetNominalsOfContinuousStates)(fmi2Component c, fmi2Real nominals[], size_t n) {
-  (void)c;
-  for (size_t i = 0; i < n; i++) nominals[i] = 1.0;
-  return STATUS_OK;
+  return get_nominals(c, nominals, n);
 }
 #endif
 

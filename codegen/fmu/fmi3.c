@@ -180,14 +180,12 @@ EXPORT fmi3Status FMI(fmi3GetContinuousStates)(fmi3Instance c, fmi3Float64 x[], 
 }
 
 EXPORT fmi3Status FMI(fmi3GetNominalsOfContinuousStates)(fmi3Instance c, fmi3Float64 nominals[], size_t n) {
-  (void)c;
-  for (size_t i = 0; i < n; i++) nominals[i] = 1.0;
-  return STATUS_OK;
+  return get_nominals(c, nominals, n);
 }
 
 EXPORT fmi3Status FMI(fmi3GetNumberOfContinuousStates)(fmi3Instance c, size_t *n) {
   (void)c;
-  *n = STATES;
+  *n = DERIVATIVES;
   return STATUS_OK;
 }
 

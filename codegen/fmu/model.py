@@ -72,7 +72,6 @@ class FmuModel:
             CodegenError: two variables have one name.
         """
         block = self.block
-        slopes = block.states if block.derivative is not None else ()
         state_names = [_structured(f"state.{one.name}") for one in block.states]
         first_state = len(block.inputs) + len(block.parameters) + len(block.outputs)
         rows = [
@@ -82,7 +81,7 @@ class FmuModel:
             *((name, "state", one, None) for name, one in zip(state_names, block.states, strict=True)),
             *(
                 (f"der({name})", "derivative", _rate(one), first_state + place)
-                for place, (name, one) in enumerate(zip(state_names, slopes, strict=False))
+                for place, (name, one) in enumerate(zip(state_names, block.continuous, strict=False))
             ),
             ("time", "time", Variable("time", "s", "time", 0.0), None),
         ]
@@ -113,14 +112,18 @@ class FmuModel:
     def initial_unknowns(self) -> dict[int, list[int]]:
         """Value reference of what follows from start values → those of the inputs and parameters it depends on.
 
-        Outputs and, with model exchange, states and derivatives.
+        Outputs and, with model exchange, continuous states and their derivatives.
         """
         unknowns = (*self.of("state"), *self.of("derivative"), *self.of("output"))
+        continuous = {one.state for one in self.of("derivative")}
         knowns = (*self.of("input"), *self.of("parameter"))
+        wanted = {one.reference for one in self.of("output")}
+        if self.flows:
+            wanted |= continuous | {one.reference for one in self.of("derivative")}
         found = {
             unknown.reference: [one.reference for one, used in zip(knowns, row, strict=True) if used]
             for unknown, row in zip(unknowns, self.functions.at_start, strict=True)
-            if self.flows or unknown.role == "output"
+            if unknown.reference in wanted
         }
         return dict(sorted(found.items()))
 

@@ -52,12 +52,14 @@ def _sizes(model: FmuModel) -> list[str]:
 def _tables(model: FmuModel) -> list[str]:
     """Names, start values and ranges of all variables, and which outputs answer an input at once."""
     listed = model.signals
+    nominals = [_number(one.nominal) for one in model.block.continuous]
     uses = model.functions.on_input[len(model.of("derivative")) :]
     return [
         _table("const char *const name", "VARIABLES", [f'"{one.name}"' for one in listed]),
         _table("double start_value", "VARIABLES", [_number(one.variable.start) for one in listed]),
         _table("double lower", "VARIABLES", [_number(_limits(one)[0]) for one in listed]),
         _table("double upper", "VARIABLES", [_number(_limits(one)[1]) for one in listed]),
+        *([_table("double nominal", "DERIVATIVES", nominals)] if model.flows else []),
         _table("int held", "OUTPUTS", [str(int(row.any())) for row in uses]),
     ]
 
@@ -67,7 +69,10 @@ def _limits(signal: Signal) -> tuple[float, float]:
     largest = sys.float_info.max
     if signal.role not in {"input", "parameter"}:
         return -largest, largest
-    return max(signal.variable.lower, -largest), min(signal.variable.upper, largest)
+    lower = max(signal.variable.lower, -largest)
+    if signal.variable.exclusive:
+        lower = math.nextafter(lower, largest)
+    return lower, min(signal.variable.upper, largest)
 
 
 def _number(value: float) -> str:

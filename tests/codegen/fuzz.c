@@ -3,6 +3,7 @@
    With libFuzzer, or alone: fuzz ROUNDS SEED. */
 
 #include <math.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,7 +11,7 @@
 
 #include "controller.h"
 
-enum { STATES = (sizeof(controller_state) - sizeof(controller_output)) / sizeof(double),
+enum { STATES = offsetof(controller_state, output) / sizeof(double),
        INPUTS = sizeof(controller_input) / sizeof(double),
        PARAMETERS = sizeof(controller_parameters) / sizeof(double),
        OUTPUTS = sizeof(controller_output) / sizeof(double) };

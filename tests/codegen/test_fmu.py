@@ -21,6 +21,9 @@ ABOUT = About("tested 1.0", 2.0)
 SANITISERS = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
 
 
+VALGRIND = ["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=all"]
+
+
 def spring(*, sampled: bool = False) -> Block:
     """A mass on a spring, stepped by Euler; the output answers the force at once only where it is sampled."""
     state, force, parameters = ca.SX.sym("state", 2), ca.SX.sym("input", 1), ca.SX.sym("parameters", 2)
@@ -104,14 +107,15 @@ def test_what_cannot_be_an_fmu_is_refused() -> None:
 
 @pytest.mark.parametrize("sampled", [False, True])
 @pytest.mark.parametrize("version", [2, 3])
-def test_c_is_clean_under_the_sanitizers(version: int, sampled: bool, tmp_path: Path) -> None:
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        pytest.skip("needs gcc with its sanitizers")
+@pytest.mark.parametrize("judge", ["sanitizers", "valgrind"])
+def test_c_is_clean_under_sanitizers_and_valgrind(version: int, sampled: bool, judge: str, tmp_path: Path) -> None:
+    gcc, valgrind = shutil.which("gcc"), shutil.which("valgrind")
+    if gcc is None or (judge == "valgrind" and valgrind is None):
+        pytest.skip("needs gcc with its sanitizers, or valgrind")
     harness = (Path(__file__).parent / f"fmu{version}_main.c").read_text()
     (tmp_path / "unit.c").write_text(fmu_source(fmu_model(spring(sampled=sampled), version))[0] + harness)
     strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-g"]
-    command = [gcc, *strict, *SANITISERS, "unit.c", "-o", "unit", "-lm"]
-    subprocess.run(command, cwd=tmp_path, check=True)
-    done = subprocess.run([str(tmp_path / "unit")], capture_output=True, text=True, check=False)
+    flags, before = (SANITISERS, []) if judge == "sanitizers" else ([], [valgrind, *VALGRIND])
+    subprocess.run([gcc, *strict, *flags, "unit.c", "-o", "unit", "-lm"], cwd=tmp_path, check=True)
+    done = subprocess.run([*before, str(tmp_path / "unit")], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -7,14 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from benchmarks.embedded.host import PRECISE, STRICT, Host, build
 from benchmarks.embedded.report import recorded
 from codegen.block import Block
-from codegen.c_body import PRECISIONS, literal
+from codegen.c_body import PRECISIONS
 from codegen.compiler import Compiler, find_compiler
 from codegen.errors import CodegenError
 from codegen.package import Provenance, c_package, frozen
@@ -27,6 +26,7 @@ from simulation.environment import exogenous_signals
 from simulation.experiment import Experiment
 from simulation.paper import case
 from simulation.simulate import simulate
+from tests.stepping import interpreted, plausible, values
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
 
@@ -38,10 +38,6 @@ def of(what: str) -> Block:
 
 def place(block: Block, vector: str, name: str) -> int:
     return [variable.name for variable in getattr(block, vector)].index(name)
-
-
-def values(variables) -> np.ndarray:
-    return np.array([variable.start for variable in variables])
 
 
 @pytest.fixture(scope="module")
@@ -59,24 +55,6 @@ def hosts(tmp_path_factory):
         return Host(libraries[key], made.name, made, precision, freeze=freeze)
 
     return new
-
-
-def interpreted(made: Block, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    """Next states and outputs (n, states + outputs) by CasADi's interpreter."""
-    following, outputs = made.step.map(len(states))(states.T, inputs.T, ca.repmat(ca.DM(parameters), 1, len(states)))
-    return np.hstack([np.array(following).T, np.array(outputs).T])
-
-
-def plausible(made: Block, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Random states and inputs around those of a run."""
-    random = np.random.default_rng(5)
-    spread = {"m": 20.0, "rad": 25.0, "m/s": 1.0, "rad/s": 2.0, "N": 2000.0, "N m": 40.0, "N s": 500.0, "1": 1.0}
-
-    def draws(variables) -> np.ndarray:
-        scale = np.array([spread.get(variable.unit, 0.1) for variable in variables])
-        return values(variables) + scale * random.standard_normal((samples, len(variables)))
-
-    return draws(made.states), draws(made.inputs)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
@@ -131,6 +109,25 @@ def test_single_precision_stays_within_its_band_over_case_4(hosts) -> None:
     for name, column, band in (("tau_1", "tau1", 0.02), ("u_sat", "u_sat", 0.3), ("d_hat", "d_hat", 3e-5)):
         worst = np.abs(outputs[:, place(made, "outputs", name)] - result.columns[column]).max()
         assert 0 < worst < band
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_the_kalman_gain_is_worked_out_when_parameters_change_and_only_then(tmp_path: Path, precision: str) -> None:
+    made = block("controller", with_leaves(case(4), {"controller.estimator": "kalman"}))
+    source = c_package(made, made.name, ABOUT, precision)
+    assert len(source["controller.c"].split("static void evaluate")[1].splitlines()) < 600
+    library = build(tmp_path, source, made.name, find_compiler().command, *(PRECISE if precision == "float" else ()))
+    host, noise = Host(library, made.name, made, precision), place(made, "parameters", "controller.kalman.speed_noise")
+    states, inputs = plausible(made, 60)
+    tolerance = {"double": 1e-12, "float": 1e-3}[precision]
+    for k, (state, given) in enumerate(zip(states, inputs, strict=True)):
+        host.parameters[noise] = 2e-3 * (1 + k // 20)
+        host.state[: len(state)], host.input[:] = state, given
+        assert host.step() == 0
+        expected = interpreted(made, state[None], given[None], host.parameters.astype(float))[0]
+        np.testing.assert_allclose(host.state, expected, rtol=tolerance, atol=tolerance)
+    host.parameters.view(np.uint8)[:] = 255  # not a number; also the mark of parameters that are unknown
+    assert (host.step(), host.reset(), host.step()) == (2, 2, 2)
 
 
 def test_what_is_not_finite_is_refused_and_changes_nothing(hosts) -> None:
@@ -189,7 +186,7 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
         parts = ["init", "reset", "rest", "step"] + ([] if freeze else ["defaults"])
         assert shown == {f"{made.name}_{part}" for part in parts}
         assert not {symbol for kind, symbol in found if kind in "bBdDC"}  # no variable outlives a call
-        needed = {symbol for kind, symbol in found if kind == "U"} - {"memcpy", "memset", "__stack_chk_fail"}
+        needed = {symbol for kind, symbol in found if kind == "U"} - {"memcmp", "memcpy", "memset", "__stack_chk_fail"}
         needed.discard("_GLOBAL_OFFSET_TABLE_")
         allowed = {"exp", "log", "sin", "sqrt", "tanh", "floor"}
         assert needed <= ({f"{one}f" for one in allowed} if precision == "float" else allowed)
@@ -199,8 +196,10 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
     subprocess.run([*compiler.command, *STRICT, *PRECISE, "-O0", "-c", "closed_loop.c"], cwd=tmp_path, check=True)
 
 
-def test_fuzzing_finds_no_trap_no_infinity_and_no_torque_beyond_its_limits(tmp_path: Path) -> None:
-    for file, text in c_package(of("controller"), "controller", ABOUT).items():
+@pytest.mark.parametrize("estimator", ["lowpass", "kalman"])
+def test_fuzzing_finds_no_trap_no_infinity_and_no_torque_beyond_its_limits(estimator: str, tmp_path: Path) -> None:
+    made = block("controller", with_leaves(case(4), {"controller.estimator": estimator}))
+    for file, text in c_package(made, "controller", ABOUT).items():
         (tmp_path / file).write_text(text)
     source = Path(__file__).with_name("fuzz.c")
     sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
@@ -224,6 +223,21 @@ def test_the_closed_loop_runs_clean_under_sanitizers(tmp_path: Path) -> None:
     subprocess.run(command, cwd=tmp_path, check=True)
     done = subprocess.run(tmp_path / "example", capture_output=True, text=True, check=True)
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("what", ["controller", "plant"])
+def test_valgrind_finds_nothing(what: str, tmp_path: Path) -> None:
+    valgrind, gcc = shutil.which("valgrind"), shutil.which("gcc")
+    if valgrind is None or gcc is None:
+        pytest.skip("no valgrind")
+    made = block(what, with_leaves(case(4), {"controller.estimator": "kalman"}))
+    for file, text in c_package(made, made.name, ABOUT).items():
+        (tmp_path / file).write_text(text)
+    command = [gcc, *STRICT, "-O1", "-g", "main.c", f"{made.name}.c", "-lm", "-o", "example"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    command = [valgrind, "--quiet", "--error-exitcode=9", "--leak-check=full", tmp_path / "example"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_cmake_builds_the_package(tmp_path: Path) -> None:
@@ -274,14 +288,6 @@ def test_header_names_units_sources_and_provenance() -> None:
 def test_wrong_requests_say_what_is_allowed(arguments, message: str) -> None:
     with pytest.raises(CodegenError, match=re.escape(message)):
         c_package(of("controller"), *arguments)
-
-
-def test_literals_keep_guards_against_division_by_zero() -> None:
-    assert literal(0.1, "float") == "0.1f"
-    assert literal(0.1, "double") == "0.1"
-    assert np.float32(literal(1e-100, "float")[:-1]) > 0
-    assert np.isfinite(np.float32(literal(-1e100, "float")[:-1]))
-    assert literal(0.0, "float") == "0.0f"
 
 
 def test_frozen_block_has_its_parameters_inside() -> None:

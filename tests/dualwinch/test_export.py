@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
+from simulation.blocks import block
+from simulation.environment import exogenous_signals
 from simulation.paper import case
 from simulation.simulate import simulate
+from tests.stepping import interpreted, plausible, values
 
 
 def run(*arguments: object) -> None:
@@ -48,23 +51,65 @@ def test_casadi_files_load_again_with_their_names(tmp_path: Path) -> None:
     assert {"plant", "closed_loop"} < set(described)
 
 
+CHECK = """
+build; run = closed_loop(2000); dlmwrite('run.csv', run, 'precision', 17);
+try; dualwinch_plant_mex('step', 1, 2, 3); catch problem; puts(problem.message); end
+names = dualwinch_plant_mex('names'); vortex = strcmp(names.parameters, 'disturbance.vortex');
+for number = 1:4
+  [plant, seen, constants] = dualwinch_plant_mex('init'); [pilot, said, gains] = dualwinch_controller_mex('init');
+  constants(vortex) = number > 2;
+  reference = dlmread(sprintf('reference%d.csv', number)); drive = zeros(numel(names.inputs), 1);
+  run = zeros(rows(reference), 2);
+  for k = 1:rows(reference)
+    run(k, 1) = seen(1);
+    [pilot, said] = dualwinch_controller_mex('step', pilot, [seen([1 2 7 8]); reference(k, :)'], gains);
+    run(k, 2) = drive(1) = said(1); drive(2) = said(2);
+    [plant, seen] = dualwinch_plant_mex('step', plant, drive, constants);
+  end
+  dlmwrite(sprintf('run%d.csv', number), run, 'precision', 17);
+end
+for what = {'plant', 'controller'}
+  call = str2func(['dualwinch_' what{1} '_mex']); [state, said, numbers] = call('init');
+  given = dlmread([what{1} '.csv']); states = numel(call('names').states); found = zeros(rows(given), numel(state));
+  for k = 1:rows(given)
+    state(1:states) = given(k, 1:states);
+    found(k, :) = call('step', state, given(k, states + 1:end)', numbers)';
+  end
+  dlmwrite([what{1} '_found.csv'], found, 'precision', 17);
+end
+"""
+"""What Octave is asked: the closed loop as written, all of Cases 1 to 4, and steps from given states."""
+
+
 def test_mex_functions_run_the_closed_loop_in_octave(tmp_path: Path) -> None:
     octave = shutil.which("octave-cli") or shutil.which("octave")
     if octave is None or shutil.which("mkoctfile") is None:
         pytest.skip("no GNU Octave with mkoctfile")
     run("mex", "--case", 4, "--out", tmp_path)
-    samples = 2000
-    (tmp_path / "check.m").write_text(
-        f"build; run = closed_loop({samples}); dlmwrite('run.csv', run, 'precision', 17);\n"
-        "try; dualwinch_plant_mex('step', 1, 2, 3); catch problem; puts(problem.message); end\n"
-    )
+    (tmp_path / "check.m").write_text(CHECK)
+    for number in (1, 2, 3, 4):
+        references = exogenous_signals(case(number))[:, :3]
+        np.savetxt(tmp_path / f"reference{number}.csv", references, "%.17g", ",")
+    blocks = {what: block(what, case(4)) for what in ("plant", "controller")}
+    points = {what: plausible(made, 1000) for what, made in blocks.items()}
+    for what, pair in points.items():
+        np.savetxt(tmp_path / f"{what}.csv", np.hstack(pair), "%.17g", ",")
     command = [octave, "--no-gui", "--quiet", "--norc", "check.m"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "state: must be 17 real numbers" in done.stdout, done.stderr
     table = np.loadtxt(tmp_path / "run.csv", delimiter=",")
     columns = simulate(case(4)).columns
     for place, name, tolerance in ((0, "t", 1e-12), (1, "x", 1e-9), (7, "F1", 1e-4), (9, "tau1", 1e-6)):
-        np.testing.assert_allclose(table[:, place], columns[name][:samples], rtol=0, atol=tolerance)
+        np.testing.assert_allclose(table[:, place], columns[name][:2000], rtol=0, atol=tolerance)
+    for number in (1, 2, 3, 4):
+        table, columns = np.loadtxt(tmp_path / f"run{number}.csv", delimiter=","), simulate(case(number)).columns
+        np.testing.assert_allclose(table[:, 0], columns["x"], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(table[:, 1], columns["tau1"], rtol=0, atol=1e-6)
+    for what, made in blocks.items():
+        states, inputs = points[what]
+        expected = interpreted(made, states, inputs, values(made.parameters))
+        found = np.loadtxt(tmp_path / f"{what}_found.csv", delimiter=",")
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,21 @@
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from dualwinch.export_fmu import export_fmu
+from simulation.paper import case
+from tests.fmus import Exported
+
+
+@pytest.fixture(scope="session")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    """``exported(what, version)``: an FMU of Case 4 for this machine."""
+
+    @cache
+    def made(what: str, version: int) -> Path:
+        path = tmp_path_factory.mktemp("fmu") / f"{what}.fmu"
+        export_fmu(case(4), what, path, version, None, None)  # pyright: ignore[reportArgumentType]
+        return path
+
+    return made
