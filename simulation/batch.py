@@ -9,23 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.batch import LANES, compile_batch
-from controllers.controller import Controller
-from model.quantity import nearest, with_leaves
-from simulation.check import check
+from model.quantity import with_leaves
+from simulation.batch_check import check_batch
 from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.cores import cores
 from simulation.ensemble import Scenario
-from simulation.environment import exogenous_signals
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
+from simulation.kept_signals import signals
 from simulation.metrics import Metrics, metrics_of
 from simulation.simulate import OUTCOMES
 from simulation.structure import parameters_of, structure_of, zeros_of
 
 Floats = NDArray[np.float64]
-
-SIGNALS_KEPT = 64
-"""Scenarios whose signals are kept from call to call; 6 MB each for 50 s at 1 kHz."""
 
 NOT_RUN = "not_run"
 """Outcome of a pair that an interrupt left out."""
@@ -87,9 +82,10 @@ def rollout(
     values = np.asarray(parameters, float)
     experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
     believed = [one.nominal if isinstance(one, Scenario) else None for one in scenarios]
-    _check_batch(names, values, experiments)
+    check_batch(names, values, scenarios)
+    drawn = {key for one in scenarios if isinstance(one, Scenario) for key in one.draws}
     numbers = [parameters_of(one, nominal) for one, nominal in zip(experiments, believed, strict=True)]
-    loop = closed_loop(structure_of(experiments[0]), zeros_of(*numbers) - set(names))
+    loop = closed_loop(structure_of(experiments[0]), zeros_of(*numbers, varying=[*names, *drawn]))
     run = compile_batch(loop)
     places = [loop.parameters.index(name) for name in names]
     pairs = [(i, j) for j in range(len(scenarios)) for i in range(len(values))]
@@ -130,19 +126,6 @@ def rollout(
     return replace(result, interrupted=not whole)
 
 
-def signals(experiment: Experiment) -> Floats:
-    """The signals of an experiment (`exogenous_signals`), kept for the next call; not to be written to.
-
-    They do not depend on the controller: all controllers share those of a scenario.
-    """
-    return _signals(replace(experiment, controller=Controller()))
-
-
-@lru_cache(maxsize=SIGNALS_KEPT)
-def _signals(experiment: Experiment) -> Floats:
-    return exogenous_signals(experiment)
-
-
 def _start(scenario: Experiment, changes: dict[str, float]) -> Floats:
     return np.array(list(initial_state_of(with_leaves(scenario, changes)).values()))
 
@@ -167,19 +150,3 @@ def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Call
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
     return True
-
-
-def _check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experiment]) -> None:
-    if not scenarios:
-        raise ConfigurationError("scenarios: must be at least one experiment")
-    known = parameters_of(scenarios[0])
-    for name in names:
-        if name not in known:
-            raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, known)}'?")
-    if values.ndim != 2 or values.shape[1] != len(names):
-        raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
-    first = scenarios[0]
-    for number, scenario in enumerate(scenarios):
-        check(scenario)
-        if structure_of(scenario) != structure_of(first) or scenario.samples != first.samples:
-            raise ConfigurationError(f"scenarios[{number}]: must have the structure and the length of scenarios[0]")
