@@ -41,6 +41,11 @@ class Sums(NamedTuple):
     F1_previous: float
     F2_previous: float
     work: float
+    sum_torque_change: float
+    sum_torque_square: float
+    tau_1_previous: float
+    tau_2_previous: float
+    time_step: float
 
 
 IDLE = Memory(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -154,6 +159,7 @@ def control(
 
     size, square = abs(e1), e1 * e1
     jump = abs(F1 - sums.F1_previous) + abs(F2 - sums.F2_previous) if k > 0 else 0.0
+    turn = abs(tau_1 - sums.tau_1_previous) + abs(tau_2 - sums.tau_2_previous) if k > 0 else 0.0
     power = abs(p.gear_ratio_1 * tau_1 * motion[3]) + abs(p.gear_ratio_2 * tau_2 * motion[5])
     following = Memory(
         memory.Z_a + p.sample_time * (-p.k_a * memory.Z_a + (u - u_sat)),
@@ -182,5 +188,10 @@ def control(
         F1,
         F2,
         sums.work + p.sample_time * power,
+        sums.sum_torque_change + turn,
+        sums.sum_torque_square + tau_1 * tau_1 + tau_2 * tau_2,
+        tau_1,
+        tau_2,
+        p.sample_time,
     )
     return tau_1, tau_2, following, seen
