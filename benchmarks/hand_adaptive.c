@@ -2,18 +2,18 @@
    method and its accuracy, one thread and no vector lanes. An independent implementation of what docs/accuracy.md
    describes: where both ropes surely stay taut and the rail friction does not bend, a sample is one step; elsewhere it
    is several, each with ropes that go slack and tight. A good engineer's choices: each rope's state is its stretch and
-   the stretch's rate, not the drum's angle; tanh at the sample's beginning is shared with the controller; branches are
-   only taken where a rope is slack; nothing is done for the winch friction Case 4 has not. */
+   the stretch's rate, not the drum's angle; the mid-step speed is predicted with the slow acceleration of the last step;
+   branches are only taken where a rope is slack; nothing is done for the winch friction Case 4 has not. */
 
 #include "hand_case.h"
 
 /* A rope with its drum: s'' = drive -+ a - mobility (spring s + damper s'), taut; without the bracket, slack. */
 struct rope {
-  double stretch, rate, spring, drive, stiffening;
+  double stretch, rate, length, spring, drive, stiffening;
 };
 
 struct drum {
-  double damper, mobility, per_mobility, motor, damping;
+  double damper, mobility, per_mobility, motor, damping, share;
 };
 
 /* Linear flow of a taut rope over a step: the coefficients of stretch, rate and drive. */
@@ -21,13 +21,14 @@ struct flow {
   double ss, sr, rs, rr, sd, rd;
 };
 
-static struct drum prepare_drum(double damper, double radius, double inertia, double gear) {
+static struct drum prepare_drum(double stiffness, double damper, double radius, double inertia, double gear) {
   struct drum d;
   d.damper = damper;
   d.mobility = radius * radius / inertia;
   d.per_mobility = 1 / d.mobility;
   d.motor = radius * gear / inertia;
   d.damping = d.mobility * damper;
+  d.share = damper * d.damping / stiffness;
   return d;
 }
 
@@ -65,11 +66,12 @@ static inline int is_taut(const struct rope *r, const struct drum *d, double str
   return stretch > 0 && pull(r, d, stretch, rate) > 0;
 }
 
-/* Below the tension all through the step: the swing about the equilibrium, as if undamped. */
-static inline double clearance(const struct rope *r, const struct drum *d, double g) {
-  double kappa = d->mobility * r->spring, per_kappa = 1 / kappa, equilibrium = g * per_kappa;
-  double off = r->stretch - equilibrium, amplitude = sqrt(off * off + r->rate * r->rate * per_kappa);
-  return r->spring * (equilibrium - amplitude) - d->damper * sqrt(kappa) * amplitude;
+/* Whether the rope surely stays taut all through the step: the swing about the equilibrium, as if undamped, leaves
+   spring (equilibrium - amplitude) > damper sqrt(kappa) amplitude, squared so that no root or division is left. */
+static inline int stays_taut(const struct rope *r, const struct drum *d, double g) {
+  double kappa = d->mobility * r->spring, off = kappa * r->stretch - g;
+  double amplitude_square = 1.1 * (off * off + kappa * r->rate * r->rate);
+  return g > 0 && g * g > (1.25 + 5 * d->share * r->length) * amplitude_square;
 }
 
 /* Moment in [0, h] at which a parabola given by start, slope there and end changes its sign. */
@@ -140,20 +142,23 @@ static double rope_end(struct rope *r, const struct drum *d, const struct flow *
   return impulse;
 }
 
-/* Acceleration of the vehicle by all but the ropes; bend is tanh(v/friction velocity). */
-static inline double slow_acceleration(double t, double v, double bend, const struct plant *c) {
+/* Acceleration of the vehicle by all but the ropes. */
+static inline double slow_acceleration(double t, double v, const struct plant *c) {
   double drag = c->drag * v * fabs(v);
-  return (drag * (c->vortex * sin(c->shedding * v * t) - 1) - c->friction * bend) * c->per_mass;
+  double friction = c->friction * tanh(v * c->per_friction_velocity);
+  return (drag * (c->vortex * sin(c->shedding * v * t) - 1) - friction) * c->per_mass;
 }
 
 struct state {
-  double x, v;
+  double x, v, slow; /* slow: acceleration by all but the ropes amid the last step */
   struct rope r1, r2;
 };
 
 static inline void at_middle(struct state *y, const struct plant *c, double h) {
   double x = y->x + h / 2 * y->v;
-  double per_1 = 1 / larger(c->longest_1 - x, SHORTEST), per_2 = 1 / larger(x + c->rope_offset, SHORTEST);
+  y->r1.length = larger(c->longest_1 - x, SHORTEST);
+  y->r2.length = larger(x + c->rope_offset, SHORTEST);
+  double per_1 = 1 / y->r1.length, per_2 = 1 / y->r2.length;
   y->r1.spring = c->stiffness_1 * per_1;
   y->r2.spring = c->stiffness_2 * per_2;
   y->r1.stiffening = y->v * per_1;
@@ -162,7 +167,7 @@ static inline void at_middle(struct state *y, const struct plant *c, double h) {
 
 /* Several steps over a sample, ropes slack or taut. */
 static void careful(struct state *y, const struct plant *c, const struct drum *d1, const struct drum *d2, double t,
-                    double h, long substeps, double slow) {
+                    double h, long substeps) {
   const double momentum = h / c->per_mass, per_momentum = 1 / momentum;
   for (long i = 0; i < substeps; ++i, t += h) {
     at_middle(y, c, h);
@@ -180,13 +185,14 @@ static void careful(struct state *y, const struct plant *c, const struct drum *d
       fixed -= (h * r2->drive + r2->rate - f2.rs * r2->stretch - f2.rr * r2->rate - f2.rd * r2->drive) * d2->per_mobility;
       divisor += (h - f2.rd) * d2->per_mobility;
     }
-    double v = y->v + h / 2 * (momentum * slow + fixed) / divisor;
-    slow = slow_acceleration(t + h / 2, v, tanh(v * c->per_friction_velocity), c);
+    double v = y->v + h / 2 * (momentum * y->slow + fixed) / divisor;
+    double slow = slow_acceleration(t + h / 2, v, c);
     double a = (momentum * slow + fixed) / divisor;
     double impulse = rope_end(r1, d1, &f1, taut_1, r1->drive - a, h) - rope_end(r2, d2, &f2, taut_2, r2->drive + a, h);
     double late = slow + impulse * per_momentum - a;
     y->x += h * (y->v + h / 2 * (a + late));
     y->v += h * (a + late);
+    y->slow = slow;
     r1->stretch -= h * h / 2 * late; /* the vehicle moves on, the drums stay */
     r1->rate -= h * late;
     r2->stretch += h * h / 2 * late;
@@ -196,7 +202,7 @@ static void careful(struct state *y, const struct plant *c, const struct drum *d
 
 /* One step over a sample with both ropes taut; 0, and nothing done, where that is not good enough. */
 static inline int single(struct state *y, const struct plant *c, const struct drum *d1, const struct drum *d2, double t,
-                         double h, double slow) {
+                         double h) {
   at_middle(y, c, h);
   struct rope *r1 = &y->r1, *r2 = &y->r2;
   struct flow f1 = taut_flow(r1->spring, r1->stiffening, d1, h), f2 = taut_flow(r2->spring, r2->stiffening, d2, h);
@@ -207,15 +213,16 @@ static inline int single(struct state *y, const struct plant *c, const struct dr
   double v2 = f2.rs * r2->stretch + f2.rr * r2->rate + f2.rd * r2->drive;
   double fixed = (h * r1->drive + r1->rate - v1) * d1->per_mobility - (h * r2->drive + r2->rate - v2) * d2->per_mobility;
   double per_divisor = 1 / (momentum + (h - f1.rd) * d1->per_mobility + (h - f2.rd) * d2->per_mobility);
-  double v = y->v + h / 2 * (momentum * slow + fixed) * per_divisor;
-  slow = slow_acceleration(t + h / 2, v, tanh(v * c->per_friction_velocity), c);
+  double v = y->v + h / 2 * (momentum * y->slow + fixed) * per_divisor;
+  double slow = slow_acceleration(t + h / 2, v, c);
   double a = (momentum * slow + fixed) * per_divisor, end = y->v + h * a;
 
   double least = y->v * end > 0 ? fmin(fabs(y->v), fabs(end)) : 0;
-  if (!(least * c->per_friction_velocity > 4 || fabs(end - y->v) * c->per_friction_velocity < 0.02)) return 0;
-  if (!(clearance(r1, d1, r1->drive - a) > 0 && clearance(r2, d2, r2->drive + a) > 0)) return 0;
+  if (!(least * c->per_friction_velocity > 3 || fabs(end - y->v) * c->per_friction_velocity < 0.02)) return 0;
+  if (!(stays_taut(r1, d1, r1->drive - a) && stays_taut(r2, d2, r2->drive + a))) return 0;
   y->x += h * (y->v + h / 2 * a);
   y->v = end;
+  y->slow = slow;
   r1->stretch = s1 - f1.sd * a;
   r1->rate = v1 - f1.rd * a;
   r2->stretch = s2 + f2.sd * a;
@@ -230,10 +237,10 @@ void hand_adaptive(const struct parameters *p, const struct sample *reference, l
   const struct law g = prepare_law(p);
   const struct winch w1 = prepare_winch(p->drum_radius_1, p->gear_ratio_1, p->inertia_1, p->kp_1, p->ki_1, p);
   const struct winch w2 = prepare_winch(p->drum_radius_2, p->gear_ratio_2, p->inertia_2, p->kp_2, p->ki_2, p);
-  const struct drum d1 = prepare_drum(c.damping_1, c.radius_1, p->inertia_1, p->gear_ratio_1);
-  const struct drum d2 = prepare_drum(c.damping_2, c.radius_2, p->inertia_2, p->gear_ratio_2);
+  const struct drum d1 = prepare_drum(c.stiffness_1, c.damping_1, c.radius_1, p->inertia_1, p->gear_ratio_1);
+  const struct drum d2 = prepare_drum(c.stiffness_2, c.damping_2, c.radius_2, p->inertia_2, p->gear_ratio_2);
   const double h = p->sample_time;
-  struct state y = {start->x, start->v, {0}, {0}};
+  struct state y = {start->x, start->v, 0, {0}, {0}};
   y.r1.stretch = c.radius_1 * start->theta_1 - y.x;
   y.r1.rate = c.radius_1 * start->omega_1 - y.v;
   y.r2.stretch = c.radius_2 * start->theta_2 + y.x;
@@ -257,8 +264,7 @@ void hand_adaptive(const struct parameters *p, const struct sample *reference, l
     control(n, &seen, &reference[n], &g, &w1, &w2, &s, &m, &tau_1, &tau_2);
     y.r1.drive = d1.motor * tau_1;
     y.r2.drive = d2.motor * tau_2;
-    double slow = slow_acceleration(t, y.v, seen.bend, &c);
-    if (!single(&y, &c, &d1, &d2, t, h, slow)) careful(&y, &c, &d1, &d2, t, h / substeps, substeps, slow);
+    if (!single(&y, &c, &d1, &d2, t, h)) careful(&y, &c, &d1, &d2, t, h / substeps, substeps);
     if (positions) positions[n] = y.x;
   }
   start->x = y.x;
