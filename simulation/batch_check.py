@@ -8,6 +8,7 @@ import annotated_types as at
 import numpy as np
 from numpy.typing import NDArray
 
+from model.plant import Plant
 from model.quantity import Leaf, describe, nearest, with_leaves
 from simulation.check import check
 from simulation.ensemble import TIMING, Scenario
@@ -51,8 +52,7 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
 @cache
 def _leaves() -> dict[str, Leaf]:
     known = describe(Experiment)
-    believed = {f"nominal.{key.removeprefix('plant.')}": leaf for key, leaf in known.items() if key.startswith("plant.")}
-    return known | believed
+    return known | {f"nominal.{key}": leaf for key, leaf in describe(Plant).items()}
 
 
 def _check_bounds(columns: Mapping[str, Floats]) -> None:

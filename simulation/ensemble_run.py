@@ -1,4 +1,4 @@
-"""Run an ensemble: portions of scenarios on all cores and in all lanes, in memory that does not grow with their number."""
+"""Run an ensemble: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
 
 from collections.abc import Callable, Generator, Iterable, Iterator
 from itertools import chain, islice

@@ -1,7 +1,7 @@
 """Sets of parameters in scenarios: what a compiled rollout needs of each pair."""
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +36,8 @@ class Pairs:
         """Check that everything goes together.
 
         Raises:
-            ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go together.
+            ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go
+                together.
         """
         self.names, self.values = tuple(names), np.asarray(parameters, float)
         self.experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
@@ -50,7 +51,8 @@ class Pairs:
         self.indices = [(i, j) for j in range(len(scenarios)) for i in range(len(self.values))]
         self._vectors = np.array([list(one.values()) for one in numbers])
         self._shaping = [place for place, name in enumerate(names) if name.startswith(SHAPE_THE_START)]
-        self._start = lru_cache(maxsize=KEPT)(self._start_of)
+        keys = [names[place] for place in self._shaping]
+        self._start = lru_cache(maxsize=KEPT)(partial(_start_of, self.experiments, keys))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -77,10 +79,11 @@ class Pairs:
         """State of a pair before the first sample."""
         return self._start(j, tuple(self.values[i, self._shaping].tolist())).copy()
 
-    def _start_of(self, j: int, chosen: tuple[float, ...]) -> Floats:
-        changes = dict(zip([self.names[place] for place in self._shaping], chosen, strict=True))
-        return np.array(list(initial_state_of(with_leaves(self.experiments[j], changes)).values()))
-
     def signals(self, j: int) -> Floats:
         """What a scenario's runs receive from outside, (samples, exogenous); not to be written to."""
         return signals(self.experiments[j])
+
+
+def _start_of(experiments: Sequence[Experiment], keys: Sequence[str], j: int, values: tuple[float, ...]) -> Floats:
+    changes = dict(zip(keys, values, strict=True))
+    return np.array(list(initial_state_of(with_leaves(experiments[j], changes)).values()))

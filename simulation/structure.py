@@ -74,4 +74,4 @@ def zeros_of(*parameters: Mapping[str, float], varying: Collection[str] = ()) ->
     changing = set(varying)
     if any(name.startswith("controller.nominal.") for name in varying):
         changing |= {name for name in parameters[0] if name.startswith("nominal.")}
-    return frozenset(name for name in parameters[0] if name not in changing and not any(one[name] for one in parameters))
+    return frozenset(parameters[0].keys() - changing - {name for one in parameters for name in one if one[name]})
