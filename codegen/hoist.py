@@ -1,13 +1,13 @@
 """Moves work out of a step that runs a million times: what depends on the parameters alone is computed once."""
 
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 
 import casadi as ca
 import numpy as np
+
+from codegen.expressions import as_written
 
 
 @dataclass
@@ -82,16 +82,6 @@ def _column(values: list[ca.SX]) -> ca.SX:
     return ca.vertcat(*values) if values else ca.SX(0, 1)
 
 
-@contextmanager
-def _as_written() -> Iterator[None]:
-    """Within, CasADi keeps x (1/y) as it is; else it makes x/y of it."""
-    ca.GlobalOptions.setSimplificationOnTheFly(False)
-    try:
-        yield
-    finally:
-        ca.GlobalOptions.setSimplificationOnTheFly(True)
-
-
 @cache
 def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
     """Split a function so that what depends on its parameters alone is computed once (cached).
@@ -108,7 +98,7 @@ def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
     inputs = [ca.SX.sym(name, step.size1_in(name)) for name in names]
     parameters = inputs[names.index("parameters")]
     reciprocals = _Reciprocals(names.index("parameters"))
-    with _as_written():
+    with as_written():
         outputs = _without_divisions(step, inputs, reciprocals)
         return _split(step, inputs, parameters, outputs, reciprocals)
 

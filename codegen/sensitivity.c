@@ -2,10 +2,9 @@
    Comes after driver.h, elementary.h, the sizes and the functions of codegen/sensitivity.py:
      sloped_sample(state, exogenous, parameters, derived, discrete, held, slopes)
      sloped_leap(motion, held, parameters, derived, next_motion, margin, valid, slopes)
-   which also give what the next two multiply tangents with; and over tangents, whose elements lie LANES apart,
-     spread_sample(slopes, state_tangent, direction, discrete_tangent, held_tangent)
-     spread_leap(slopes, motion_tangent, held_tangent, next_motion_tangent)
-     along_move(motion, held, part, parameters, motion_tangent, held_tangent, next_motion_tangent) */
+   which also give the slopes that tangents are multiplied with, and over tangents, whose elements lie LANES apart,
+     along_move(motion, held, part, parameters, motion_tangent, held_tangent, next_motion_tangent)
+   SPREAD_SAMPLE and SPREAD_LEAP are the statements of codegen/spread.py for one lane. */
 
 #define IN_LANES static __attribute__((noinline)) void
 #if PAIRED
@@ -15,15 +14,23 @@
 #endif
 #define LANE_ARRAY __attribute__((aligned(64))) double
 
-IN_LANES spread_sample_lanes(const double *restrict slopes, const double *restrict state,
-                             const double *restrict direction, double *restrict discrete, double *restrict held) {
-  EACH_CALL spread_sample(slopes, state + l, direction + l, discrete + l, held + l);
+IN_LANES spread_sample(const double *restrict slopes, const double *restrict states, const double *restrict directions,
+                       double *restrict discretes, double *restrict helds) {
+  for (int l = 0; l < LANES; ++l) {
+    const double *restrict state_tangent = states + l, *restrict direction = directions + l;
+    double *restrict discrete_tangent = discretes + l, *restrict held_tangent = helds + l;
+    SPREAD_SAMPLE
+  }
 }
 
 #if HAS_LEAP
-IN_LANES spread_leap_lanes(const double *restrict slopes, const double *restrict motion, const double *restrict held,
-                           double *restrict next) {
-  EACH_CALL spread_leap(slopes, motion + l, held + l, next + l);
+IN_LANES spread_leap(const double *restrict slopes, const double *restrict motions, const double *restrict helds,
+                     double *restrict nexts) {
+  for (int l = 0; l < LANES; ++l) {
+    const double *restrict motion_tangent = motions + l, *restrict held_tangent = helds + l;
+    double *restrict next_motion_tangent = nexts + l;
+    SPREAD_LEAP
+  }
 }
 #endif
 
@@ -69,10 +76,10 @@ EXPORT int sensitivity(const double *parameters, const double *direction, const 
       tangents += LANES;
     }
     sloped_sample(now, exogenous, parameters, for_sample, next + MOTION, held, slopes);
-    spread_sample_lanes(slopes, now_tangent, seeds, next_tangent + MOTION * LANES, held_tangent);
+    spread_sample(slopes, now_tangent, seeds, next_tangent + MOTION * LANES, held_tangent);
 #if HAS_LEAP
     sloped_leap(now, held, parameters, for_leap, next, &margin, &valid, leap_slopes);
-    if (valid > 0) spread_leap_lanes(leap_slopes, now_tangent, held_tangent, next_tangent);
+    if (valid > 0) spread_leap(leap_slopes, now_tangent, held_tangent, next_tangent);
     else
 #endif
       for (int part = 0; part < PARTS; ++part) { /* each starts from `now`, where the last one is put */

@@ -1,7 +1,6 @@
 """A rollout with its exact sensitivities in compiled C: the run once, one direction in each vector lane."""
 
 import ctypes
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -14,60 +13,10 @@ from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
 from codegen.lanes import LANES, in_lanes, lane_flags, lane_sizes
 from codegen.sampled import Sampled
+from codegen.spread import Tangents, spread
 from codegen.unit import hoisted_all, unit
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Spread:
-    """How tangents pass through a function: its slopes, computed once, and products with them, once a direction.
-
-    Attributes:
-        sloped: ``sloped_NAME(...) -> ..., slopes``: the function itself with one more output, the elements of the
-            Jacobian that are not constant.
-        spread: ``spread_NAME(slopes, tangent of each input, ...) -> tangent of each output, ...``.
-    """
-
-    sloped: ca.Function
-    spread: ca.Function
-
-
-def spread(
-    function: ca.Function, smooth: ca.Function, along: Mapping[str, tuple[str, list[int] | None]], outputs: list[str]
-) -> Spread:
-    """Split the derivative of a function into its slopes and products with them.
-
-    Args:
-        function: of SX expressions.
-        smooth: what is differentiated in its place, of the same inputs and outputs.
-        along: input name → name of its tangent, and indices of the elements it is differentiated by (None: all).
-        outputs: names of the outputs that are differentiated; their tangents are ``NAME_tangent``.
-    """
-    inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
-    columns = [inputs[name] if places is None else inputs[name][places] for name, (_, places) in along.items()]
-    differentiated = smooth.call(inputs)
-    jacobian = ca.jacobian(ca.vertcat(*(differentiated[name] for name in outputs)), ca.vertcat(*columns))
-    varying = [place for place in range(jacobian.nnz()) if not jacobian.nz[place].is_constant()]
-    called = function.call(inputs)
-    values = {name: called[name] for name in function.name_out()}
-    values["slopes"] = ca.densify(ca.vertcat(*(jacobian.nz[place] for place in varying)))
-
-    slopes = ca.SX.sym("slopes", len(varying))
-    product = ca.SX(jacobian)
-    product.nz[varying] = slopes
-    tangents = [tangent for tangent, _ in along.values()]
-    seeds = [ca.SX.sym(name, column.numel()) for name, column in zip(tangents, columns, strict=True)]
-    ends = np.cumsum([0, *(differentiated[name].numel() for name in outputs)]).tolist()
-    products = ca.vertsplit(ca.densify(ca.mtimes(product, ca.vertcat(*seeds))), ends)
-    return Spread(
-        sloped=_function(f"sloped_{function.name()}", inputs, values),
-        spread=_function(
-            f"spread_{function.name()}",
-            {"slopes": slopes} | dict(zip(tangents, seeds, strict=True)),
-            {f"{name}_tangent": value for name, value in zip(outputs, products, strict=True)},
-        ),
-    )
 
 
 def _along(move: ca.Function) -> ca.Function:
@@ -83,21 +32,24 @@ def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) ->
     return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})
 
 
-def sensitivity_source(system: Sampled, smooth: Sampled, gains: tuple[int, ...], compiler: Compiler) -> str:
+def sensitivity_source(
+    system: Sampled, smooth: Sampled, joined: ca.Function, gains: tuple[int, ...], compiler: Compiler
+) -> str:
     """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`."""
-    by_gains = {"state": ("state_tangent", None), "parameters": ("direction", list(gains))}
-    spreads = [spread(system.sample, smooth.sample, by_gains, ["discrete", "held"])]
+    by_gains = {"state": Tangents("state_tangent"), "parameters": Tangents("direction", gains)}
+    joints = joined.numel_out("returned") if "returned" in joined.name_out() else 0
+    spreads = {"SPREAD_SAMPLE": spread(system.sample, joined, by_gains, ["discrete", "held"], joints)}
     if system.leap and smooth.leap:
-        between = {"motion": ("motion_tangent", None), "held": ("held_tangent", None)}
-        spreads.append(spread(system.leap, smooth.leap, between, ["next_motion"]))
+        between = {"motion": Tangents("motion_tangent"), "held": Tangents("held_tangent")}
+        spreads["SPREAD_LEAP"] = spread(system.leap, smooth.leap, between, ["next_motion"])
     along = _along(smooth.move)
-    lanes = {one.spread.name(): {*one.spread.name_in(), *one.spread.name_out()} - {"slopes"} for one in spreads}
-    lanes["along_move"] = {"motion_tangent", "held_tangent", "next_motion_tangent"}
-    functions = hoisted_all((system.move, *(one.sloped for one in spreads)))
-    definitions = c_source([*functions, *(one.spread for one in spreads), along])
+    functions = hoisted_all((system.move, *(one.sloped for one in spreads.values())))
+    tangents = {"along_move": {"motion_tangent", "held_tangent", "next_motion_tangent"}}
+    definitions = in_lanes(c_source([*functions, along]), tangents, compiler)
+    products = [f"#define {name} {' '.join(one.statements)}" for name, one in spreads.items()]
     sizes = system.sizes | lane_sizes(compiler) | {"GAINS": len(gains), "TRACKED": 0}
-    sizes |= {f"{one.sloped.name().upper()}_SLOPES": one.sloped.numel_out("slopes") for one in spreads}
-    return unit(sizes, functions, "elementary.h", in_lanes(definitions, lanes, compiler), "sensitivity.c")
+    sizes |= {f"{one.sloped.name().upper()}_SLOPES": one.sloped.numel_out("slopes") for one in spreads.values()}
+    return unit(sizes, functions, "elementary.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
 
 
 @dataclass(frozen=True)
@@ -149,7 +101,7 @@ class Sensitivity:
 
 @cache
 def compile_sensitivity(
-    system: Sampled, smooth: Sampled, gains: tuple[int, ...], compiler: Compiler | None = None
+    system: Sampled, smooth: Sampled, joined: ca.Function, gains: tuple[int, ...], compiler: Compiler | None = None
 ) -> Sensitivity:
     """Compile (or find in the cache) and load a rollout with sensitivities.
 
@@ -157,6 +109,7 @@ def compile_sensitivity(
         system: what is run.
         smooth: what is differentiated along its run: `system` itself, or one without its steps, whose derivatives
             are zero almost everywhere.
+        joined: `smooth`'s function ``sample``, cut at the signals everything goes through (`codegen.spread`).
         gains: indices of the parameters that directions are made of.
         compiler: by default the one `find_compiler` finds.
 
@@ -164,7 +117,7 @@ def compile_sensitivity(
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    path = library(sensitivity_source(system, smooth, gains, chosen), chosen, lane_flags(chosen))
+    path = library(sensitivity_source(system, smooth, joined, gains, chosen), chosen, lane_flags(chosen))
     call = ctypes.CDLL(str(path)).sensitivity
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64

@@ -9,6 +9,8 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
+from codegen.expressions import as_written
+
 Scalar: TypeAlias = Any
 """A float, or a 1×1 `casadi.SX` or `casadi.MX`."""
 
@@ -76,10 +78,8 @@ def sqrt(value: Scalar) -> Scalar:
 def reciprocals(first: Scalar, second: Scalar) -> tuple[Scalar, Scalar]:
     """1/first and 1/second by one division, which costs as much as ten products; their product must not overflow."""
     product = first * second
-    ca.GlobalOptions.setSimplificationOnTheFly(False)  # or CasADi makes two divisions of it again
-    inverses = second / product, first / product
-    ca.GlobalOptions.setSimplificationOnTheFly(True)
-    return inverses
+    with as_written():  # or CasADi makes two divisions of it again
+        return second / product, first / product
 
 
 def power(base: Scalar, exponent: Scalar) -> Scalar:

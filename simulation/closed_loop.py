@@ -6,6 +6,7 @@ from typing import Annotated
 
 import casadi as ca
 
+from codegen.expressions import BUILDING
 from codegen.sampled import Sampled
 from controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from controllers.coordination import Coordination
@@ -22,7 +23,10 @@ from simulation.sensors import EncoderState, Noise, Sensors, measure, read_encod
 from simulation.structure import Structure, parameters_of
 
 CUTS = {"u": "u_sat", "tau_1": "tau1", "tau_2": "tau2"}
-"""Where the loop can be cut: signal → the column of what arrives at the cut."""
+"""Where the loop can be cut for analysis: signal → the column of what arrives at the cut."""
+
+JOINTS = ("F1", "F2", "u", "tau_1", "tau_2")
+"""All signals it can be cut at, each computed from those before it."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class ClosedLoop(Sampled):
     def step(self) -> ca.Function:
         """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
         arguments = [ca.SX.sym(name, self.sample.size1_in(name)) for name in self.sample.name_in()]
-        discrete, held = self.sample(*arguments)
+        discrete, held, *_ = self.sample(*arguments)
         start = arguments[0][: self.move.numel_in("motion")]
         motion, margin = start, ca.SX(0)
         for part in range(self.parts):
@@ -118,16 +122,22 @@ def initial_state_of(experiment: Experiment) -> dict[str, float]:
 
 
 @cache
-def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cut: str = "") -> ClosedLoop:
+def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts: tuple[str, ...] = ()) -> ClosedLoop:
     """Build the symbolic functions of a structure (cached).
 
     Args:
         structure: what shapes them.
         zeros: names of parameters that are zero for good (`structure.zeros_of`): the functions leave out what these
             multiply and do not look at their values.
-        cut: one of `CUTS`, to have the loop cut there for analysis: what leaves the cut is then a fourth input,
-            ``cut``, of `sample`, `observe` and `step`.
+        cuts: some of `JOINTS`, to have the loop cut there for analysis: what leaves the cuts is then a fourth input,
+            ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``, of
+            `sample`.
     """
+    with BUILDING:
+        return _closed_loop(structure, zeros, cuts)
+
+
+def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
     template = Experiment(
         plant=Plant(rope_slack=structure.rope_slack),
         controller=Controller(
@@ -144,12 +154,12 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cut: 
         "parameters": tuple(parameters_of(template)),
     }
     symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
-    injected = {cut: ca.SX.sym("cut")} if cut else {}
+    injected = {cut: ca.SX.sym(cut) for cut in cuts}
     of_state, outside, values = (
         dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
     )
-    if cut:
-        symbols["cut"] = injected[cut]
+    if cuts:
+        symbols["cut"] = ca.vertcat(*injected.values())
     values |= dict.fromkeys(zeros, ca.SX(0))
     plant = with_leaves(template.plant, values, "plant.")
     nominal = with_leaves(template.plant, values, "nominal.")
@@ -161,7 +171,8 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cut: 
     plant_state = state.motion.plant
 
     # the sample's beginning: sense and control
-    forces = tensions(plant_state, plant)
+    pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant), strict=True))
+    forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
     encoders, measurement = measure(plant_state, forces, exogenous.noise, state.encoders, plant, sensors, sample_time)
     controller_state, said = controller_step(
         state.controller,
@@ -207,6 +218,9 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cut: 
     following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "held": ca.vertcat(*leaves(held).values())}
+    if cuts:
+        returned = pulls | {"u": said.position.u_sat, "tau_1": said.tau1, "tau_2": said.tau2}
+        at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
     move, leap = between_samples(structure, problem, symbols["parameters"])
     return ClosedLoop(
         sample=named_function("sample", symbols, at_sample),

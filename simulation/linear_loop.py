@@ -101,7 +101,7 @@ def structure_of_cruise(cruise: LoopCruise) -> Structure:
 @cache
 def _jacobians(structure: Structure, cut: str) -> ca.Function:
     """``(state, exogenous, parameters[, cut]) -> A, B, C, D`` of a step; B and D are for the cut where there is one."""
-    step = closed_loop(structure, cut=cut).step
+    step = closed_loop(structure, cuts=(cut,) if cut else ()).step
     symbols = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
     following, row, _ = step(*symbols)
     state, outside = symbols[0], symbols[3] if cut else symbols[1]

@@ -13,7 +13,7 @@ from codegen.lanes import LANES
 from codegen.sensitivity import Sensitivity, compile_sensitivity
 from model.quantity import with_leaves
 from simulation.batch import NOT_RUN
-from simulation.closed_loop import closed_loop, starting_state
+from simulation.closed_loop import JOINTS, closed_loop, starting_state
 from simulation.ensemble import Scenario
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
@@ -90,7 +90,8 @@ def sensitivities(
     _check_names(pairs.names)
     structure = structure_of(pairs.experiments[0])
     smooth = closed_loop(structure, pairs.zeros | STEPS)
-    run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.places))
+    joined = closed_loop(structure, pairs.zeros | STEPS, JOINTS).sample
+    run = compile_sensitivity(pairs.loop, smooth, joined, tuple(pairs.places))
     shape, p = pairs.shape, len(pairs.names)
     kept = -(-pairs.samples // stride) if stride else 0
     result = Sensitivities(

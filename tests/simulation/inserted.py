@@ -50,7 +50,7 @@ def run(
         kick: state of the closed loop → what is added to it at the start.
     """
     cruise = loop_cruise(experiment, x, v)
-    loop = closed_loop(structure_of(cruise.experiment), cut=cut)
+    loop = closed_loop(structure_of(cruise.experiment), cuts=(cut,))
     steady, here = cruise.row[CUTS[cut]], loop.columns.index(CUTS[cut])
     state, line, reference = ca.SX.sym("state", len(loop.states)), ca.SX.sym("line", max(delay, 1)), ca.SX.sym("x_ref")
     outside, place = ca.SX(cruise.exogenous), loop.exogenous.index("reference.x")

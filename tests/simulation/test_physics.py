@@ -93,13 +93,19 @@ def test_tension_is_never_negative_in_the_papers_cases(number: int, kind: str, p
     assert min(result["F1"].min(), result["F2"].min()) >= 0
 
 
-any_number = st.floats(-1e308, 1e308) | st.floats(-10, 10)
+def but_zero(value: float) -> float:
+    """The smallest number in zero's place: each set of zeros has compiled code of its own."""
+    return value or 5e-324
+
+
+any_number = (st.floats(-1e308, 1e308) | st.floats(-10, 10)).map(but_zero)
+filter_times = st.floats(0, 1e308).map(but_zero)
 positive = st.floats(1e-308, 1e308) | st.floats(1e-3, 10)
 wild_controllers = st.builds(
     Controller,
     kind=kinds,
     estimator=st.sampled_from(["lowpass", "kalman"]),
-    speed_filter_time=st.floats(0, 1e308),
+    speed_filter_time=filter_times,
     kalman=st.builds(KalmanGains, *[positive] * 4),
     nftsm=st.builds(
         NftsmGains,
@@ -117,7 +123,7 @@ wild_controllers = st.builds(
         kf=any_number,
         error_scale=positive,
         rate_scale=positive,
-        filter_time=st.floats(0, 1e308),
+        filter_time=filter_times,
     ),
     super_twisting=st.builds(SuperTwistingGains, positive, any_number, any_number, positive),
     adrc=st.builds(AdrcGains, any_number, positive),
@@ -129,7 +135,7 @@ wild_controllers = st.builds(
 
 
 @settings(max_examples=300)
-@given(wild_controllers, st.sampled_from(list(CASES)))
+@given(wild_controllers, st.sampled_from([1, 4]))
 def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.1))
     result = simulate(experiment)
@@ -145,3 +151,23 @@ def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Cont
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
     assert (ours.outcome, ours.end_time) == (theirs.outcome, theirs.end_time)
+
+
+@pytest.mark.parametrize("kind", POSITION_LAWS)
+def test_gains_of_zero_give_the_same_outcome_in_both_engines(kind: Any) -> None:
+    controller = Controller(
+        kind=kind,
+        speed_filter_time=0.0,
+        nftsm=NftsmGains(eta=0.0, k=0.0),
+        observer=ObserverGains(l0=0.0, kf=0.0, filter_time=0.0),
+        super_twisting=SuperTwistingGains(k1=0.0, k2=0.0),
+        adrc=AdrcGains(observer_bandwidth=0.0),
+        auxiliary=AuxiliaryGains(0.0, 0.0, 0.0),
+        pid_cascade=PidCascadeGains(*[0.0] * 6),
+        winch_1=WinchGains(*[0.0] * 3),
+        winch_2=WinchGains(*[0.0] * 3),
+    )
+    experiment = replace(case(4), controller=controller, simulation=SHORT)
+    ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    assert (ours.outcome, ours.end_time) == (theirs.outcome, theirs.end_time)
+    assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-12
