@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 
-import annotated_types as at
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,9 @@ Floats = NDArray[np.float64]
 
 NFTSM, COORDINATION = "controller.nftsm.", "controller.coordination."
 """What the keys of values that are bound to each other begin with."""
+
+BOUNDS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
+"""Bound of a constraint of `annotated_types` → what holds between a value and it."""
 
 
 def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experiment | Scenario]) -> None:
@@ -61,17 +63,10 @@ def _check_bounds(columns: Mapping[str, Floats]) -> None:
         leaf = _leaves()[name]
         wrong, allowed = ~np.isfinite(column), leaf.allowed or "finite"
         for constraint in leaf.constraints:
-            match constraint:
-                case at.Gt(gt=bound):
-                    wrong |= ~(column > bound)
-                case at.Ge(ge=bound):
-                    wrong |= ~(column >= bound)
-                case at.Lt(lt=bound):
-                    wrong |= ~(column < bound)
-                case at.Le(le=bound):
-                    wrong |= ~(column <= bound)
-                case _:
-                    pass
+            for word, holds in BOUNDS.items():
+                bound = getattr(constraint, word, None)
+                if bound is not None:
+                    wrong |= ~holds(column, bound)
         if leaf.kind is int:
             wrong |= column != np.rint(column)
             allowed = f"a whole number {leaf.allowed}".strip()

@@ -110,7 +110,7 @@ def _reference(reference: Reference, window: tuple[float, float], sample_time: f
     t, half = np.arange(start, start + n) * sample_time, sample_time / 2
     wanted = setpoint(t, reference)
     steady = (t >= window[0] - half) & (t <= window[1] + half)
-    return np.array([wanted.x, wanted.v, np.broadcast_to(wanted.a, n), steady])
+    return np.array([wanted.x, wanted.v, np.broadcast_to(wanted.a, n), steady], dtype=float)
 
 
 def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
