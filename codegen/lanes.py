@@ -21,8 +21,11 @@ GCC_FLAGS = ("-fschedule-insns",)
 DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
 """A generated function (`codegen.c_source`)."""
 
-CALL = re.compile(r"(?<=[=(\-])(?:casadi_)?(tanh|sin|cos|exp|log|pow|fmin|fmax)\(")
+CALL = re.compile(r"(?<=[=(\-])(tanh|sin|cos|exp|log|pow)\(")
 """A call of an elementary function; `elementary.h` has one that runs in lanes."""
+
+SMALLER_OR_LARGER = re.compile(r"(?<=return )(fmin|fmax)\(")
+"""A call in CasADi's own helpers, which `elementary.h` makes none of."""
 
 STATEMENT = re.compile(r"^  (double a\d|a\d+=|(if \(\w+\) )?\w+\[)|^      *a\d")
 """A line of a generated function that declares or computes something."""
@@ -58,7 +61,7 @@ def in_lanes(source: str, arrays: Mapping[str, Collection[str]], compiler: Compi
             _in_lanes(definition.group(), arrays[name], not compiler.is_clang) if name in arrays else definition.group()
         )
 
-    return DEFINITION.sub(replaced, source)
+    return DEFINITION.sub(replaced, SMALLER_OR_LARGER.sub(r"inline_\1(", source))
 
 
 def _in_lanes(definition: str, arrays: Collection[str], paired: bool) -> str:
