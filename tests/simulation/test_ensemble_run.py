@@ -74,6 +74,17 @@ def test_a_scenario_that_diverges_leaves_its_neighbours_and_the_statistics_alone
     assert len(mixed.traces.sampled["e"]) == completed.sum()
 
 
+def test_a_value_that_is_sometimes_zero_leaves_a_scenario_as_it_is_alone() -> None:
+    """The compiled code leaves out what is always zero; what a portion happens to hold must not decide that."""
+    friction = Drawn(Choice((0.0, 0.1)))
+    ensemble = replace(lasting(0.2), distributions={"plant.vehicle.friction_coefficient": friction})
+    whole = run_ensemble(ensemble, 6, 3, traces=False)
+    assert set(whole.draws["plant.vehicle.friction_coefficient"]) == {0.0, 0.1}
+    for index in range(6):
+        alone = rollout([], np.empty((1, 0)), [ensemble.scenario(index, 3)])
+        assert alone.metrics["mse"][0, 0] == whole.metrics["mse"][index]
+
+
 def test_an_ensemble_without_a_completed_scenario_is_a_result() -> None:
     values = {"disturbance.vortex_amplitude": Drawn(Choice((1e300,)))}
     result = run_ensemble(replace(lasting(0.5), distributions=values), 3, 0)
