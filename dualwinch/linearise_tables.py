@@ -96,19 +96,28 @@ def _print_operating_point(console: Console, point: OperatingPoint) -> None:
 
 def _modes(found: Sequence[Mode]) -> Table:
     table = Table(box=None, pad_edge=False)
-    table.add_column("mode", no_wrap=True)
+    table.add_column("mode", overflow="fold")
     for heading in ("eigenvalue", "Hz", "damping", "decay (s)", "f_s (Hz)"):
         table.add_column(heading, justify="right", no_wrap=True)
     for mode in found:
         table.add_row(
             mode.label,
             _complex(mode.eigenvalue),
-            _number(mode.natural_frequency / (2 * math.pi)),
-            f"{mode.damping:.3g}",
-            _number(mode.time_constant),
-            _number(mode.sample_rate),
+            *_pace(mode),
         )
     return table
+
+
+def _pace(mode: Mode) -> tuple[str, str, str, str]:
+    """Natural frequency, damping, time constant and sample rate; a mode gone after a sample has none."""
+    if math.isinf(mode.natural_frequency):
+        return "", "deadbeat", "", ""
+    return (
+        _number(mode.natural_frequency / (2 * math.pi)),
+        f"{mode.damping:.3g}",
+        _number(mode.time_constant),
+        _number(mode.sample_rate),
+    )
 
 
 def _participation(found: Sequence[Mode]) -> Table:

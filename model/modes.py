@@ -21,13 +21,17 @@ SAMPLES_A_PERIOD = 10
 """Samples in a period of a mode that a controller acting on it needs (Åström and Wittenmark: 10 to 30)."""
 
 
+DEADBEAT = 1e-3
+"""Eigenvalue of a discrete system below which a mode is gone after a sample and has no frequency."""
+
+
 @dataclass(frozen=True)
 class Mode:
     """One mode; an oscillation stands for both of its conjugate eigenvalues.
 
     Attributes:
         eigenvalue: of A: in 1/s, or per sample of a discrete system.
-        rate: the same in 1/s; of a discrete system ``log(eigenvalue) / dt`` (minus infinity for an eigenvalue 0).
+        rate: the same in 1/s; of a discrete system ``log(eigenvalue) / dt`` (minus infinity below `DEADBEAT`).
         participation: state → its share in the mode; the shares sum to one and do not depend on units.
         shape: state → complex amplitude; the states' units.
         label: in words, e.g. "rope 2 – drum 2".
@@ -145,4 +149,4 @@ def _basis_of_still(A: NDArray[np.float64], count: int) -> Complex:
 def _rate(eigenvalue: complex, dt: float | None) -> complex:
     if dt is None:
         return eigenvalue
-    return complex(np.log(eigenvalue)) / dt if eigenvalue else complex(-math.inf, 0.0)
+    return complex(np.log(eigenvalue)) / dt if abs(eigenvalue) > DEADBEAT else complex(-math.inf, 0.0)

@@ -64,8 +64,20 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
     return {key: float(value) for key, value in values.items()}
 
 
+SWITCHES_OFF = (
+    "plant.",
+    "nominal.",
+    "sensors.",
+    "disturbance.",
+    "controller.speed_filter_time",
+    "controller.winch_1.kd",
+    "controller.winch_2.kd",
+)
+"""Parameters that are often zero for good, by what their names begin with: each choice of zeros is code of its own."""
+
+
 def zeros_of(*parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:
-    """The parameters that are zero in all of these: what they multiply can be left out of the compiled code.
+    """Parameters that are zero in all of these: what they multiply can be left out of the compiled code.
 
     Args:
         parameters: as by `parameters_of`.
@@ -74,4 +86,5 @@ def zeros_of(*parameters: Mapping[str, float], varying: Collection[str] = ()) ->
     changing = set(varying)
     if any(name.startswith("controller.nominal.") for name in varying):
         changing |= {name for name in parameters[0] if name.startswith("nominal.")}
-    return frozenset(parameters[0].keys() - changing - {name for one in parameters for name in one if one[name]})
+    candidates = {name for name in parameters[0] if name.startswith(SWITCHES_OFF)} - changing
+    return frozenset(name for name in candidates if not any(one[name] for one in parameters))
