@@ -16,9 +16,10 @@ struct drum {
   double damper, mobility, per_mobility, motor, damping, share;
 };
 
-/* Linear flow of a taut rope over a step: the coefficients of stretch, rate and drive. */
+/* Flow of a taut rope over a step. What swings is the stretch times the relative stiffness, 1 at mid-step: its flow
+   ff fr rf rr, what a unit of drive adds to it; the relative stiffness at the start, its inverse at the end, its rate. */
 struct flow {
-  double ss, sr, rs, rr, sd, rd;
+  double ff, fr, rf, rr, drive, start, end, stiffening;
 };
 
 static struct drum prepare_drum(double stiffness, double damper, double radius, double inertia, double gear) {
@@ -32,30 +33,62 @@ static struct drum prepare_drum(double stiffness, double damper, double radius, 
   return d;
 }
 
+/* cos(r) and sin(r)/r, to rounding up to two oscillations, from r * r, which may be negative: series for r/8, doubled. */
+static inline void cosine_and_sine(double square, double *cosine, double *sine) {
+  double q = -square / 64, c = 1 / 20922789888000.0, s = 1 / 355687428096000.0;
+  c = c * q + 1 / 87178291200.0;
+  s = s * q + 1 / 1307674368000.0;
+  c = c * q + 1 / 479001600.0;
+  s = s * q + 1 / 6227020800.0;
+  c = c * q + 1 / 3628800.0;
+  s = s * q + 1 / 39916800.0;
+  c = c * q + 1 / 40320.0;
+  s = s * q + 1 / 362880.0;
+  c = c * q + 1 / 720.0;
+  s = s * q + 1 / 5040.0;
+  c = c * q + 1 / 24.0;
+  s = s * q + 1 / 120.0;
+  c = c * q + 0.5;
+  s = s * q + 1 / 6.0;
+  c = c * q + 1;
+  s = s * q + 1;
+  for (int doubling = 0; doubling < 3; ++doubling) {
+    s *= c;
+    c = 2 * c * c - 1;
+  }
+  *cosine = c;
+  *sine = s;
+}
+
 static inline struct flow taut_flow(double spring, double stiffening, const struct drum *d, double h) {
   double delta = d->damping - 2 * stiffening, kappa = d->mobility * spring - d->damping * stiffening;
-  double square = kappa - delta * delta / 4, frequency = sqrt(fabs(square)), angle = frequency * h;
-  double decay = exp(-delta * h / 2), cosine, sine;
-  if (square > 0) {
-    cosine = cos(angle);
-    sine = sin(angle) / frequency;
-  } else {
-    cosine = cosh(angle);
-    sine = angle > 0 ? sinh(angle) / frequency : h;
-  }
-  double even = decay * cosine, odd = decay * sine;
-  double ff = even + delta / 2 * odd, rr = even - delta / 2 * odd, to_drive = (1 - ff) / kappa;
-  /* the variable that swings is the stretch times the relative stiffness, 1 at mid-step */
-  double half = stiffening * h / 2, start = 1 - half, end = 1 / (1 + half), turn = stiffening * end;
-  double from_stretch = ff * start + odd * stiffening, from_rate = odd * start;
+  double cosine, sine, decay = exp(-delta * h / 2);
+  cosine_and_sine((kappa - delta * delta / 4) * h * h, &cosine, &sine);
+  double even = decay * cosine, odd = decay * sine * h, skew = delta / 2 * odd;
+  double half = stiffening * h / 2, grown = 1 + half, both = 1 / (kappa * grown);
   struct flow f;
-  f.ss = from_stretch * end;
-  f.sr = from_rate * end;
-  f.rs = (rr * stiffening - kappa * odd * start - from_stretch * turn) * end;
-  f.rr = (rr * start - from_rate * turn) * end;
-  f.sd = to_drive * end;
-  f.rd = (odd - to_drive * turn) * end;
+  f.ff = even + skew;
+  f.fr = odd;
+  f.rf = -kappa * odd;
+  f.rr = even - skew;
+  f.drive = (1 - f.ff) * (grown * both);
+  f.start = 1 - half;
+  f.end = kappa * both;
+  f.stiffening = stiffening;
   return f;
+}
+
+/* Stretch and rate after the step under the drive g. */
+static inline void carry(const struct flow *f, double *stretch, double *rate, double g) {
+  double force = f->start * *stretch, gain = f->start * *rate + f->stiffening * *stretch;
+  *stretch = (f->ff * force + f->fr * gain + f->drive * g) * f->end;
+  *rate = (f->rf * force + f->rr * gain + f->fr * g - f->stiffening * *stretch) * f->end;
+}
+
+/* What a unit of drive adds to both. */
+static inline void yield_to(const struct flow *f, double *stretch, double *rate) {
+  *stretch = f->drive * f->end;
+  *rate = (f->fr - f->stiffening * *stretch) * f->end;
 }
 
 static inline double pull(const struct rope *r, const struct drum *d, double stretch, double rate) {
@@ -130,8 +163,7 @@ static void switched(const struct rope *r, const struct drum *d, int taut, doubl
 static double rope_end(struct rope *r, const struct drum *d, const struct flow *f, int taut, double g, double h) {
   double stretch = r->stretch, rate = r->rate;
   if (taut) {
-    stretch = f->ss * r->stretch + f->sr * r->rate + f->sd * g;
-    rate = f->rs * r->stretch + f->rr * r->rate + f->rd * g;
+    carry(f, &stretch, &rate, g);
   } else {
     fly(&stretch, &rate, g, h);
   }
@@ -158,7 +190,7 @@ static inline void at_middle(struct state *y, const struct plant *c, double h) {
   double x = y->x + h / 2 * y->v;
   y->r1.length = larger(c->longest_1 - x, SHORTEST);
   y->r2.length = larger(x + c->rope_offset, SHORTEST);
-  double per_1 = 1 / y->r1.length, per_2 = 1 / y->r2.length;
+  double both = 1 / (y->r1.length * y->r2.length), per_1 = y->r2.length * both, per_2 = y->r1.length * both;
   y->r1.spring = c->stiffness_1 * per_1;
   y->r2.spring = c->stiffness_2 * per_2;
   y->r1.stiffening = y->v * per_1;
@@ -177,13 +209,19 @@ static void careful(struct state *y, const struct plant *c, const struct drum *d
     double fixed = 0, divisor = momentum;
     if (taut_1) {
       f1 = taut_flow(r1->spring, r1->stiffening, d1, h);
-      fixed += (h * r1->drive + r1->rate - f1.rs * r1->stretch - f1.rr * r1->rate - f1.rd * r1->drive) * d1->per_mobility;
-      divisor += (h - f1.rd) * d1->per_mobility;
+      double stretch = r1->stretch, rate = r1->rate, by_stretch, by_rate;
+      carry(&f1, &stretch, &rate, r1->drive);
+      yield_to(&f1, &by_stretch, &by_rate);
+      fixed += (h * r1->drive + r1->rate - rate) * d1->per_mobility;
+      divisor += (h - by_rate) * d1->per_mobility;
     }
     if (taut_2) {
       f2 = taut_flow(r2->spring, r2->stiffening, d2, h);
-      fixed -= (h * r2->drive + r2->rate - f2.rs * r2->stretch - f2.rr * r2->rate - f2.rd * r2->drive) * d2->per_mobility;
-      divisor += (h - f2.rd) * d2->per_mobility;
+      double stretch = r2->stretch, rate = r2->rate, by_stretch, by_rate;
+      carry(&f2, &stretch, &rate, r2->drive);
+      yield_to(&f2, &by_stretch, &by_rate);
+      fixed -= (h * r2->drive + r2->rate - rate) * d2->per_mobility;
+      divisor += (h - by_rate) * d2->per_mobility;
     }
     double v = y->v + h / 2 * (momentum * y->slow + fixed) / divisor;
     double slow = slow_acceleration(t + h / 2, v, c);
@@ -207,26 +245,28 @@ static inline int single(struct state *y, const struct plant *c, const struct dr
   struct rope *r1 = &y->r1, *r2 = &y->r2;
   struct flow f1 = taut_flow(r1->spring, r1->stiffening, d1, h), f2 = taut_flow(r2->spring, r2->stiffening, d2, h);
   double momentum = h / c->per_mass;
-  double s1 = f1.ss * r1->stretch + f1.sr * r1->rate + f1.sd * r1->drive;
-  double v1 = f1.rs * r1->stretch + f1.rr * r1->rate + f1.rd * r1->drive;
-  double s2 = f2.ss * r2->stretch + f2.sr * r2->rate + f2.sd * r2->drive;
-  double v2 = f2.rs * r2->stretch + f2.rr * r2->rate + f2.rd * r2->drive;
+  double s1 = r1->stretch, v1 = r1->rate, s2 = r2->stretch, v2 = r2->rate;
+  double stretch_1, rate_1, stretch_2, rate_2;
+  carry(&f1, &s1, &v1, r1->drive);
+  carry(&f2, &s2, &v2, r2->drive);
+  yield_to(&f1, &stretch_1, &rate_1);
+  yield_to(&f2, &stretch_2, &rate_2);
   double fixed = (h * r1->drive + r1->rate - v1) * d1->per_mobility - (h * r2->drive + r2->rate - v2) * d2->per_mobility;
-  double per_divisor = 1 / (momentum + (h - f1.rd) * d1->per_mobility + (h - f2.rd) * d2->per_mobility);
+  double per_divisor = 1 / (momentum + (h - rate_1) * d1->per_mobility + (h - rate_2) * d2->per_mobility);
   double v = y->v + h / 2 * (momentum * y->slow + fixed) * per_divisor;
   double slow = slow_acceleration(t + h / 2, v, c);
   double a = (momentum * slow + fixed) * per_divisor, end = y->v + h * a;
 
-  double least = y->v * end > 0 ? fmin(fabs(y->v), fabs(end)) : 0;
+  double least = y->v * end > 0 ? smaller(fabs(y->v), fabs(end)) : 0;
   if (!(least * c->per_friction_velocity > 3 || fabs(end - y->v) * c->per_friction_velocity < 0.02)) return 0;
   if (!(stays_taut(r1, d1, r1->drive - a) && stays_taut(r2, d2, r2->drive + a))) return 0;
   y->x += h * (y->v + h / 2 * a);
   y->v = end;
   y->slow = slow;
-  r1->stretch = s1 - f1.sd * a;
-  r1->rate = v1 - f1.rd * a;
-  r2->stretch = s2 + f2.sd * a;
-  r2->rate = v2 + f2.rd * a;
+  r1->stretch = s1 - stretch_1 * a;
+  r1->rate = v1 - rate_1 * a;
+  r2->stretch = s2 + stretch_2 * a;
+  r2->rate = v2 + rate_2 * a;
   return 1;
 }
 
@@ -250,8 +290,10 @@ void hand_adaptive(const struct parameters *p, const struct sample *reference, l
   m.least = 1e300;
   for (long n = 0; n < samples; ++n) {
     const double t = n * h;
-    double F1 = c.stiffness_1 / larger(c.longest_1 - y.x, SHORTEST) * y.r1.stretch + c.damping_1 * y.r1.rate;
-    double F2 = c.stiffness_2 / larger(y.x + c.rope_offset, SHORTEST) * y.r2.stretch + c.damping_2 * y.r2.rate;
+    double length_1 = larger(c.longest_1 - y.x, SHORTEST), length_2 = larger(y.x + c.rope_offset, SHORTEST);
+    double both = 1 / (length_1 * length_2);
+    double F1 = c.stiffness_1 * length_2 * both * y.r1.stretch + c.damping_1 * y.r1.rate;
+    double F2 = c.stiffness_2 * length_1 * both * y.r2.stretch + c.damping_2 * y.r2.rate;
     struct seen seen;
     seen.x = y.x;
     seen.v = y.v;

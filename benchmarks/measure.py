@@ -30,7 +30,7 @@ class Timing:
         peer: who.
         seconds: the times of its rollouts.
         missing: why there are none.
-        deviation: largest difference in m between its positions and dualwinch's.
+        deviation: largest difference in m between its positions and those it is checked against.
     """
 
     peer: Peer
@@ -115,7 +115,7 @@ def measure(
             run = peer.prepare(peer.case)
             begin = time.perf_counter()
             answer = run(keep=True)
-            timing.deviation = difference(answer, expected)
+            timing.deviation = difference(answer, peer.expected(peer.case) if peer.expected else expected)
             check_candidates(answer, batch)
         except UnavailableError as error:
             timing.missing = str(error)

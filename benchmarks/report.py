@@ -9,12 +9,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import limits
 from benchmarks.document import markdown, put
 from benchmarks.measure import TOLERANCE, Timing
 from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
 from codegen import find_compiler
-from codegen.compiler import processor_name
+from codegen.compiler import processor_name, vector_features
+from simulation.cores import cores
 
 NARROWEST = 120
 """Columns the table takes where the output is no terminal."""
@@ -28,6 +30,7 @@ def machine() -> dict[str, str]:
         gcc_version = "none"
     facts = {
         "processor": processor_name(),
+        "vector instructions": ", ".join(vector_features()) or "none known",
         "system": f"{platform.system()} {platform.machine()}",
         "dualwinch's compiler": find_compiler().version,
         "gcc": gcc_version,
@@ -87,6 +90,7 @@ def write_markdown(file: Path, timings: list[Timing]) -> None:
     headings, rows = _headings_and_rows(timings)
     facts = " · ".join(f"{name}: {value}" for name, value in machine().items())
     put(file, "table", f"{markdown(headings, rows)}\n\n*{facts}*")
+    put(file, "limits", markdown(limits.HEADINGS, limits.rows(timings, cores())))
 
 
 def show(timings: list[Timing], duration: float) -> None:
@@ -108,6 +112,12 @@ def show(timings: list[Timing], duration: float) -> None:
         table.add_row(*row)
     console.print(" · ".join(f"{name}: {value}" for name, value in machine().items()), highlight=False)
     console.print(table)
+    reached = Table(title="Rates, and what they are to reach (positions apart from what a row is checked against)")
+    for heading in limits.HEADINGS:
+        reached.add_column(heading)
+    for row in limits.rows(timings, cores()):
+        reached.add_row(*row)
+    console.print(reached)
 
 
 def _duration(seconds: float) -> str:

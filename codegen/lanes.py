@@ -8,8 +8,12 @@ from codegen.compiler import Compiler
 LANES = 16
 """Computations that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
 
-FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512")
-"""Beside the flags of every build. Contraction and reciprocals change last bits, the same way in every lane."""
+FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512", "-fno-finite-math-only")
+"""Beside the flags of every build. Contraction and reciprocals change last bits, the same way in every lane.
+
+Numbers that are not finite are reckoned with: gcc turns choices into branches and back into masks, and where it takes
+`x > 0` for the opposite of `x <= 0`, a NaN in one of two interleaved lanes loses what the other one computed.
+"""
 
 GCC_FLAGS = ("-fschedule-insns",)
 """Flags that only gcc knows: it orders instructions before it hands out registers, which leaves them less waiting."""
@@ -19,6 +23,9 @@ DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | 
 
 CALL = re.compile(r"(?<=[=(\-])(tanh|sin|cos|exp|log|pow)\(")
 """A call of an elementary function; `elementary.h` has one that runs in lanes."""
+
+SMALLER_OR_LARGER = re.compile(r"(?<=return )(fmin|fmax)\(")
+"""A call in CasADi's own helpers, which `elementary.h` makes none of."""
 
 STATEMENT = re.compile(r"^  (double a\d|a\d+=|(if \(\w+\) )?\w+\[)|^      *a\d")
 """A line of a generated function that declares or computes something."""
@@ -54,7 +61,7 @@ def in_lanes(source: str, arrays: Mapping[str, Collection[str]], compiler: Compi
             _in_lanes(definition.group(), arrays[name], not compiler.is_clang) if name in arrays else definition.group()
         )
 
-    return DEFINITION.sub(replaced, source)
+    return DEFINITION.sub(replaced, SMALLER_OR_LARGER.sub(r"inline_\1(", source))
 
 
 def _in_lanes(definition: str, arrays: Collection[str], paired: bool) -> str:

@@ -67,7 +67,7 @@ def rollout(
         The result; an interrupt (Ctrl-C) leaves what is finished, and ``not_run`` for the rest.
 
     Raises:
-        ConfigurationError: an unknown name, a wrong shape, or scenarios that do not go together.
+        ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go together.
         DualwinchError: no compiler, or no usable cache folder.
     """
     pairs = Pairs(names, parameters, scenarios)

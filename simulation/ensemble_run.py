@@ -1,21 +1,18 @@
-"""Run an ensemble: scenario after scenario on all cores, in memory that does not grow with their number."""
+"""Run an ensemble: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
 
-from collections import deque
-from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Generator, Iterable, Iterator
+from itertools import chain, islice
 
 import numpy as np
 
+from simulation.batch import NOT_RUN, BatchResult, rollout
 from simulation.check import check
-from simulation.closed_loop import closed_loop
-from simulation.cores import cores
-from simulation.engine import engine
 from simulation.ensemble import Ensemble, Scenario
 from simulation.ensemble_collector import TRACED, Collector, Finished
 from simulation.ensemble_result import EnsembleResult
 from simulation.errors import ConfigurationError
-from simulation.simulate import simulate
-from simulation.structure import parameters_of, structure_of, zeros_of
+from simulation.metrics import Metrics
+from simulation.portions import in_portions, portion_size
 
 POINTS = 500
 """Instants of a trace."""
@@ -23,54 +20,44 @@ POINTS = 500
 LARGEST = 1e30
 """Magnitude a trace is limited to, within the range of single precision."""
 
-AHEAD = 2
-"""Scenarios a worker has waiting, so that none idles and few are lost by an interrupt."""
-
 
 def rollout_scenarios(
     scenarios: Iterable[Scenario], points: int = 0, workers: int | None = None
 ) -> Generator[Finished, None, None]:
-    """Run scenarios of one structure in threads, and give them back in their order.
+    """Run scenarios of one structure and length portion by portion, and give them back in their order.
 
     Args:
-        scenarios: drawn one by one as they are needed.
+        scenarios: drawn a portion at a time.
         points: instants of the traces, at most; 0 keeps none.
         workers: threads (default: one a core); the compiled code runs without Python's lock.
 
     Raises:
         ConfigurationError: the values of a scenario do not fit together; the message names its number.
         DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: after all that was finished by then has been given back.
     """
-    threads = workers or cores()
-    waiting: deque[Future[Finished]] = deque()
-    pool = ThreadPoolExecutor(threads)
-    try:
-        for scenario in scenarios:
-            _compile(scenario)
-            waiting.append(pool.submit(_run, scenario, points))
-            if len(waiting) >= AHEAD * threads:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    stream = iter(scenarios)
+    for first in islice(stream, 1):
+        size, threads = portion_size(first.experiment, workers)
+        stride = -(-first.experiment.samples // points) if points else 0
+        for portion in in_portions(chain((first,), stream), size):
+            result = rollout([], np.empty((1, 0)), portion, stride=stride, threads=threads)
+            yield from _finished(portion, result)
+            if result.interrupted:
+                raise KeyboardInterrupt
 
 
-def _compile(scenario: Scenario) -> None:
-    """What `_run` will ask for, made before the threads want it: CasADi builds expressions in one thread only."""
-    zeros = zeros_of(parameters_of(scenario.experiment, scenario.nominal))
-    engine(closed_loop(structure_of(scenario.experiment), zeros))
-
-
-def _run(scenario: Scenario, points: int) -> Finished:
-    experiment = scenario.experiment
-    stride = -(-experiment.samples // points) if points else 0
-    try:
-        result = simulate(experiment, nominal=scenario.nominal, stride=stride)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"scenario {scenario.index}: {error}") from error
-    trace = np.array([result[column].clip(-LARGEST, LARGEST) for column in TRACED], dtype=np.float32)
-    return Finished(scenario, result.metrics, result.outcome, result.end_time, result["t"], trace)
+def _finished(portion: list[Scenario], result: BatchResult) -> Iterator[Finished]:
+    """The scenarios of a portion up to the first that an interrupt left out."""
+    for place, scenario in enumerate(portion):
+        outcome = str(result.outcomes[0, place])
+        if outcome == NOT_RUN:
+            return
+        metrics = Metrics(**{name: float(values[0, place]) for name, values in result.metrics.items()})
+        columns = {name: result.columns[name][0, place] for name in ("t", *TRACED)} if result.columns else {}
+        trace = np.array([columns[name].clip(-LARGEST, LARGEST) for name in TRACED if columns], dtype=np.float32)
+        t = columns.get("t", np.empty(0))
+        yield Finished(scenario, metrics, outcome, float(result.end_times[0, place]), t, trace)
 
 
 def run_ensemble(
@@ -92,7 +79,7 @@ def run_ensemble(
         seed: of the draws; the same seed gives the same scenarios, bit for bit, however many there are.
         traces: whether traces are kept, for figures.
         workers: threads (default: one a core).
-        progress: called after each scenario with the number that are done.
+        progress: called after each scenario with the number that are done; they come in portions.
 
     Raises:
         ConfigurationError: a count or seed out of range, or values that do not fit together.

@@ -1,13 +1,14 @@
 """Signals a run receives from outside, drawn sample by sample ahead of it: reference, sea, sensor noise."""
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.quantity import leaves
-from model.reference import setpoint
+from model.reference import Reference, Setpoint, setpoint
 from simulation.closed_loop import Exogenous
 from simulation.experiment import Experiment
 from simulation.sensors import Noise
@@ -23,6 +24,12 @@ CHANNELS: tuple[str, ...] = (
     "tension 2 noise",
 )
 """Random signals; each has a stream of its own, so that switching one on leaves the others as they are."""
+
+SIGNALS = len(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
+"""Number of signals a sample receives."""
+
+CHUNK = 2**14
+"""Samples that are drawn at a time: what they need stays in a processor's cache."""
 
 
 class GaussMarkov:
@@ -55,6 +62,57 @@ class GaussMarkov:
         return self.sigma * np.asarray(values)
 
 
+class _Outside:
+    """The signals of an experiment, drawn chunk after chunk."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        sample_time, disturbance, sensors = (
+            experiment.simulation.sample_time,
+            experiment.disturbance,
+            experiment.sensors,
+        )
+        seeds = np.random.SeedSequence(disturbance.seed).spawn(len(CHANNELS))
+        streams = dict(zip(CHANNELS, map(np.random.default_rng, seeds), strict=True))
+        load = disturbance.normal_force_sigma * experiment.plant.vehicle.normal_force
+        self._current = GaussMarkov(
+            disturbance.current_sigma, disturbance.current_time, sample_time, streams["current"]
+        )
+        self._load = GaussMarkov(load, disturbance.normal_force_time, sample_time, streams["normal force"])
+        self._noise = [
+            (streams["position noise"], sensors.position_noise),
+            (streams["speed noise"], sensors.speed_noise),
+            (streams["tension 1 noise"], sensors.tension_noise),
+            (streams["tension 2 noise"], sensors.tension_noise),
+        ]
+        self._experiment = experiment
+
+    def fill(self, table: Floats, start: int) -> None:
+        """Fill a table (samples, exogenous) with the signals from the sample `start` on, the next to be drawn."""
+        n, experiment = len(table), self._experiment
+        limit = experiment.disturbance.current_limit
+        x, v, a, steady = _reference(
+            experiment.reference, experiment.steady_window, experiment.simulation.sample_time, start, n
+        )
+        signals = Exogenous(
+            reference=Setpoint(x, v, a),
+            noise=Noise(*(stream.standard_normal(n) if sigma > 0 else 0.0 for stream, sigma in self._noise)),
+            current=self._current.draw(n).clip(-limit, limit) if self._current.sigma > 0 else 0.0,
+            normal_force_variation=self._load.draw(n) if self._load.sigma > 0 else 0.0,
+            steady=steady,
+        )
+        for place, column in enumerate(leaves(signals).values()):
+            table[:, place] = column
+
+
+@lru_cache(maxsize=16)
+def _reference(reference: Reference, window: tuple[float, float], sample_time: float, start: int, n: int) -> Floats:
+    """Rows x, v, a and 1 in the steady state; kept, as the scenarios of an ensemble share them."""
+    t, half = np.arange(start, start + n) * sample_time, sample_time / 2
+    wanted = setpoint(t, reference)
+    steady = (t >= window[0] - half) & (t <= window[1] + half)
+    return np.array([wanted.x, wanted.v, np.broadcast_to(wanted.a, n), steady], dtype=float)
+
+
 def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
     """Everything a run receives from outside, in pieces of at most `length` samples.
 
@@ -63,38 +121,11 @@ def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
     Yields:
         (samples, exogenous), columns in the closed loop's order.
     """
-    sample_time, disturbance, sensors = experiment.simulation.sample_time, experiment.disturbance, experiment.sensors
-    seeds = np.random.SeedSequence(disturbance.seed).spawn(len(CHANNELS))
-    streams = dict(zip(CHANNELS, map(np.random.default_rng, seeds), strict=True))
-    load_sigma = disturbance.normal_force_sigma * experiment.plant.vehicle.normal_force
-    current = GaussMarkov(disturbance.current_sigma, disturbance.current_time, sample_time, streams["current"])
-    load = GaussMarkov(load_sigma, disturbance.normal_force_time, sample_time, streams["normal force"])
-    first, last = experiment.steady_window
-    half = sample_time / 2
+    outside = _Outside(experiment)
     for start in range(0, experiment.samples, length):
-        n = min(length, experiment.samples - start)
-        t = np.arange(start, start + n) * sample_time
-        noise = [
-            streams[channel].standard_normal(n) if sigma > 0 else 0.0
-            for channel, sigma in (
-                ("position noise", sensors.position_noise),
-                ("speed noise", sensors.speed_noise),
-                ("tension 1 noise", sensors.tension_noise),
-                ("tension 2 noise", sensors.tension_noise),
-            )
-        ]
-        limit = disturbance.current_limit
-        signals = Exogenous(
-            reference=setpoint(t, experiment.reference),
-            noise=Noise(*noise),
-            current=np.clip(current.draw(n), -limit, limit) if current.sigma > 0 else 0.0,
-            normal_force_variation=load.draw(n) if load.sigma > 0 else 0.0,
-            steady=((t >= first - half) & (t <= last + half)).astype(float),
-        )
-        columns = leaves(signals)
-        table = np.empty((n, len(columns)))
-        for place, column in enumerate(columns.values()):
-            table[:, place] = column
+        table = np.empty((min(length, experiment.samples - start), SIGNALS))
+        for first in range(0, len(table), CHUNK):
+            outside.fill(table[first : first + CHUNK], start + first)
         yield table
 
 

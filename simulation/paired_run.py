@@ -1,21 +1,18 @@
 """Run several controllers in the same scenarios of an ensemble, so that their differences are the controllers' own."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 
-from codegen.batch import LANES
 from controllers.controller import Controller
 from simulation.batch import BatchResult, rollout
 from simulation.check import check
-from simulation.cores import cores
 from simulation.ensemble import Ensemble, Scenario
 from simulation.ensemble_result import METRICS
 from simulation.errors import ConfigurationError
 from simulation.paired import Comparison, Contender
-from simulation.pairs import SIGNALS_KEPT
+from simulation.portions import in_portions, portion_size
 
 
 def paper_controller() -> Controller:
@@ -63,17 +60,19 @@ def compare(
     if seed < 0:
         raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
     drawn = {name: _with_controller(ensemble, name, controller) for name, controller in controllers.items()}
-    streams = {name: one.scenarios(scenarios, seed) for name, one in drawn.items()}
-    portion = min(LANES * (threads or cores()), SIGNALS_KEPT)
+    size, threads = portion_size(ensemble.experiment, threads)
+    streams = [in_portions(one.scenarios(scenarios, seed), size) for one in drawn.values()]
     portions: list[dict[str, BatchResult]] = []
+    done = 0
     try:
-        for first in range(0, scenarios, portion):
+        for chosen in zip(*streams, strict=True):
 
-            def report(share: float, before: int = first, count: int = min(portion, scenarios - first)) -> None:
+            def report(share: float, before: int = done, count: int = len(chosen[0])) -> None:
                 if progress:
                     progress((before + share * count) / scenarios)
 
-            portions.append(_run_portion(streams, portion, threads, report))
+            portions.append(_run_portion(dict(zip(drawn, chosen, strict=True)), threads, report))
+            done += len(chosen[0])
     except KeyboardInterrupt:
         if not portions:
             raise
@@ -84,16 +83,16 @@ def compare(
 
 
 def _run_portion(
-    streams: Mapping[str, Iterator[Scenario]], size: int, threads: int | None, report: Callable[[float], None]
+    chosen: Mapping[str, list[Scenario]], threads: int, report: Callable[[float], None]
 ) -> dict[str, BatchResult]:
     """The next scenarios by every controller, or an interrupt: pairs need all of them."""
     results: dict[str, BatchResult] = {}
-    for number, (name, stream) in enumerate(streams.items()):
+    for number, (name, scenarios) in enumerate(chosen.items()):
 
         def say(share: float, before: int = number) -> None:
-            report((before + share) / len(streams))
+            report((before + share) / len(chosen))
 
-        results[name] = rollout([], np.empty((1, 0)), list(islice(stream, size)), threads=threads, progress=say)
+        results[name] = rollout([], np.empty((1, 0)), scenarios, threads=threads, progress=say)
         if results[name].interrupted:
             raise KeyboardInterrupt
     return results

@@ -1,6 +1,6 @@
 """What of an experiment shapes the compiled code, and what are numbers it takes at run time."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from controllers.nominal import nominal_plant
@@ -76,10 +76,15 @@ SWITCHES_OFF = (
 """Parameters that are often zero for good, by what their names begin with: each choice of zeros is code of its own."""
 
 
-def zeros_of(*parameters: Mapping[str, float]) -> frozenset[str]:
-    """Parameters that are zero in all of these: what they multiply can be left out of the compiled code."""
-    return frozenset(
-        name
-        for name in parameters[0]
-        if name.startswith(SWITCHES_OFF) and not any(values[name] for values in parameters)
-    )
+def zeros_of(*parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:
+    """Parameters that are zero in all of these: what they multiply can be left out of the compiled code.
+
+    Args:
+        parameters: as by `parameters_of`.
+        varying: keys of what may be another number elsewhere; those are not among the result.
+    """
+    changing = set(varying)
+    if any(name.startswith("controller.nominal.") for name in varying):
+        changing |= {name for name in parameters[0] if name.startswith("nominal.")}
+    candidates = {name for name in parameters[0] if name.startswith(SWITCHES_OFF)} - changing
+    return frozenset(name for name in candidates if not any(one[name] for one in parameters))

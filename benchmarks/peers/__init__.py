@@ -13,6 +13,7 @@ from benchmarks.peers import (
     numba_batch,
     numba_loop,
     scipy_ivp,
+    sea,
 )
 from benchmarks.peers.candidates import ROLLOUTS
 from benchmarks.peers.peer import Peer
@@ -77,6 +78,20 @@ def peers(duration: float) -> list[Peer]:
         Peer(f"batch-{n}", f"dualwinch {default.integrator}, {_batch(n)}", batch.prepare_with(n), preferred, ROLLOUTS)
         for n in threads
     ]
+    rows += [
+        Peer(
+            f"sea-{n}",
+            f"sea with Kalman filter, {_batch(n)}",
+            sea.prepare_with(n),
+            preferred,
+            ROLLOUTS,
+            sea.scenario_alone,
+        )
+        for n in threads
+    ]
+    most, alone = threads[-1], sea.scenario_alone
+    title = f"the same by run_ensemble, draws included, {_batch(most)}"
+    rows.append(Peer("sea-ensemble", title, sea.prepare_ensemble_with(most), preferred, ROLLOUTS, alone))
     return rows
 
 

@@ -51,6 +51,7 @@ class Peer:
         prepare: everything that is done once and not timed; raises `UnavailableError`.
         case: what it runs.
         rollouts: how many rollouts one timed call makes.
+        expected: what its answer is checked against; ``None``: dualwinch's in the case all share.
     """
 
     key: str
@@ -58,6 +59,7 @@ class Peer:
     prepare: Callable[[Case], Run]
     case: Case
     rollouts: int = 1
+    expected: Callable[[Case], Answer] | None = None
 
 
 def closed_loop_answer(case: Case, state: NDArray[np.float64], positions: NDArray[np.float64] | None = None) -> Answer:

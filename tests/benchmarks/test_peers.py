@@ -6,8 +6,9 @@ from functools import cached_property
 import numpy as np
 import pytest
 
+from benchmarks import limits
 from benchmarks.case import Case
-from benchmarks.measure import DisagreementError, check_candidates, difference, measure
+from benchmarks.measure import DisagreementError, Timing, check_candidates, difference, measure
 from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, hand_c, peers
 from benchmarks.peers.compiled import prepare_call
 from benchmarks.peers.peer import Answer, Peer, Run, UnavailableError
@@ -142,3 +143,25 @@ def test_missing_peer_is_a_row_that_says_so(rows: dict[str, Peer]) -> None:
     assert timings[0].seconds
     assert timings[1].seconds == []
     assert timings[1].missing == "nothing for 0.5 s"
+
+
+def test_the_sea_is_checked_against_a_scalar_rollout_of_a_scenario(rows: dict[str, Peer]) -> None:
+    peer = rows["sea-1"]
+    assert peer.expected is not None
+    assert difference(_answer(peer), peer.expected(peer.case)) < 1e-9
+
+
+def test_rates_stand_beside_what_they_are_to_reach(rows: dict[str, Peer], monkeypatch: pytest.MonkeyPatch) -> None:
+    seconds = {ADAPTIVE_LIMIT: 8.0, DEFAULT: 9.0, "batch-1": 1.0, "batch-2": 0.5, "sea-1": 2.0}
+    timings = [
+        Timing(replace(rows[DEFAULT], key=key, title=key), [value], deviation=1e-9) for key, value in seconds.items()
+    ]
+    monkeypatch.setattr(limits, "vector_features", lambda: ("avx512f", "avx2"))
+    assert [row[2:5] for row in limits.rows(timings, 2)] == [
+        ["0.89 ×", "1 ×", "no"],
+        ["8.00 ×", "8 ×", "yes"],
+        ["2.00 ×", "1.8 ×", "yes"],
+        ["0.50 ×", "0.6 ×", "no"],
+    ]
+    monkeypatch.setattr(limits, "vector_features", lambda: ("avx2",))
+    assert limits.rows(timings, 1)[1][3:5] == ["4 ×", "yes"]

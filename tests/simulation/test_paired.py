@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from codegen.batch import LANES
 from controllers.controller import Controller
 from dualwinch.config import override
 from dualwinch.ensembles import load_ensemble
@@ -13,6 +14,7 @@ from simulation.ensemble_run import run_ensemble
 from simulation.errors import ConfigurationError
 from simulation.paired import COMPARED, paired_ratio
 from simulation.paired_run import compare, paper_controller
+from simulation.portions import BLOCKS
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +43,9 @@ def test_each_controller_meets_the_ensemble_as_if_alone(sea: Ensemble) -> None:
 
 
 def test_portions_and_threads_change_no_bit(sea: Ensemble) -> None:
-    """20 scenarios on one thread are two portions, on two threads one."""
+    """40 scenarios on one thread are two portions, on two threads one."""
     contenders = {"paper": paper_controller()}
-    results = [compare(contenders, sea, 20, 1, threads=threads).contenders["paper"] for threads in (1, 2)]
+    results = [compare(contenders, sea, 40, 1, threads=threads).contenders["paper"] for threads in (1, 2)]
     for metric, values in results[0].metrics.items():
         np.testing.assert_array_equal(values, results[1].metrics[metric])
 
@@ -107,8 +109,8 @@ def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: p
     monkeypatch.setattr(paired_run, "rollout", interrupted)
     result = compare({"a": paper_controller(), "b": stronger()}, sea, 40, 0, threads=1)
     assert result.partial
-    assert {len(one.outcomes) for one in result.contenders.values()} == {16}
-    assert result.paired("b")["mse"].pairs == 16
+    assert {len(one.outcomes) for one in result.contenders.values()} == {BLOCKS * LANES}
+    assert result.paired("b")["mse"].pairs == BLOCKS * LANES
 
 
 def test_what_cannot_be_compared_is_refused(sea: Ensemble) -> None:
