@@ -36,8 +36,8 @@ def problem_of(
 ) -> Problem:
     """The problem a command line asks for.
 
-    With an ensemble the Kalman estimator is used unless a file or an assignment says otherwise: the ensemble's sensors
-    are noisy.
+    With an ensemble the calibrating Kalman filter is used unless a file or an assignment says otherwise: sensors there
+    are noisy and ropes are not quite the nominal ones.
 
     Raises:
         ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
@@ -50,7 +50,7 @@ def problem_of(
             raise ConfigurationError("--scenarios: needs --ensemble")
     else:
         if config is None and ESTIMATOR not in values:
-            values[ESTIMATOR] = "kalman"
+            values[ESTIMATOR] = "calibrating-kalman"
         drawn = reset(load_ensemble(ensemble, experiment(case, config, None, [])), values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
