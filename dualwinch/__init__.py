@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from simulation.paired_run import compare, paper_controller
     from simulation.paper import case
     from simulation.result import Result
+    from simulation.sensitivities import Sensitivities, sensitivities
     from simulation.sensors import Sensors
     from simulation.simulate import simulate
     from simulation.storage import save
@@ -65,6 +66,7 @@ _HOME = {
     "Reference": "model.reference",
     "Result": "simulation.result",
     "Scenario": "simulation.ensemble",
+    "Sensitivities": "simulation.sensitivities",
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
     "amplitude_sweep": "simulation.describing_function",
@@ -90,6 +92,7 @@ _HOME = {
     "run_ensemble": "simulation.ensemble_run",
     "save": "simulation.storage",
     "save_ensemble": "simulation.ensemble_storage",
+    "sensitivities": "simulation.sensitivities",
     "simulate": "simulation.simulate",
     "to_toml": "dualwinch.config",
 }
@@ -115,6 +118,7 @@ __all__ = [
     "Reference",
     "Result",
     "Scenario",
+    "Sensitivities",
     "Sensors",
     "Simulation",
     "__version__",
@@ -141,6 +145,7 @@ __all__ = [
     "run_ensemble",
     "save",
     "save_ensemble",
+    "sensitivities",
     "simulate",
     "to_toml",
 ]

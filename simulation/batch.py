@@ -1,37 +1,23 @@
 """Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.batch import LANES, compile_batch
-from controllers.controller import Controller
-from model.quantity import nearest, with_leaves
-from simulation.check import check
-from simulation.closed_loop import closed_loop, initial_state_of
-from simulation.cores import cores
 from simulation.ensemble import Scenario
-from simulation.environment import exogenous_signals
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
+from simulation.jobs import run_all
 from simulation.metrics import Metrics, metrics_of
+from simulation.pairs import Pairs
 from simulation.simulate import OUTCOMES
-from simulation.structure import parameters_of, structure_of, zeros_of
 
 Floats = NDArray[np.float64]
 
-SIGNALS_KEPT = 64
-"""Scenarios whose signals are kept from call to call; 6 MB each for 50 s at 1 kHz."""
-
 NOT_RUN = "not_run"
 """Outcome of a pair that an interrupt left out."""
-
-SHAPE_THE_START = ("plant.", "sensors.", "controller.coordination.")
-"""Parameters that the initial state depends on: the ropes' stretch at rest, and how the encoders read it."""
 
 
 @dataclass(frozen=True)
@@ -84,23 +70,10 @@ def rollout(
         ConfigurationError: an unknown name, a wrong shape, or scenarios that do not go together.
         DualwinchError: no compiler, or no usable cache folder.
     """
-    values = np.asarray(parameters, float)
-    experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
-    believed = [one.nominal if isinstance(one, Scenario) else None for one in scenarios]
-    _check_batch(names, values, experiments)
-    numbers = [parameters_of(one, nominal) for one, nominal in zip(experiments, believed, strict=True)]
-    loop = closed_loop(structure_of(experiments[0]), zeros_of(*numbers) - set(names))
+    pairs = Pairs(names, parameters, scenarios)
+    loop, samples = pairs.loop, pairs.samples
     run = compile_batch(loop)
-    places = [loop.parameters.index(name) for name in names]
-    pairs = [(i, j) for j in range(len(scenarios)) for i in range(len(values))]
-    samples, sample_time = experiments[0].samples, experiments[0].simulation.sample_time
-    vectors = np.array([list(one.values()) for one in numbers])
-    shaping = [place for place, name in enumerate(names) if name.startswith(SHAPE_THE_START)]
-    start = lru_cache(maxsize=4 * LANES)(
-        lambda j, chosen: _start(experiments[j], dict(zip([names[place] for place in shaping], chosen, strict=True)))
-    )
-    shape = len(values), len(scenarios)
-    kept = -(-samples // stride) if stride else 0
+    shape, kept = pairs.shape, -(-samples // stride) if stride else 0
     result = BatchResult(
         outcomes=np.full(shape, NOT_RUN, dtype="U10"),
         end_times=np.full(shape, np.nan),
@@ -110,10 +83,9 @@ def rollout(
 
     def block(chosen: list[tuple[int, int]]) -> None:
         filled = (chosen * LANES)[:LANES]  # idle lanes repeat the block's pairs
-        vector = vectors[[j for _, j in filled]]
-        vector[:, places] = values[[i for i, _ in filled]]
-        state = np.array([start(j, tuple(values[i, shaping].tolist())) for i, j in filled])
-        tables = {j: signals(experiments[j]) for j in {j for _, j in filled}}
+        vector = np.array([pairs.vector(i, j) for i, j in filled])
+        state = np.array([pairs.start(i, j) for i, j in filled])
+        tables = {j: pairs.signals(j) for j in {j for _, j in filled}}
         outcome, done, rows = run(vector, [tables[j] for _, j in filled], state, stride)
         for lane, (i, j) in enumerate(chosen):
             final = dict(zip(loop.states, state[lane].tolist(), strict=True))
@@ -122,64 +94,9 @@ def rollout(
                 table[i, j] = getattr(metrics, name)
             for place, name in enumerate(loop.columns if stride else ()):
                 result.columns[name][i, j] = rows[lane, :, place]
-            result.end_times[i, j] = done[lane] * sample_time
+            result.end_times[i, j] = done[lane] * pairs.sample_time
             result.outcomes[i, j] = OUTCOMES[outcome[lane]]
 
-    blocks = [pairs[first : first + LANES] for first in range(0, len(pairs), LANES)]
-    whole = _run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
+    blocks = [pairs.indices[first : first + LANES] for first in range(0, len(pairs.indices), LANES)]
+    whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
     return replace(result, interrupted=not whole)
-
-
-def signals(experiment: Experiment) -> Floats:
-    """The signals of an experiment (`exogenous_signals`), kept for the next call; not to be written to.
-
-    They do not depend on the controller: all controllers share those of a scenario.
-    """
-    return _signals(replace(experiment, controller=Controller()))
-
-
-@lru_cache(maxsize=SIGNALS_KEPT)
-def _signals(experiment: Experiment) -> Floats:
-    return exogenous_signals(experiment)
-
-
-def _start(scenario: Experiment, changes: dict[str, float]) -> Floats:
-    return np.array(list(initial_state_of(with_leaves(scenario, changes)).values()))
-
-
-def _run_all(jobs: list[Callable[[], None]], threads: int | None, progress: Callable[[float], None] | None) -> bool:
-    """Run jobs on threads; an interrupt lets those under way finish and drops the rest.
-
-    Returns:
-        Whether there was no interrupt.
-    """
-    pool = ThreadPoolExecutor(threads or cores())
-    waiting: set[Future[None]] = {pool.submit(job) for job in jobs}
-    try:
-        while waiting:
-            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in finished:
-                future.result()
-            if progress:
-                progress(1 - len(waiting) / len(jobs))
-    except KeyboardInterrupt:
-        return False
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-    return True
-
-
-def _check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experiment]) -> None:
-    if not scenarios:
-        raise ConfigurationError("scenarios: must be at least one experiment")
-    known = parameters_of(scenarios[0])
-    for name in names:
-        if name not in known:
-            raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, known)}'?")
-    if values.ndim != 2 or values.shape[1] != len(names):
-        raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
-    first = scenarios[0]
-    for number, scenario in enumerate(scenarios):
-        check(scenario)
-        if structure_of(scenario) != structure_of(first) or scenario.samples != first.samples:
-            raise ConfigurationError(f"scenarios[{number}]: must have the structure and the length of scenarios[0]")

@@ -8,13 +8,14 @@ import numpy as np
 
 from codegen.batch import LANES
 from controllers.controller import Controller
-from simulation.batch import SIGNALS_KEPT, BatchResult, rollout
+from simulation.batch import BatchResult, rollout
 from simulation.check import check
 from simulation.cores import cores
 from simulation.ensemble import Ensemble, Scenario
 from simulation.ensemble_result import METRICS
 from simulation.errors import ConfigurationError
 from simulation.paired import Comparison, Contender
+from simulation.pairs import SIGNALS_KEPT
 
 
 def paper_controller() -> Controller:
