@@ -11,8 +11,8 @@ from tuning.evaluation import Candidate, Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
 from tuning.ranking import best_first, pareto_front
 
-FINALISTS, SELECTION_SCENARIOS = 16, 48
-"""Trials among which the best is chosen, and the scenarios in which."""
+FINALISTS, SELECTION_SCENARIOS, ROUNDS = 16, 96, 3
+"""Trials among which the best is chosen, the scenarios in which, and how often others are let in at most."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,7 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
     order = best_first(trials)
     if problem.ensemble is None:
         return Verdict(trials[order[0]], None, None, {}, statistics(problem, problem.paper_result))
-    finalists = [trials[place] for place in order if not trials[place].pruned][:FINALISTS]
-    if len(problem.objectives) > 1:
-        front = [trials[place] for place in pareto_front(trials)][:FINALISTS]
-        finalists = front or finalists
-    chosen = evaluator.over(
-        [one.candidate for one in finalists], problem.drawn(SELECTION_SCENARIOS, problem.seed + SELECTION)
-    )
+    finalists, chosen = _finals(problem, trials, order, evaluator)
     place = best_first(chosen)[0]
     best = finalists[place]
     seed = problem.seed + HELD_OUT
@@ -76,6 +70,28 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
         held_out_metrics={"best": ours, "paper": paper},
         paper=statistics(problem, paper),
     )
+
+
+def _finals(
+    problem: Problem, trials: Sequence[Evaluation], order: Sequence[int], evaluator: Evaluator
+) -> tuple[list[Evaluation], list[Evaluation]]:
+    """Finalists as they were tuned, and what they came to in the selection scenarios.
+
+    The best come first; where none of them keeps to the constraints there, the next ones, for some rounds.
+    """
+    if len(problem.objectives) > 1:
+        order = pareto_front(trials) or order
+    waiting = [trials[place] for place in order if not trials[place].pruned]
+    scenarios = problem.stretched(SELECTION_SCENARIOS, problem.seed + SELECTION)
+    finalists: list[Evaluation] = []
+    chosen: list[Evaluation] = []
+    for first in range(0, ROUNDS * FINALISTS, FINALISTS):
+        entering = waiting[first : first + FINALISTS]
+        finalists += entering
+        chosen += evaluator.over([one.candidate for one in entering], scenarios)
+        if any(one.feasible for one in chosen):
+            break
+    return finalists, chosen
 
 
 def statistics(problem: Problem, result: BatchResult) -> dict[str, float]:
