@@ -58,7 +58,11 @@ class Controller:
     ] = "fando-nftsm"
     estimator: Annotated[
         Literal["none", "lowpass", "kalman", "calibrating-kalman"],
-        Quantity("", "what the position law sees: sensors, filtered speed, filtered motion, the same with ropes learnt", "assumption"),
+        Quantity(
+            "",
+            "what the position law sees: sensors, filtered speed, filtered motion, the same with ropes learnt",
+            "assumption",
+        ),
     ] = "lowpass"
     speed_filter_time: Annotated[
         float,

@@ -75,12 +75,14 @@ class Scenario:
         experiment: what is simulated, the drawn values in it.
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``disturbance.seed`` among them.
+        extreme: whether it is a corner of what may happen, not one draw like the others.
     """
 
     index: int
     experiment: Experiment
     nominal: Plant
     draws: dict[str, Value]
+    extreme: bool = False
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class Ensemble:
                 if extreme:
                     share = EDGE if share < 0.5 else 1 - EDGE
                 draws[key] = drawn.value(share, nominal[key])
-        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws)
+        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws, extreme)
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
         """The first `count` scenarios, one after the other."""

@@ -109,15 +109,16 @@ class Problem:
     def stretched(
         self, count: int, seed: int, experiment: Experiment | None = None
     ) -> tuple[Experiment | Scenario, ...]:
-        """Scenarios to tune and to choose in: every other one extreme, in place of the many that would show as much.
+        """Scenarios to tune and to choose in: every third one is a corner of the ensemble.
 
-        Gains that hold in a handful of draws need not hold in hundreds. The arguments are those of `drawn`.
+        Gains that hold in a handful of draws need not hold in hundreds, among which some come near a corner. What is
+        the worst is taken over all of them; means and shares are those of the draws (`over`). The arguments are
+        those of `drawn`.
         """
-        nominal = experiment or self.experiment
         if self.ensemble is None:
-            return (nominal,)
-        ensemble = replace(self.ensemble, experiment=nominal)
-        return tuple(ensemble.scenario(index, seed, extreme=index % 2 == 1) for index in range(count))
+            return self.drawn(count, seed, experiment)
+        ensemble = replace(self.ensemble, experiment=experiment or self.experiment)
+        return tuple(ensemble.scenario(index, seed, extreme=index % 3 == 2) for index in range(count))
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.
@@ -143,8 +144,13 @@ class Problem:
         return run_pairs([], [[]], self.stretched(self.scenarios, self.seed, self.paper_experiment))
 
     def _paper_value(self, statistic: Statistic) -> float:
-        done = self.paper_result.outcomes[0] == "completed"
-        return statistic.over(self.paper_result.metrics[statistic.metric][0, done])
+        return over(statistic, self.paper_result, 0, self.tuning_scenarios)
+
+
+def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
+    """A statistic of a row of a result, over the scenarios that ran to their end; corners count for the worst only."""
+    counted = [statistic.kind == "worst" or not (isinstance(one, Scenario) and one.extreme) for one in scenarios]
+    return statistic.over(result.metrics[statistic.metric][row, (result.outcomes[row] == "completed") & counted])
 
 
 def run_pairs(

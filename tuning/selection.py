@@ -7,7 +7,7 @@ import numpy as np
 
 from simulation.batch import BatchResult
 from tuning.evaluate import Evaluator
-from tuning.evaluation import Candidate, Evaluation
+from tuning.evaluation import Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
 from tuning.ranking import best_first, pareto_front
 
@@ -61,12 +61,13 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
     place = best_first(chosen)[0]
     best = finalists[place]
     seed = problem.seed + HELD_OUT
-    ours = _run(problem, best.candidate, held_out, seed)
+    scenarios = problem.drawn(held_out, seed)
+    ours = run_pairs(problem.space.keys, [problem.space.parameters(best.point)], scenarios)
     paper = run_pairs([], [[]], problem.drawn(held_out, seed, problem.paper_experiment))
     return Verdict(
         best=best,
         selection=replace(chosen[place], number=best.number),
-        held_out=evaluator.judged(best.candidate, ours),
+        held_out=evaluator.judged(best.candidate, ours, scenarios),
         held_out_metrics={"best": ours, "paper": paper},
         paper=statistics(problem, paper),
     )
@@ -105,7 +106,3 @@ def improvement(verdict: Verdict, name: str) -> float:
     scored = verdict.held_out or verdict.best
     ours = scored.statistics[name]
     return verdict.paper[name] / ours if ours else np.inf
-
-
-def _run(problem: Problem, candidate: Candidate, count: int, seed: int) -> BatchResult:
-    return run_pairs(problem.space.keys, [problem.space.parameters(candidate.point)], problem.drawn(count, seed))

@@ -40,7 +40,9 @@ def history(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
             shown = _thinned(places[chosen & (values < UNMEASURED)])
             axes.plot(shown, values[shown], ".", markersize=3, color=colour, rasterized=True)
         axes.plot(places, best, color=BLUE, drawstyle="steps-post")
-        paper = next((value for one, value in zip(trials, values, strict=True) if one.candidate.origin == "paper"), None)
+        paper = next(
+            (value for one, value in zip(trials, values, strict=True) if one.candidate.origin == "paper"), None
+        )
         if paper:
             axes.axhline(paper, color=VERMILION, linestyle=(0, (4, 2)), linewidth=0.9)
         _scale(axes.set_yscale, values[values < UNMEASURED])
@@ -68,7 +70,9 @@ def importance(problem: Problem, trials: Sequence[Evaluation]) -> Figure | None:
     names = sorted(shares, key=shares.__getitem__)
     with house_style():
         figure = new_figure(
-            0.9 + 0.24 * len(names), "Which gains matter", "Share of what tells the best tenth of the trials from the rest"
+            0.9 + 0.24 * len(names),
+            "Which gains matter",
+            "Share of what tells the best tenth of the trials from the rest",
         )
         axes = figure.subplots()
         bars = axes.barh([short(name) for name in names], [shares[name] for name in names], color=BLUE, height=0.6)
@@ -100,7 +104,9 @@ def parallel_coordinates(problem: Problem, trials: Sequence[Evaluation]) -> Figu
     order = [place for place in best_first(trials) if not trials[place].pruned][:SHOWN]
     dimensions = problem.space.dimensions
     with house_style():
-        figure = new_figure(4.2, "Where the best lie", f"The {len(order)} best trials in every searched gain, best darkest")
+        figure = new_figure(
+            4.2, "Where the best lie", f"The {len(order)} best trials in every searched gain, best darkest"
+        )
         axes = figure.subplots()
         columns = np.arange(len(dimensions))
         for rank, place in reversed(list(enumerate(order))):
@@ -141,14 +147,18 @@ def front(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
     kept = (np.abs(points) < UNMEASURED).all(axis=1)
     feasible = np.array([one.feasible for one in whole]) & kept
     with house_style():
-        figure = new_figure(3.8, "What is traded", f"{axis_title(upward)} against {axis_title(across)}, complete trials")
+        figure = new_figure(
+            3.8, "What is traded", f"{axis_title(upward)} against {axis_title(across)}, complete trials"
+        )
         axes = figure.subplots()
         for chosen, colour in ((kept & ~feasible, LIGHT), (feasible, SKY)):
             shown = _thinned(np.flatnonzero(chosen))
             axes.plot(*points[shown].T, ".", markersize=3, color=colour, rasterized=True)
         handles: list[Line2D] = [_dots(SKY, "keeps to the constraints"), _dots(LIGHT, "does not")]
         if len(problem.minimised) > 1:
-            edge = np.array([[trials[place].statistics[one.name] for one in (across, upward)] for place in pareto_front(trials)])
+            edge = np.array(
+                [[trials[place].statistics[one.name] for one in (across, upward)] for place in pareto_front(trials)]
+            )
             label = "Pareto front"
         else:
             edge, label = points[kept][_lower_edge(points[kept])], "lower edge of all trials"
