@@ -20,7 +20,7 @@ from tuning.statistic import statistic_from
 
 CAPTIONS = {
     "history": "Every dot is a candidate in all tuning scenarios. Pale ones break a constraint, or were given up after "
-    "the first scenarios. The search counts a candidate that keeps to every constraint as better than any that does not.",
+    "the first scenarios. A candidate that keeps to every constraint is better than any that does not.",
     "importance": "Of all complete trials the best tenth is taken, whatever the constraints; a gain matters as much as "
     "its values there differ from those elsewhere (PED-ANOVA). An unimportant gain may be left at its default.",
     "parallel": "One line a candidate, one column a gain, from its lower to its upper bound. Where all lines meet, the "
@@ -86,8 +86,8 @@ def _summary(problem: Problem, trials: Sequence[Evaluation], verdict: Verdict) -
     kept = "keeps to every constraint" if scored.feasible else "does not keep to every constraint"
     return (
         f"{len(trials)} trials, {feasible} of them within the constraints. Trial {verdict.best.number} is the best: "
-        f"its {name} is {improvement(verdict, name):.3g} times below that of the paper's gains {_where(verdict)}, and it "
-        f"{kept} there."
+        f"its {name} is {improvement(verdict, name):.3g} times below that of the paper's gains {_where(verdict)}, "
+        f"and it {kept} there."
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from dualwinch.config import flattened, load, override, parse_assignment, read_toml, to_toml
 from dualwinch.ensembles import ensemble_to_toml, load_ensemble, reset
-from dualwinch.simulate import experiment
+from dualwinch.simulate_command import experiment
 from simulation.ensemble import Ensemble
 from simulation.errors import ConfigurationError
 from tuning.constraint import default_constraints
@@ -69,6 +69,37 @@ def problem_of(
     problem.check()
     _ = problem.minimised, problem.bounded  # names and bounds are checked now
     return problem
+
+
+def tuning_problem(
+    *,
+    case: int | None = None,
+    config: Path | None = None,
+    settings: Sequence[str] = (),
+    ensemble: str | None = None,
+    space: Sequence[str] = (),
+    objectives: Sequence[str] = (),
+    constraints: Sequence[str] | None = None,
+    scenarios: int | None = None,
+    seed: int = 1,
+) -> Problem:
+    """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
+
+    Args:
+        case: one of the paper's cases to start from.
+        config: a configuration file to start from.
+        settings: such as ``controller.estimator=none``.
+        ensemble: name or file of an ensemble; ``None``: the experiment is the only scenario.
+        space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
+        objectives: statistics to minimise; default: ``mean.mse``.
+        constraints: such as ``mean.chatter<=0.25*paper``; default: no slack, no peak, little chatter.
+        scenarios: of the ensemble, that a candidate is tuned on.
+        seed: of scenarios and search.
+
+    Raises:
+        ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
+    """
+    return problem_of(case, config, settings, ensemble, space, objectives, constraints, scenarios, seed)
 
 
 def definition_of(problem: Problem, method: str) -> dict[str, Any]:

@@ -109,16 +109,16 @@ class Problem:
     def stretched(
         self, count: int, seed: int, experiment: Experiment | None = None
     ) -> tuple[Experiment | Scenario, ...]:
-        """Scenarios to tune and to choose in: every third one is a corner of the ensemble.
+        """Scenarios to tune and to choose in: the first third are corners of the ensemble.
 
         Gains that hold in a handful of draws need not hold in hundreds, among which some come near a corner. What is
-        the worst is taken over all of them; means and shares are those of the draws (`over`). The arguments are
-        those of `drawn`.
+        the worst is taken over all of them; means and shares are those of the draws (`over`). Corners come first, for
+        what is given up after the first scenarios must not be what holds in them. The arguments are those of `drawn`.
         """
         if self.ensemble is None:
             return self.drawn(count, seed, experiment)
         ensemble = replace(self.ensemble, experiment=experiment or self.experiment)
-        return tuple(ensemble.scenario(index, seed, extreme=index % 3 == 2) for index in range(count))
+        return tuple(ensemble.scenario(index, seed, extreme=index < count // 3) for index in range(count))
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.
