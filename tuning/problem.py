@@ -109,7 +109,7 @@ class Problem:
     def stretched(
         self, count: int, seed: int, experiment: Experiment | None = None
     ) -> tuple[Experiment | Scenario, ...]:
-        """Scenarios to tune and to choose in: the first third are corners of the ensemble.
+        """Scenarios to tune and to choose in: the first half are corners of the ensemble.
 
         Gains that hold in a handful of draws need not hold in hundreds, among which some come near a corner. What is
         the worst is taken over all of them; means and shares are those of the draws (`over`). Corners come first, for
@@ -118,7 +118,7 @@ class Problem:
         if self.ensemble is None:
             return self.drawn(count, seed, experiment)
         ensemble = replace(self.ensemble, experiment=experiment or self.experiment)
-        return tuple(ensemble.scenario(index, seed, extreme=index < count // 3) for index in range(count))
+        return tuple(ensemble.scenario(index, seed, extreme=index < count // 2) for index in range(count))
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.
@@ -147,9 +147,14 @@ class Problem:
         return over(statistic, self.paper_result, 0, self.tuning_scenarios)
 
 
+def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
+    """Whether a scenario counts in a statistic: a corner of the ensemble does in what is the worst only."""
+    return statistic.kind == "worst" or not (isinstance(scenario, Scenario) and scenario.extreme)
+
+
 def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
-    """A statistic of a row of a result, over the scenarios that ran to their end; corners count for the worst only."""
-    counted = [statistic.kind == "worst" or not (isinstance(one, Scenario) and one.extreme) for one in scenarios]
+    """A statistic of a row of a result, over the scenarios that count and ran to their end."""
+    counted = [counts(statistic, one) for one in scenarios]
     return statistic.over(result.metrics[statistic.metric][row, (result.outcomes[row] == "completed") & counted])
 
 

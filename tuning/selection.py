@@ -11,8 +11,11 @@ from tuning.evaluation import Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
 from tuning.ranking import best_first, pareto_front
 
-FINALISTS, SELECTION_SCENARIOS, ROUNDS = 16, 96, 3
-"""Trials among which the best is chosen, the scenarios in which, and how often others are let in at most."""
+FINALISTS, SELECTION_SCENARIOS = 16, 96
+"""Finalists of each of two rounds, and the scenarios in which they meet."""
+
+RUNG = 1.12
+"""How much larger the objective of a finalist of the first round is than that of the one before."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Verdict:
 
 def rollouts_needed(problem: Problem, held_out: int) -> int:
     """Rollouts that `judge` makes, at most."""
-    return FINALISTS * SELECTION_SCENARIOS + 2 * held_out if problem.ensemble else 1
+    return 2 * FINALISTS * SELECTION_SCENARIOS + 2 * held_out if problem.ensemble else 1
 
 
 def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, held_out: int) -> Verdict:
@@ -78,21 +81,39 @@ def _finals(
 ) -> tuple[list[Evaluation], list[Evaluation]]:
     """Finalists as they were tuned, and what they came to in the selection scenarios.
 
-    The best come first; where none of them keeps to the constraints there, the next ones, for some rounds.
+    The very best where tuned are often the ones that only just hold. So the first round is a ladder from the best to
+    ever more cautious ones, and the second has the trials that are next better than the best rung that holds.
     """
-    if len(problem.objectives) > 1:
-        order = pareto_front(trials) or order
-    waiting = [trials[place] for place in order if not trials[place].pruned]
     scenarios = problem.stretched(SELECTION_SCENARIOS, problem.seed + SELECTION)
-    finalists: list[Evaluation] = []
-    chosen: list[Evaluation] = []
-    for first in range(0, ROUNDS * FINALISTS, FINALISTS):
-        entering = waiting[first : first + FINALISTS]
-        finalists += entering
-        chosen += evaluator.over([one.candidate for one in entering], scenarios)
-        if any(one.feasible for one in chosen):
+
+    def met(entering: Sequence[Evaluation]) -> list[Evaluation]:
+        return evaluator.over([one.candidate for one in entering], scenarios)
+
+    if len(problem.objectives) > 1:
+        places = pareto_front(trials) or [place for place in order if not trials[place].pruned]
+        finalists = [trials[place] for place in places[:: -(-len(places) // FINALISTS)]]
+        return finalists, met(finalists)
+    waiting = [trials[place] for place in order if not trials[place].pruned]
+    ladder = rungs(waiting)
+    finalists = [waiting[place] for place in ladder]
+    chosen = met(finalists)
+    holding = [place for place, one in zip(ladder, chosen, strict=True) if one.feasible]
+    last = min(holding, default=len(waiting))
+    between = [place for place in range(last) if place not in ladder][-FINALISTS:]
+    return [*finalists, *(waiting[place] for place in between)], [*chosen, *met([waiting[place] for place in between])]
+
+
+def rungs(ordered: Sequence[Evaluation]) -> list[int]:
+    """Places of trials, the best first, each with an objective `RUNG` times that of the one before, or the next."""
+    found = [0]
+    for place, one in enumerate(ordered):
+        if len(found) == FINALISTS:
             break
-    return finalists, chosen
+        above = ordered[found[-1]]
+        if one.feasible != above.feasible or one.objectives[0] > RUNG * above.objectives[0]:
+            found.append(place)
+    rest = [place for place in range(len(ordered)) if place not in found]
+    return sorted(found + rest[: FINALISTS - len(found)])
 
 
 def statistics(problem: Problem, result: BatchResult) -> dict[str, float]:

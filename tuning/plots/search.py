@@ -1,10 +1,9 @@
 """Figures of a search: its history, what mattered, where the good candidates lie, and what they trade."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -123,7 +122,7 @@ def parallel_coordinates(problem: Problem, trials: Sequence[Evaluation]) -> Figu
                 else (dimension.choices[0], dimension.choices[-1])
             )
             for text, y, align in zip(ends, (-0.03, 1.03), ("top", "bottom"), strict=True):
-                axes.text(column, y, text, ha="center", va=align, fontsize=7.5, color=GREY)
+                axes.text(float(column), y, text, ha="center", va=align, fontsize=7.5, color=GREY)
         axes.set_xticks(columns, [short(name) for name in problem.space.names], rotation=40, ha="right")
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
@@ -201,7 +200,7 @@ def _lower_edge(points: np.ndarray) -> list[int]:
     return edge
 
 
-def _scale(setter: "Axes.set_yscale", values: np.ndarray) -> None:  # pyright: ignore[reportInvalidTypeForm]
+def _scale(setter: Callable[[str], None], values: np.ndarray) -> None:
     if len(values) and values.min() > 0 and values.max() > 10 * values.min():
         setter("log")
 
