@@ -35,7 +35,10 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     said = capsys.readouterr()
     assert "in 8 held-out scenarios" in said.out
     assert "times below the paper's" in said.out
-    assert "subject to worst.min_tension >= 80 N; worst.peak_tension <= 5700 N; mean.chatter <= " in said.err
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 6
+    assert "times below that of the paper" in page
+    assert "subject to worst.min_tension >= 80 N; worst.peak_tension <= 5940 N; mean.chatter <= " in said.err
     study = json.loads((tmp_path / "out" / "study.json").read_text())
     best = load(tmp_path / "out" / "best.toml")
     assert {key: leaves(best)[key] for key in study["best"]["settings"]} == study["best"]["settings"]
