@@ -9,6 +9,7 @@ import casadi as ca
 
 from controllers.adrc import AdrcGains, AdrcState, adrc_step
 from controllers.auxiliary import AuxiliaryGains
+from controllers.calibrating_kalman import CalibrationGains
 from controllers.coordination import Coordination
 from controllers.coordinations import COORDINATIONS
 from controllers.estimators import ESTIMATORS
@@ -56,8 +57,12 @@ class Controller:
         Quantity("", "position law", "paper Table 2; the last two are ours"),
     ] = "fando-nftsm"
     estimator: Annotated[
-        Literal["none", "lowpass", "kalman"],
-        Quantity("", "what the position law sees: the sensors, a filtered speed, or a filtered motion", "assumption"),
+        Literal["none", "lowpass", "kalman", "calibrating-kalman"],
+        Quantity(
+            "",
+            "what the position law sees: sensors, filtered speed, filtered motion, the same with ropes learnt",
+            "assumption",
+        ),
     ] = "lowpass"
     speed_filter_time: Annotated[
         float,
@@ -67,6 +72,7 @@ class Controller:
     ] = 0.0
     nominal: Nominal = field(default_factory=Nominal)
     kalman: KalmanGains = field(default_factory=KalmanGains)
+    calibration: CalibrationGains = field(default_factory=CalibrationGains)
     nftsm: NftsmGains = field(default_factory=NftsmGains)
     observer: ObserverGains = field(default_factory=ObserverGains)
     auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)

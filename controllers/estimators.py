@@ -1,9 +1,10 @@
-"""What stands between the sensors and the position law: nothing, a low-pass, or a Kalman filter."""
+"""What stands between the sensors and the position law: nothing, a low-pass, or one of two Kalman filters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from controllers.calibrating_kalman import CalibratingState, calibrating_kalman_step
 from controllers.kalman import KalmanState, kalman_step
 from controllers.signals import Measurement
 from controllers.speed_filter import SpeedFilterState, speed_filter_step
@@ -31,5 +32,6 @@ ESTIMATORS = {
     "none": Estimator(Unfiltered(), pass_on),
     "lowpass": Estimator(SpeedFilterState(), speed_filter_step),
     "kalman": Estimator(KalmanState(), kalman_step),
+    "calibrating-kalman": Estimator(CalibratingState(), calibrating_kalman_step),
 }
 """Every estimator by its name; a new one is a new file and one line here."""

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from controllers.controller import Controller, controller_function
     from dualwinch.config import load, override, to_toml
     from dualwinch.ensembles import load_ensemble
+    from dualwinch.tuning_setup import tuning_problem
     from model.disturbance import Disturbance
     from model.linear_system import LinearSystem
     from model.linearisation import linearise
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from simulation.sensors import Sensors
     from simulation.simulate import simulate
     from simulation.storage import save
+    from tuning.tune import Tuned, tune
 
 __version__ = "0.1.0"
 
@@ -69,6 +71,7 @@ _HOME = {
     "Sensitivities": "simulation.sensitivities",
     "Sensors": "simulation.sensors",
     "Simulation": "simulation.experiment",
+    "Tuned": "tuning.tune",
     "amplitude_sweep": "simulation.describing_function",
     "block": "simulation.blocks",
     "case": "simulation.paper",
@@ -95,6 +98,8 @@ _HOME = {
     "sensitivities": "simulation.sensitivities",
     "simulate": "simulation.simulate",
     "to_toml": "dualwinch.config",
+    "tune": "tuning.tune",
+    "tuning_problem": "dualwinch.tuning_setup",
 }
 
 __all__ = [
@@ -121,6 +126,7 @@ __all__ = [
     "Sensitivities",
     "Sensors",
     "Simulation",
+    "Tuned",
     "__version__",
     "amplitude_sweep",
     "block",
@@ -148,6 +154,8 @@ __all__ = [
     "sensitivities",
     "simulate",
     "to_toml",
+    "tune",
+    "tuning_problem",
 ]
 
 

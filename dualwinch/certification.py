@@ -15,7 +15,7 @@ from codegen.files import atomic
 from dualwinch.config import to_toml
 from dualwinch.doctor import versions
 from dualwinch.folders import check_folder
-from dualwinch.simulate import check_plot, experiment
+from dualwinch.simulate_command import check_plot, experiment
 from simulation.certificate import Certificate
 from simulation.certificate import certify as judge
 from simulation.errors import ConfigurationError

@@ -118,7 +118,7 @@ def simulate(
         raise ConfigurationError("--scenarios: needs --ensemble")
     if seed is not None:
         raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set disturbance.seed=N")
-    from dualwinch.simulate import simulate as run
+    from dualwinch.simulate_command import simulate as run
 
     run(case, config, controller, set_ or [], out, plot, stride, engine)
 
@@ -275,8 +275,8 @@ def tune(
     The first trial is the paper's gains. Every candidate is tried in the same scenarios; Ctrl-C ends the search and
     keeps the best so far. best.toml is a configuration: `dualwinch simulate --config best.toml`.
     """
-    from dualwinch.tune import Options, seconds_from
-    from dualwinch.tune import tune as run
+    from dualwinch.tune_command import Options, seconds_from
+    from dualwinch.tune_command import tune as run
     from dualwinch.tuning_setup import problem_of
 
     limits = None if constraint is None else [one for one in constraint if one != "none"]
@@ -332,7 +332,7 @@ def config_(
         sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
         return
     from dualwinch.config import to_toml
-    from dualwinch.simulate import experiment
+    from dualwinch.simulate_command import experiment
 
     sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))
 
@@ -417,7 +417,7 @@ def export_c(
     No heap, no globals, no recursion; several instances may run at once.
     """
     from dualwinch.export import export_c as run
-    from dualwinch.simulate import experiment
+    from dualwinch.simulate_command import experiment
 
     run(experiment(case, config, None, set_ or []), what, precision, out, freeze=freeze)
 
@@ -456,7 +456,7 @@ def export_fmu(
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
     from dualwinch.export_fmu import export_fmu as run
-    from dualwinch.simulate import experiment
+    from dualwinch.simulate_command import experiment
 
     run(experiment(case, config, None, set_ or []), what, out, fmi, kind, platforms)
 
@@ -471,7 +471,7 @@ def export_fmu(
 def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Set = None) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
     from dualwinch.export import export_mex as run
-    from dualwinch.simulate import experiment
+    from dualwinch.simulate_command import experiment
 
     run(experiment(case, config, None, set_ or []), out)
 
@@ -486,7 +486,7 @@ def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Set 
 def export_casadi(*, out: Out, case: Case = None, config: Config = None, set_: Set = None) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
     from dualwinch.export import export_casadi as run
-    from dualwinch.simulate import experiment
+    from dualwinch.simulate_command import experiment
 
     run(experiment(case, config, None, set_ or []), out)
 

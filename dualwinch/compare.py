@@ -16,7 +16,7 @@ from dualwinch.config import load, parse_assignment
 from dualwinch.doctor import versions
 from dualwinch.ensembles import ensemble_to_toml, load_ensemble, reset
 from dualwinch.folders import check_folder
-from dualwinch.simulate import check_plot
+from dualwinch.simulate_command import check_plot
 from model.quantity import leaves
 from simulation.ensemble import Ensemble
 from simulation.errors import ConfigurationError

@@ -14,8 +14,8 @@ from rich.console import Console
 from dualwinch.config import override
 from dualwinch.folders import check_folder
 from dualwinch.linearise_tables import print_point, print_sweep
-from dualwinch.simulate import check_plot
-from dualwinch.simulate import experiment as asked_experiment
+from dualwinch.simulate_command import check_plot
+from dualwinch.simulate_command import experiment as asked_experiment
 from model.linear_files import save, writer
 from model.linear_system import LinearSystem
 from model.linearisation import linearise_at

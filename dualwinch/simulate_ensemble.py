@@ -12,7 +12,7 @@ from dualwinch.config import parse_assignment
 from dualwinch.doctor import versions
 from dualwinch.ensembles import ensemble_to_toml, load_ensemble, reset
 from dualwinch.folders import check_folder
-from dualwinch.simulate import check_plot, experiment
+from dualwinch.simulate_command import check_plot, experiment
 from model.quantity import describe
 from simulation.ensemble import Ensemble
 from simulation.ensemble_result import EnsembleResult

@@ -8,7 +8,7 @@ from typing import Any
 
 from dualwinch.config import flattened, load, override, parse_assignment, read_toml, to_toml
 from dualwinch.ensembles import ensemble_to_toml, load_ensemble, reset
-from dualwinch.simulate import experiment
+from dualwinch.simulate_command import experiment
 from simulation.ensemble import Ensemble
 from simulation.errors import ConfigurationError
 from tuning.constraint import default_constraints
@@ -17,7 +17,7 @@ from tuning.problem import Problem
 from tuning.space_entries import POWER, entry_from, space_of
 from tuning.space_record import space_from, space_to_record
 
-SCENARIOS = 8
+SCENARIOS = 12
 """Scenarios a candidate is tuned on where nothing else is asked for."""
 
 ESTIMATOR = "controller.estimator"
@@ -36,8 +36,8 @@ def problem_of(
 ) -> Problem:
     """The problem a command line asks for.
 
-    With an ensemble the Kalman estimator is used unless a file or an assignment says otherwise: the ensemble's sensors
-    are noisy.
+    With an ensemble the calibrating Kalman filter is used unless a file or an assignment says otherwise: sensors there
+    are noisy and ropes are not quite the nominal ones.
 
     Raises:
         ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
@@ -50,7 +50,7 @@ def problem_of(
             raise ConfigurationError("--scenarios: needs --ensemble")
     else:
         if config is None and ESTIMATOR not in values:
-            values[ESTIMATOR] = "kalman"
+            values[ESTIMATOR] = "calibrating-kalman"
         drawn = reset(load_ensemble(ensemble, experiment(case, config, None, [])), values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
@@ -69,6 +69,37 @@ def problem_of(
     problem.check()
     _ = problem.minimised, problem.bounded  # names and bounds are checked now
     return problem
+
+
+def tuning_problem(
+    *,
+    case: int | None = None,
+    config: Path | None = None,
+    settings: Sequence[str] = (),
+    ensemble: str | None = None,
+    space: Sequence[str] = (),
+    objectives: Sequence[str] = (),
+    constraints: Sequence[str] | None = None,
+    scenarios: int | None = None,
+    seed: int = 1,
+) -> Problem:
+    """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
+
+    Args:
+        case: one of the paper's cases to start from.
+        config: a configuration file to start from.
+        settings: such as ``controller.estimator=none``.
+        ensemble: name or file of an ensemble; ``None``: the experiment is the only scenario.
+        space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
+        objectives: statistics to minimise; default: ``mean.mse``.
+        constraints: such as ``mean.chatter<=0.25*paper``; default: no slack, no peak, little chatter.
+        scenarios: of the ensemble, that a candidate is tuned on.
+        seed: of scenarios and search.
+
+    Raises:
+        ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
+    """
+    return problem_of(case, config, settings, ensemble, space, objectives, constraints, scenarios, seed)
 
 
 def definition_of(problem: Problem, method: str) -> dict[str, Any]:

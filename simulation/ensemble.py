@@ -14,6 +14,9 @@ from simulation.experiment import Experiment
 SEED_KEY = "disturbance.seed"
 """Key of the seed of a scenario's own signals: drawn as well, unless the ensemble says otherwise."""
 
+EDGE = 0.02
+"""Share of all draws that lie beyond an extreme one, on either side."""
+
 SEEDS = 2**53
 """Number of seeds a scenario's own is drawn from: whole numbers that every file format keeps."""
 
@@ -72,12 +75,14 @@ class Scenario:
         experiment: what is simulated, the drawn values in it.
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``disturbance.seed`` among them.
+        extreme: whether it is a corner of what may happen, not one draw like the others.
     """
 
     index: int
     experiment: Experiment
     nominal: Plant
     draws: dict[str, Value]
+    extreme: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,7 @@ class Ensemble:
         """Keys of all drawn values, the seed of the scenario's own signals last."""
         return (*(key for key in self.distributions if key != SEED_KEY), SEED_KEY)
 
-    def scenario(self, index: int, seed: int) -> Scenario:
+    def scenario(self, index: int, seed: int, *, extreme: bool = False) -> Scenario:
         """Draw one scenario.
 
         Every value has a random stream of its own, named by seed, index and key (or group). So a scenario is the same
@@ -110,6 +115,8 @@ class Ensemble:
         Args:
             index: number of the scenario, from 0.
             seed: the ensemble's seed, a whole number >= 0.
+            extreme: whether every value is drawn from the ends of its distribution, by chance the one or the other:
+                a corner of what may happen, which a few draws hardly ever come near.
         """
         nominal = leaves(self.experiment)
         draws: dict[str, Value] = {}
@@ -119,8 +126,11 @@ class Ensemble:
                 draws[key] = int(_stream(seed, index, key).integers(SEEDS))
             else:
                 name = key if drawn.together is None else f"together: {drawn.together}"
-                draws[key] = drawn.value(_stream(seed, index, name).random(), nominal[key])
-        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws)
+                share = _stream(seed, index, name).random()
+                if extreme:
+                    share = EDGE if share < 0.5 else 1 - EDGE
+                draws[key] = drawn.value(share, nominal[key])
+        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws, extreme)
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
         """The first `count` scenarios, one after the other."""

@@ -15,7 +15,7 @@ from simulation.experiment import Experiment
 from tuning.statistic import UNMEASURED, Statistic, statistic_from
 
 NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
-NO_PEAK = "worst.peak_tension<=0.95*controller.coordination.tension_max"
+NO_PEAK = "worst.peak_tension<=0.99*controller.coordination.tension_max"
 QUIET = "mean.chatter<=0.25*paper"
 NO_LOUDER = "mean.chatter<=1*paper"
 

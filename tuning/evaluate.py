@@ -11,13 +11,13 @@ from simulation.batch import BatchResult
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
 from tuning.evaluation import Candidate, Evaluation
-from tuning.problem import Problem, run_pairs
+from tuning.problem import Problem, over, run_pairs
 from tuning.ranking import best_first
 
 FAILED = "scenarios not completed <= 0"
 """Constraint that every scenario runs to its end; its violation is the share that does not."""
 
-FIRST_SHARE, KEPT_SHARE = 0.25, 0.5
+FIRST_SHARE, KEPT_SHARE = 0.5, 0.5
 """Share of the scenarios that all candidates see, and share of the candidates that see the rest."""
 
 EXEMPT = ("paper", "start")
@@ -60,14 +60,17 @@ class Evaluator:
         if not self._first or len(candidates) < 2:
             return self.over(candidates, scenarios)
         early = self._run(candidates, scenarios[: self._first])
-        judged = [self.judged(one, early, place, pruned=True) for place, one in enumerate(candidates)]
+        judged = [
+            self.judged(one, early, scenarios[: self._first], place, pruned=True)
+            for place, one in enumerate(candidates)
+        ]
         order = best_first(judged)
         kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
         kept |= {place for place, one in enumerate(candidates) if one.origin in EXEMPT}
         places = sorted(kept)
         late = self._run([candidates[place] for place in places], scenarios[self._first :])
         for row, place in enumerate(places):
-            judged[place] = self.judged(candidates[place], _joined(early, place, late, row))
+            judged[place] = self.judged(candidates[place], _joined(early, place, late, row), scenarios)
         return judged
 
     def over(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> list[Evaluation]:
@@ -75,7 +78,7 @@ class Evaluator:
         if not candidates:
             return []
         result = self._run(candidates, scenarios)
-        return [self.judged(one, result, place) for place, one in enumerate(candidates)]
+        return [self.judged(one, result, scenarios, place) for place, one in enumerate(candidates)]
 
     def _run(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
         space = self.problem.space
@@ -87,11 +90,19 @@ class Evaluator:
         self._pace = took / result.outcomes.size
         return result
 
-    def judged(self, candidate: Candidate, result: BatchResult, row: int = 0, *, pruned: bool = False) -> Evaluation:
+    def judged(
+        self,
+        candidate: Candidate,
+        result: BatchResult,
+        scenarios: Sequence[Experiment | Scenario],
+        row: int = 0,
+        *,
+        pruned: bool = False,
+    ) -> Evaluation:
         """What a row of a result comes to for a candidate."""
         problem, outcomes = self.problem, result.outcomes[row]
         done = outcomes == "completed"
-        found = {one: one.over(result.metrics[one.metric][row, done]) for one in problem.reported}
+        found = {one: over(one, result, row, scenarios) for one in problem.reported}
         violations = {FAILED: float(1 - done.mean())}
         violations |= {one.label: one.violation(found[one.statistic]) for one in problem.bounded}
         return Evaluation(

@@ -7,12 +7,15 @@ import numpy as np
 
 from simulation.batch import BatchResult
 from tuning.evaluate import Evaluator
-from tuning.evaluation import Candidate, Evaluation
+from tuning.evaluation import Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
 from tuning.ranking import best_first, pareto_front
 
-FINALISTS, SELECTION_SCENARIOS = 16, 48
-"""Trials among which the best is chosen, and the scenarios in which."""
+FINALISTS, SELECTION_SCENARIOS = 16, 96
+"""Finalists of each of two rounds, and the scenarios in which they meet."""
+
+RUNG = 1.12
+"""How much larger the objective of a finalist of the first round is than that of the one before."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Verdict:
 
 def rollouts_needed(problem: Problem, held_out: int) -> int:
     """Rollouts that `judge` makes, at most."""
-    return FINALISTS * SELECTION_SCENARIOS + 2 * held_out if problem.ensemble else 1
+    return 2 * FINALISTS * SELECTION_SCENARIOS + 2 * held_out if problem.ensemble else 1
 
 
 def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, held_out: int) -> Verdict:
@@ -57,25 +60,61 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
     order = best_first(trials)
     if problem.ensemble is None:
         return Verdict(trials[order[0]], None, None, {}, statistics(problem, problem.paper_result))
-    finalists = [trials[place] for place in order if not trials[place].pruned][:FINALISTS]
-    if len(problem.objectives) > 1:
-        front = [trials[place] for place in pareto_front(trials)][:FINALISTS]
-        finalists = front or finalists
-    chosen = evaluator.over(
-        [one.candidate for one in finalists], problem.drawn(SELECTION_SCENARIOS, problem.seed + SELECTION)
-    )
+    finalists, chosen = _finals(problem, trials, order, evaluator)
     place = best_first(chosen)[0]
     best = finalists[place]
     seed = problem.seed + HELD_OUT
-    ours = _run(problem, best.candidate, held_out, seed)
+    scenarios = problem.drawn(held_out, seed)
+    ours = run_pairs(problem.space.keys, [problem.space.parameters(best.point)], scenarios)
     paper = run_pairs([], [[]], problem.drawn(held_out, seed, problem.paper_experiment))
     return Verdict(
         best=best,
         selection=replace(chosen[place], number=best.number),
-        held_out=evaluator.judged(best.candidate, ours),
+        held_out=evaluator.judged(best.candidate, ours, scenarios),
         held_out_metrics={"best": ours, "paper": paper},
         paper=statistics(problem, paper),
     )
+
+
+def _finals(
+    problem: Problem, trials: Sequence[Evaluation], order: Sequence[int], evaluator: Evaluator
+) -> tuple[list[Evaluation], list[Evaluation]]:
+    """Finalists as they were tuned, and what they came to in the selection scenarios.
+
+    The very best where tuned are often the ones that only just hold. So the first round is a ladder from the best to
+    ever more cautious ones, and the second has some of the trials that were better than the best rung that holds.
+    """
+    scenarios = problem.stretched(SELECTION_SCENARIOS, problem.seed + SELECTION)
+
+    def met(entering: Sequence[Evaluation]) -> list[Evaluation]:
+        return evaluator.over([one.candidate for one in entering], scenarios)
+
+    if len(problem.objectives) > 1:
+        places = pareto_front(trials) or [place for place in order if not trials[place].pruned]
+        finalists = [trials[place] for place in places[:: -(-len(places) // FINALISTS)]]
+        return finalists, met(finalists)
+    waiting = [trials[place] for place in order if not trials[place].pruned]
+    ladder = rungs(waiting)
+    finalists = [waiting[place] for place in ladder]
+    chosen = met(finalists)
+    holding = [place for place, one in zip(ladder, chosen, strict=True) if one.feasible]
+    last = min(holding, default=len(waiting))
+    between = [place for place in range(last) if place not in ladder]
+    between = between[:: -(-len(between) // FINALISTS) or 1]
+    return [*finalists, *(waiting[place] for place in between)], [*chosen, *met([waiting[place] for place in between])]
+
+
+def rungs(ordered: Sequence[Evaluation]) -> list[int]:
+    """Places of trials, the best first, each with an objective `RUNG` times that of the one before, or the next."""
+    found = [0]
+    for place, one in enumerate(ordered):
+        if len(found) == FINALISTS:
+            break
+        above = ordered[found[-1]]
+        if one.feasible != above.feasible or one.objectives[0] > RUNG * above.objectives[0]:
+            found.append(place)
+    rest = [place for place in range(len(ordered)) if place not in found]
+    return sorted(found + rest[: FINALISTS - len(found)])
 
 
 def statistics(problem: Problem, result: BatchResult) -> dict[str, float]:
@@ -89,7 +128,3 @@ def improvement(verdict: Verdict, name: str) -> float:
     scored = verdict.held_out or verdict.best
     ours = scored.statistics[name]
     return verdict.paper[name] / ours if ours else np.inf
-
-
-def _run(problem: Problem, candidate: Candidate, count: int, seed: int) -> BatchResult:
-    return run_pairs(problem.space.keys, [problem.space.parameters(candidate.point)], problem.drawn(count, seed))

@@ -1,5 +1,6 @@
 """Where a study is kept: a journal file for one process, or a PostgreSQL database for workers on many machines."""
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,8 +89,10 @@ class Store(Protocol):
 
 
 def quiet() -> None:
-    """Let Optuna speak of problems only, not of every study and trial."""
-    import optuna
+    """Let Optuna speak of problems only, not of every study and trial, nor of progress bars it does not show."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
 

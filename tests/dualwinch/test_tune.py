@@ -9,7 +9,7 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.config import load
-from dualwinch.tune import seconds_from
+from dualwinch.tune_command import seconds_from
 from model.quantity import leaves
 from tuning.study import Progress
 
@@ -26,7 +26,7 @@ def dualwinch(*words: object) -> int:
 
 @pytest.fixture(autouse=True)
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dualwinch.tune.HELD_OUT_SCENARIOS", 8)
+    monkeypatch.setattr("dualwinch.tune_command.HELD_OUT_SCENARIOS", 8)
     monkeypatch.setattr("tuning.selection.SELECTION_SCENARIOS", 4)
 
 
@@ -35,11 +35,14 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     said = capsys.readouterr()
     assert "in 8 held-out scenarios" in said.out
     assert "times below the paper's" in said.out
-    assert "subject to worst.min_tension >= 80 N; worst.peak_tension <= 5700 N; mean.chatter <= " in said.err
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 6
+    assert "times below that of the paper" in page
+    assert "subject to worst.min_tension >= 80 N; worst.peak_tension <= 5940 N; mean.chatter <= " in said.err
     study = json.loads((tmp_path / "out" / "study.json").read_text())
     best = load(tmp_path / "out" / "best.toml")
     assert {key: leaves(best)[key] for key in study["best"]["settings"]} == study["best"]["settings"]
-    assert best.controller.estimator == "kalman"
+    assert best.controller.estimator == "calibrating-kalman"
     header = (tmp_path / "out" / "best.toml").read_text()
     for word in ("code version: dualwinch", "seed: 5", "ensemble: sea", f"trial: {study['best']['trial']}", "date: "):
         assert word in header
@@ -92,7 +95,7 @@ def test_an_interrupt_keeps_the_best_so_far(
     assert dualwinch("tune", *SHORT, "--trials", 1000, "--out", tmp_path) == 1
     assert "interrupted; choosing and scoring the best so far" in capsys.readouterr().err
     assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) == 32
-    assert load(tmp_path / "best.toml").controller.estimator == "kalman"
+    assert load(tmp_path / "best.toml").controller.estimator == "calibrating-kalman"
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("60s", 60), ("90", 90), ("5min", 300), ("1.5h", 5400)])

@@ -67,5 +67,5 @@ def test_several_objectives_have_their_methods(make_problem: MakeProblem) -> Non
     assert len({one.objectives for one in run(problem, "nsga2", 3)}) == 48
     with pytest.raises(Exception, match="has one objective; use nsga2"):
         optimiser("cmaes", problem, 0)
-    with pytest.raises(Exception, match="--method simplex: must be one of cmaes, tpe"):
+    with pytest.raises(Exception, match="--method simplex: must be one of cmaes, gradient, hybrid, tpe"):
         optimiser("simplex", problem, 0)

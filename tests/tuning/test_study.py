@@ -112,6 +112,6 @@ def test_the_best_is_scored_in_scenarios_of_their_own(make_problem: MakeProblem,
     assert verdict.held_out is not None
     assert verdict.held_out.scenarios == 10
     assert verdict.selection is not None
-    assert verdict.selection.scenarios == 48
+    assert verdict.selection.scenarios == 96
     assert verdict.paper["mean.mse"] > verdict.held_out.statistics["mean.mse"]
     assert len(verdict.held_out_metrics["paper"].outcomes[0]) == 10

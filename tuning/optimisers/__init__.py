@@ -7,6 +7,8 @@ from typing import Protocol
 from simulation.errors import ConfigurationError
 from tuning.evaluation import Evaluation
 from tuning.optimisers.cma import Cma
+from tuning.optimisers.gradient import Gradient
+from tuning.optimisers.hybrid import Hybrid
 from tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, Sampler
 from tuning.problem import Problem
 from tuning.space import Point
@@ -29,6 +31,8 @@ Method = Callable[[Problem, int], Optimiser]
 
 METHODS: dict[str, Method] = {
     "cmaes": Cma,
+    "gradient": Gradient,
+    "hybrid": Hybrid,
     "tpe": partial(Sampler, TPE),
     "gp": partial(Sampler, GP),
     "nsga2": partial(Sampler, NSGA2),
@@ -38,7 +42,7 @@ METHODS: dict[str, Method] = {
 }
 """Every method by its name."""
 
-ONE_OBJECTIVE = ("cmaes",)
+ONE_OBJECTIVE = ("cmaes", "gradient", "hybrid")
 """Methods for a single objective."""
 
 

@@ -21,6 +21,7 @@ from dualwinch.config import to_toml
 from dualwinch.doctor import versions
 from dualwinch.folders import check_folder, make_folder
 from dualwinch.tuning_progress import Watch
+from dualwinch.tuning_report import write_tuning_report
 from dualwinch.tuning_setup import configuration, definition_of
 from simulation.cores import cores
 from simulation.errors import ConfigurationError
@@ -124,9 +125,9 @@ def tune(problem: Problem, options: Options) -> None:
         with console.status("choosing and scoring the best"):
             verdict = judge(problem, finished, evaluator, HELD_OUT_SCENARIOS)
         cost = _cost(progress, evaluator, len(finished), time.time() - began)
-    write(problem, finished, verdict, method, storage, options, cost)
     report(problem, finished, verdict, cost)
-    console.print(f"wrote {options.out / 'best.toml'} and {options.out / 'study.json'}", soft_wrap=True)
+    write(problem, finished, verdict, method, storage, options, cost)
+    console.print(f"wrote best.toml, study.json and report.html in {options.out}", soft_wrap=True)
     if interrupted:
         raise KeyboardInterrupt
 
@@ -140,7 +141,7 @@ def write(
     options: Options,
     cost: dict[str, float],
 ) -> None:
-    """Write ``best.toml`` and ``study.json``."""
+    """Write ``best.toml``, ``study.json`` and ``report.html``."""
     facts: dict[str, Any] = {
         "code version": f"dualwinch {__version__}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -151,9 +152,15 @@ def write(
         "method": method,
     }
     check_folder(options.out)
-    write_best(options.out / "best.toml", problem, verdict, to_toml(problem.tuned(verdict.best.point)), facts)
+    best = to_toml(problem.tuned(verdict.best.point))
+    write_best(options.out / "best.toml", problem, verdict, best, facts)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
     write_study(options.out / "study.json", problem, finished, verdict, named, configuration(problem), cost)
+    shown_cost = {name.replace("_", " "): f"{value:.6g}" for name, value in cost.items()}
+    with Console(stderr=True).status("drawing the report"):
+        write_tuning_report(
+            options.out / "report.html", problem, finished, verdict, {**facts, **versions(), **shown_cost}, best
+        )
 
 
 def report(problem: Problem, finished: Sequence[Evaluation], verdict: Verdict, cost: dict[str, float]) -> None:

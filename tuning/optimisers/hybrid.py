@@ -1,0 +1,47 @@
+"""Global search, then gradient polish, in turns."""
+
+from collections.abc import Sequence
+
+from tuning.evaluation import Evaluation
+from tuning.optimisers.cma import Cma
+from tuning.optimisers.gradient import Gradient
+from tuning.problem import Problem
+from tuning.ranking import best_first
+from tuning.space import Point
+
+PATIENCE = 160
+"""Evaluations without a better one after which the other optimiser has its turn."""
+
+
+class Hybrid:
+    """CMA-ES until it gets no better, Gauss–Newton steps from its best until they get no better, and so on.
+
+    Both learn from every evaluation, whoever asked for it.
+    """
+
+    def __init__(self, problem: Problem, seed: int) -> None:
+        """The optimiser of a problem; the same seed gives the same candidates."""
+        self._search, self._polish = Cma(problem, seed), Gradient(problem, seed, scouts=0)
+        self._best: Evaluation | None = None
+        self._idle, self._polishing = 0, False
+
+    def ask(self, count: int) -> list[Point]:
+        """Candidates of the optimiser whose turn it is."""
+        return (self._polish if self._polishing else self._search).ask(count)
+
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """Learn from evaluations, and pass the turn on where they bring nothing better."""
+        if not evaluations:
+            return
+        self._search.tell(evaluations)
+        self._polish.tell(evaluations)
+        leader = evaluations[best_first(evaluations)[0]]
+        if self._best is None or best_first([self._best, leader])[0]:
+            self._best, self._idle = leader, 0
+        else:
+            self._idle += len(evaluations)
+        if self._polishing and self._polish.converged:
+            self._polishing, self._idle = False, 0
+        elif not self._polishing and self._idle >= PATIENCE:
+            self._polishing = True
+            self._polish.restart()

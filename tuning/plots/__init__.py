@@ -1,0 +1,1 @@
+"""Figures of a study: the search, and what its best is worth."""

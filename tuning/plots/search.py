@@ -1,0 +1,213 @@
+"""Figures of a search: its history, what mattered, where the good candidates lie, and what they trade."""
+
+import warnings
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMILION, house_style, legend_below, new_figure
+from tuning.evaluation import Evaluation
+from tuning.problem import Problem
+from tuning.ranking import best_first, pareto_front
+from tuning.record import finished_trial
+from tuning.space import Interval
+from tuning.statistic import UNMEASURED, Statistic, statistic_from
+
+SHOWN = 40
+"""Candidates in parallel coordinates."""
+
+CHATTER = "mean.chatter"
+"""What the objective is drawn against where there is only one."""
+
+MANY = 3000
+"""Points that a figure shows of a kind, at most, evenly thinned."""
+
+
+def history(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
+    """The first objective of every trial, and the best that keeps to the constraints so far."""
+    objective = problem.minimised[0]
+    values = np.array([one.objectives[0] for one in trials])
+    feasible = np.array([one.feasible for one in trials])
+    best = np.minimum.accumulate(np.where(feasible, values, np.inf))
+    with house_style():
+        figure = new_figure(3.4, "History of the search", f"{axis_title(objective)} of every trial")
+        axes = figure.subplots()
+        places = np.arange(len(trials))
+        for chosen, colour in ((~feasible, LIGHT), (feasible, SKY)):
+            shown = _thinned(places[chosen & (values < UNMEASURED)])
+            axes.plot(shown, values[shown], ".", markersize=3, color=colour, rasterized=True)
+        axes.plot(places, best, color=BLUE, drawstyle="steps-post")
+        paper = next(
+            (value for one, value in zip(trials, values, strict=True) if one.candidate.origin == "paper"), None
+        )
+        if paper:
+            axes.axhline(paper, color=VERMILION, linestyle=(0, (4, 2)), linewidth=0.9)
+        _scale(axes.set_yscale, values[values < UNMEASURED])
+        axes.set(xlabel="trial", ylabel=axis_title(objective), xlim=(0, max(len(trials) - 1, 1)))
+        legend_below(
+            figure,
+            [
+                Line2D([], [], color=BLUE, label="best so far"),
+                _dots(SKY, "keeps to the constraints"),
+                _dots(LIGHT, "does not"),
+                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="paper's gains, in the tuned structure"),
+            ],
+        )
+    return figure
+
+
+def importance(problem: Problem, trials: Sequence[Evaluation]) -> Figure | None:
+    """How much each gain decides whether a candidate is among the best tenth; ``None`` for too few trials.
+
+    PED-ANOVA (Watanabe, Bansal and Hutter, IJCAI 2023, 4389), by the first objective.
+    """
+    shares = importances(problem, trials)
+    if not shares:
+        return None
+    names = sorted(shares, key=shares.__getitem__)
+    with house_style():
+        figure = new_figure(
+            0.9 + 0.24 * len(names),
+            "Which gains matter",
+            "Share of what tells the best tenth of the trials from the rest",
+        )
+        axes = figure.subplots()
+        bars = axes.barh([short(name) for name in names], [shares[name] for name in names], color=BLUE, height=0.6)
+        axes.bar_label(bars, [f"{100 * shares[name]:.0f} %" for name in names], padding=3, color=INK, fontsize=8)
+        axes.set(xlabel="importance", xlim=(0, 1.12 * max(shares.values())))
+        axes.grid(visible=False, axis="y")
+    return figure
+
+
+def importances(problem: Problem, trials: Sequence[Evaluation]) -> dict[str, float]:
+    """Name of a dimension → its importance, all of them 1 together; empty for fewer than 20 trials."""
+    import optuna
+
+    whole = [one for one in trials if not one.pruned and one.objectives[0] < UNMEASURED]
+    if len(whole) < 20 or len(problem.space.dimensions) < 2:
+        return {}
+    study = optuna.create_study()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        study.add_trials([finished_trial(_single(one), problem.space) for one in whole])
+        found = optuna.importance.get_param_importances(
+            study, evaluator=optuna.importance.PedAnovaImportanceEvaluator(), normalize=True
+        )
+    return {name: float(value) for name, value in found.items()} if sum(found.values()) > 0 else {}
+
+
+def parallel_coordinates(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
+    """Where the best candidates lie in every dimension, with the paper's gains and the bounds."""
+    order = [place for place in best_first(trials) if not trials[place].pruned][:SHOWN]
+    dimensions = problem.space.dimensions
+    with house_style():
+        figure = new_figure(
+            4.2, "Where the best lie", f"The {len(order)} best trials in every searched gain, best darkest"
+        )
+        axes = figure.subplots()
+        columns = np.arange(len(dimensions))
+        for rank, place in reversed(list(enumerate(order))):
+            shade = 0.15 + 0.75 * (1 - rank / len(order)) ** 2
+            axes.plot(columns, problem.space.encoded(trials[place].point), color=BLUE, alpha=shade, linewidth=0.8)
+        axes.plot(columns, problem.space.encoded(trials[order[0]].point), color=BLUE, linewidth=2.2)
+        axes.plot(
+            columns, problem.space.encoded(problem.paper_point), color=VERMILION, linestyle=(0, (4, 2)), linewidth=1.2
+        )
+        for column, dimension in zip(columns, dimensions, strict=True):
+            ends = (
+                (f"{dimension.lower:g}", f"{dimension.upper:g}")
+                if isinstance(dimension, Interval)
+                else (dimension.choices[0], dimension.choices[-1])
+            )
+            for text, y, align in zip(ends, (-0.03, 1.03), ("top", "bottom"), strict=True):
+                axes.text(float(column), y, text, ha="center", va=align, fontsize=7.5, color=GREY)
+        axes.set_xticks(columns, [short(name) for name in problem.space.names], rotation=40, ha="right")
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        axes.set(ylim=(-0.1, 1.1), xlim=(-0.4, len(dimensions) - 0.6))
+        legend_below(
+            figure,
+            [
+                Line2D([], [], color=BLUE, linewidth=2.2, label="best where tuned"),
+                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="paper's gains"),
+            ],
+        )
+    return figure
+
+
+def front(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
+    """Two figures of merit against each other: the objectives, or the one objective and the chatter."""
+    across = problem.minimised[0]
+    upward = problem.minimised[1] if len(problem.minimised) > 1 else statistic_from(CHATTER)
+    whole = [one for one in trials if not one.pruned]
+    points = np.array([[one.statistics[name.name] for name in (across, upward)] for one in whole])
+    kept = (np.abs(points) < UNMEASURED).all(axis=1)
+    feasible = np.array([one.feasible for one in whole]) & kept
+    with house_style():
+        figure = new_figure(
+            3.8, "What is traded", f"{axis_title(upward)} against {axis_title(across)}, complete trials"
+        )
+        axes = figure.subplots()
+        for chosen, colour in ((kept & ~feasible, LIGHT), (feasible, SKY)):
+            shown = _thinned(np.flatnonzero(chosen))
+            axes.plot(*points[shown].T, ".", markersize=3, color=colour, rasterized=True)
+        handles: list[Line2D] = [_dots(SKY, "keeps to the constraints"), _dots(LIGHT, "does not")]
+        if len(problem.minimised) > 1:
+            edge = np.array(
+                [[trials[place].statistics[one.name] for one in (across, upward)] for place in pareto_front(trials)]
+            )
+            label = "Pareto front"
+        else:
+            edge, label = points[kept][_lower_edge(points[kept])], "lower edge of all trials"
+        if len(edge):
+            axes.plot(*edge.T, color=BLUE, marker="o", markersize=3)
+            handles.append(Line2D([], [], color=BLUE, marker="o", markersize=3, label=label))
+        for one in problem.bounded:
+            if one.statistic == upward:
+                axes.axhline(one.bound, color=GREY, linestyle=(0, (1, 1.5)))
+                handles.append(Line2D([], [], color=GREY, linestyle=(0, (1, 1.5)), label=f"bound {one.bound:.3g}"))
+        _scale(axes.set_xscale, points[kept, 0])
+        _scale(axes.set_yscale, points[kept, 1])
+        axes.set(xlabel=axis_title(across), ylabel=axis_title(upward))
+        legend_below(figure, [*handles])
+    return figure
+
+
+def axis_title(statistic: Statistic) -> str:
+    """Statistic with its unit, as on an axis."""
+    unit = statistic.unit.replace("^2", "²")
+    return f"{statistic.name.replace('.', ' ').replace('_', ' ')}{'' if unit == '1' else f' ({unit})'}"
+
+
+def short(name: str) -> str:
+    """A dimension's name without what all of them share."""
+    return name.removeprefix("controller.")
+
+
+def _single(one: Evaluation) -> Evaluation:
+    return Evaluation(one.candidate, one.objectives[:1], {}, {}, {}, one.scenarios)
+
+
+def _lower_edge(points: np.ndarray) -> list[int]:
+    """Places of the points that no other beats in both, by the first coordinate."""
+    order, edge, lowest = np.lexsort((points[:, 1], points[:, 0])), [], np.inf
+    for place in order:
+        if points[place, 1] < lowest:
+            edge.append(int(place))
+            lowest = points[place, 1]
+    return edge
+
+
+def _scale(setter: Callable[[str], None], values: np.ndarray) -> None:
+    if len(values) and values.min() > 0 and values.max() > 10 * values.min():
+        setter("log")
+
+
+def _thinned(places: np.ndarray) -> np.ndarray:
+    return places[:: -(-len(places) // MANY) or 1]
+
+
+def _dots(colour: str, label: str) -> Line2D:
+    return Line2D([], [], color=colour, marker=".", linestyle="none", markersize=7, label=label)
