@@ -256,7 +256,9 @@ def tune(
     ] = None,
     method: Annotated[
         str | None,
-        Parameter(help="cmaes (default), tpe, gp, nsga2 (default of several objectives), nsga3, qmc, random."),
+        Parameter(
+            help="cmaes (default), gradient, hybrid, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
+        ),
     ] = None,
     trials: Annotated[int | None, Parameter(help="Trials (default 1000 without --time).")] = None,
     time: Annotated[str | None, Parameter(help="Time for everything, e.g. 60s, 5min.")] = None,

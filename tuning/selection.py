@@ -82,7 +82,7 @@ def _finals(
     """Finalists as they were tuned, and what they came to in the selection scenarios.
 
     The very best where tuned are often the ones that only just hold. So the first round is a ladder from the best to
-    ever more cautious ones, and the second has some of the trials that were better than the best rung that holds.
+    ever more cautious ones, and the second has the trials that are next better than the best rung that holds.
     """
     scenarios = problem.stretched(SELECTION_SCENARIOS, problem.seed + SELECTION)
 
@@ -99,8 +99,7 @@ def _finals(
     chosen = met(finalists)
     holding = [place for place, one in zip(ladder, chosen, strict=True) if one.feasible]
     last = min(holding, default=len(waiting))
-    between = [place for place in range(last) if place not in ladder]
-    between = between[:: -(-len(between) // FINALISTS) or 1]
+    between = [place for place in range(last) if place not in ladder][-FINALISTS:]
     return [*finalists, *(waiting[place] for place in between)], [*chosen, *met([waiting[place] for place in between])]
 
 

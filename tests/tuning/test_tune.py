@@ -1,5 +1,7 @@
 """Tuning in one call, the choice of the best, and the figures of a study."""
 
+from itertools import pairwise
+
 import pytest
 
 from simulation.errors import ConfigurationError
@@ -52,4 +54,4 @@ def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
     values = [ordered[place].objectives[0] for place in places]
     assert len(places) == FINALISTS
     assert places[0] == 0
-    assert all(after / before > RUNG for before, after in zip(values, values[1:], strict=False))
+    assert all(after / before > RUNG for before, after in pairwise(values))
