@@ -135,7 +135,7 @@ wild_controllers = st.builds(
 
 
 @settings(max_examples=300)
-@given(wild_controllers, st.sampled_from([1, 4]))
+@given(wild_controllers, st.sampled_from([3, 4]))
 def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.1))
     result = simulate(experiment)
@@ -146,7 +146,7 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
 
 
 @settings(max_examples=60)
-@given(wild_controllers, st.sampled_from([1, 4]))
+@given(wild_controllers, st.sampled_from([3, 4]))
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
