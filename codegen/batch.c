@@ -8,14 +8,6 @@
    of its own with restrict pointers, or compilers do not see that lanes do not mix either. */
 
 #define LOOK_EVERY 16
-#define LANE_ARRAY __attribute__((aligned(64))) double /* a vector in no more than one cache line */
-#define IN_LANES static __attribute__((noinline)) void
-#define EACH_LANE for (int l = 0; l < LANES; ++l)
-#if PAIRED
-#define EACH_CALL for (int l = 0; l < LANES / 2; ++l)
-#else
-#define EACH_CALL _Pragma("clang loop vectorize(enable) interleave_count(2)") EACH_LANE
-#endif
 
 IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, double *restrict for_observe,
                       double *restrict for_move) {

@@ -26,7 +26,7 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
         for function in functions
     }
     sizes = system.sizes | lane_sizes(compiler)
-    return unit(sizes, functions, "elementary.h", in_lanes(c_source(functions), arrays, compiler), "batch.c")
+    return unit(sizes, functions, "elementary.h", "lanes.h", in_lanes(c_source(functions), arrays, compiler), "batch.c")
 
 
 @dataclass(frozen=True)

@@ -23,3 +23,9 @@ static inline uint64_t to_bits(double value) {
 static inline uint64_t overflow(double value) {
   return (to_bits(value) & UINT64_C(0x7ff0000000000000)) + UINT64_C(0x0010000000000000);
 }
+
+static inline int all_finite(const double *values, int count) {
+  uint64_t overflows = 0;
+  for (int i = 0; i < count; ++i) overflows |= overflow(values[i]);
+  return !(overflows >> 63);
+}

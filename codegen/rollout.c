@@ -1,12 +1,6 @@
 /* Runs a sampled system for many samples. Comes after driver.h, the sizes and the functions of codegen/sampled.py,
    each with its derive_NAME(parameters, derived) for what depends on the parameters alone. */
 
-static inline int all_finite(const double *values, int count) {
-  uint64_t overflows = 0;
-  for (int i = 0; i < count; ++i) overflows |= overflow(values[i]);
-  return !(overflows >> 63);
-}
-
 /* Steps `state` on for `samples` samples, reading one line of `exogenous` a sample.
    Every `stride`-th sample writes a line of `rows`, the first one included; rows may be null.
    Ends early when the state is not finite (DIVERGED) or the margin is negative (LEFT).

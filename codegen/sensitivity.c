@@ -6,17 +6,9 @@
      along_move(motion, held, part, parameters, motion_tangent, held_tangent, next_motion_tangent)
    SPREAD_SAMPLE and SPREAD_LEAP are the statements of codegen/spread.py for one lane. */
 
-#define IN_LANES static __attribute__((noinline)) void
-#if PAIRED
-#define EACH_CALL for (int l = 0; l < LANES / 2; ++l)
-#else
-#define EACH_CALL _Pragma("clang loop vectorize(enable) interleave_count(2)") for (int l = 0; l < LANES; ++l)
-#endif
-#define LANE_ARRAY __attribute__((aligned(64))) double
-
 IN_LANES spread_sample(const double *restrict slopes, const double *restrict states, const double *restrict directions,
                        double *restrict discretes, double *restrict helds) {
-  for (int l = 0; l < LANES; ++l) {
+  EACH_LANE {
     const double *restrict state_tangent = states + l, *restrict direction = directions + l;
     double *restrict discrete_tangent = discretes + l, *restrict held_tangent = helds + l;
     SPREAD_SAMPLE
@@ -26,7 +18,7 @@ IN_LANES spread_sample(const double *restrict slopes, const double *restrict sta
 #if HAS_LEAP
 IN_LANES spread_leap(const double *restrict slopes, const double *restrict motions, const double *restrict helds,
                      double *restrict nexts) {
-  for (int l = 0; l < LANES; ++l) {
+  EACH_LANE {
     const double *restrict motion_tangent = motions + l, *restrict held_tangent = helds + l;
     double *restrict next_motion_tangent = nexts + l;
     SPREAD_LEAP
@@ -38,12 +30,6 @@ IN_LANES along_move_lanes(const double *restrict motion, const double *restrict 
                           const double *restrict p, const double *restrict motion_tangent,
                           const double *restrict held_tangent, double *restrict next) {
   EACH_CALL along_move(motion, held, part, p, motion_tangent + l, held_tangent + l, next + l);
-}
-
-static int all_finite(const double *values, int count) {
-  uint64_t overflows = 0;
-  for (int i = 0; i < count; ++i) overflows |= overflow(values[i]);
-  return !(overflows >> 63);
 }
 
 /* One rollout with its sensitivities.

@@ -49,7 +49,7 @@ def sensitivity_source(
     products = [f"#define {name} {' '.join(one.statements)}" for name, one in spreads.items()]
     sizes = system.sizes | lane_sizes(compiler) | {"GAINS": len(gains), "TRACKED": 0}
     sizes |= {f"{one.sloped.name().upper()}_SLOPES": one.sloped.numel_out("slopes") for one in spreads.values()}
-    return unit(sizes, functions, "elementary.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
+    return unit(sizes, functions, "elementary.h", "lanes.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
 
 
 @dataclass(frozen=True)

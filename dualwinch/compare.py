@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 from rich.table import Table
 
+from codegen.files import atomic
 from controllers.controller import Controller
 from dualwinch.config import load, parse_assignment
 from dualwinch.doctor import versions
@@ -21,7 +22,6 @@ from model.quantity import leaves
 from simulation.ensemble import Ensemble
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
-from simulation.files import atomic
 from simulation.paired import CONFIDENCE, RESAMPLES, Comparison
 from simulation.paired_run import compare as run
 from simulation.paired_run import paper_controller

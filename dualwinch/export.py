@@ -10,6 +10,7 @@ from rich.console import Console
 
 from codegen.block import Block
 from codegen.casadi_files import casadi_files
+from codegen.files import atomic
 from codegen.mex import mex_files
 from codegen.package import Provenance, c_package
 from dualwinch import __version__
@@ -18,7 +19,6 @@ from dualwinch.folders import make_folder
 from simulation.blocks import BLOCKS, block
 from simulation.environment import exogenous_signals
 from simulation.experiment import Experiment
-from simulation.files import atomic
 
 
 def provenance(experiment: Experiment) -> Provenance:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from codegen.files import atomic
 from codegen.fmu import PLATFORMS, About, Kind, Platform, Version, archive, build_fmu, find_platform, fmu_model
 from codegen.fmu import host_platform as host
 from codegen.package import frozen
@@ -13,7 +14,6 @@ from dualwinch.folders import check_folder
 from simulation.blocks import block
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
-from simulation.files import atomic
 
 SAMPLE_TIME = "simulation.sample_time"
 """A constant of every FMU: FMI has no way to change it."""

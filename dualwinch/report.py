@@ -9,9 +9,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from codegen.files import atomic
 from dualwinch.errata import INTRODUCTION, NOTES, places
 from simulation.comparison import percent, reductions
-from simulation.files import atomic
 from simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS
 from simulation.result import Result
 

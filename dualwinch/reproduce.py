@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from codegen.files import atomic
 from dualwinch.config import to_toml
 from dualwinch.doctor import versions
 from dualwinch.extended import VARIANTS, Variants, print_variants, run_variants
@@ -19,7 +20,6 @@ from dualwinch.folders import make_folder
 from model.quantity import describe
 from simulation.comparison import percent, reductions
 from simulation.errors import ConfigurationError
-from simulation.files import atomic
 from simulation.metrics import Metrics
 from simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
 from simulation.result import Result

@@ -7,9 +7,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from codegen.files import atomic
 from dualwinch.report import data_uri, number_text
 from model.quantity import leaves
-from simulation.files import atomic
 from simulation.plots.files import encode
 from tuning.evaluation import Evaluation
 from tuning.plots.score import before_and_after, held_out

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.files import atomic
 from model.quantity import Quantity, describe
 from simulation.ensemble_result import EnsembleResult
 from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
-from simulation.files import atomic
 from simulation.metrics import Metrics
 
 

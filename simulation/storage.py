@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from codegen.files import atomic
 from simulation.errors import ConfigurationError
-from simulation.files import atomic
 from simulation.result import UNITS, Result
 from simulation.row import COLUMNS
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from codegen.files import atomic
 from model.quantity import describe
 from simulation.batch import BatchResult
-from simulation.files import atomic
 from simulation.metrics import Metrics
 from tuning.evaluation import Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from codegen.files import atomic
 from simulation.errors import ConfigurationError
-from simulation.files import atomic
 from simulation.plots.style import house_style
 
 RESOLUTION = 200
