@@ -17,12 +17,12 @@ class AuxiliaryGains:
         float,
         at.Ge(0),
         Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10"),
-        Tunable(1e-8, 1e-2, standard=False),
+        Tunable(1e-8, 1e-3),
     ] = 1e-5
     gamma_force: Annotated[
         float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10"), Tunable(1e-6, 10, standard=False)
     ] = 1e-5
-    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100, standard=False)] = (
+    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100)] = (
         1.0
     )
 

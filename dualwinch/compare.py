@@ -37,6 +37,7 @@ METHOD = "percentile bootstrap, scenarios resampled in pairs"
 
 ROWS = {
     "mean_mse": ("MSE, mean", "mm²", 1e6),
+    "mean_mse_within_reach": ("mean within reach", "mm²", 1e6),
     "median_mse": ("median", "mm²", 1e6),
     "p95_mse": ("95 %", "mm²", 1e6),
     "mean_chatter": ("chatter, mean", "N", 1.0),
@@ -98,7 +99,8 @@ def compare(
     with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)
         result = run(wanted, drawn, scenarios, seed, progress=lambda share: bar.update(task, completed=share))
-    facts = as_json(result)
+    with console.status("finding what no controller can track"):
+        facts = as_json(result)
     print_comparison(result, facts)
     if out:
         with atomic(out) as unfinished:
@@ -121,6 +123,7 @@ def as_json(result: Comparison) -> dict[str, Any]:
         {
             "name": name,
             **one.summary(),
+            "mean_mse_within_reach": result.mean_mse_within_reach(name),
             "over_first": {} if name == first else {key: asdict(pair) for key, pair in result.paired(name).items()},
             "controller": {key: value for key, value in leaves(one.controller).items() if value is not None},
         }
@@ -133,6 +136,10 @@ def as_json(result: Comparison) -> dict[str, Any]:
             "scenarios": len(result),
             "scenarios_asked": result.asked,
             "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": result.seed},
+            "out_of_reach": {
+                "scenarios": int((result.least_mse > 0).sum()),
+                "least_mean_mse": float(result.least_mse.mean()),
+            },
             "files": files,
             "configuration": ensemble_to_toml(result.ensemble),
             **{f"version_{name}": version for name, version in versions().items()},
@@ -167,6 +174,13 @@ def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
     for outcome in dict.fromkeys(outcome for one in files for outcome in one["outcomes"]):
         table.add_row(outcome.replace("_", " "), *(str(one["outcomes"].get(outcome, 0)) for one in files), "")
     console.print(table)
+    if out_of_reach := facts["out_of_reach"]["scenarios"]:
+        least = 1e6 * facts["out_of_reach"]["least_mean_mse"]
+        console.print(
+            f"{out_of_reach} scenarios are out of reach: they ask for more force than the motors can give. No "
+            f"controller that does not foresee them gets below a mean MSE of {least:.3g} mm².",
+            soft_wrap=True,
+        )
     if any(set(one["outcomes"]) != {"completed"} for one in files):
         console.print("Statistics are those of the completed scenarios, ratios those of scenarios completed by both.")
     if len(files) == 1:

@@ -17,7 +17,7 @@ from tuning.problem import Problem
 from tuning.space_entries import POWER, entry_from, space_of
 from tuning.space_record import space_from, space_to_record
 
-SCENARIOS = 12
+SCENARIOS = 8
 """Scenarios a candidate is tuned on where nothing else is asked for."""
 
 ESTIMATOR = "controller.estimator"

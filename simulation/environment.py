@@ -86,18 +86,24 @@ class _Outside:
         ]
         self._experiment = experiment
 
+    def sea(self, samples: int) -> tuple[Floats, Floats]:
+        """Current in m/s and change of the rail load in N, each (samples,): the next to be drawn."""
+        limit = self._experiment.disturbance.current_limit
+        current = self._current.draw(samples).clip(-limit, limit) if self._current.sigma > 0 else np.zeros(samples)
+        return current, self._load.draw(samples) if self._load.sigma > 0 else np.zeros(samples)
+
     def fill(self, table: Floats, start: int) -> None:
         """Fill a table (samples, exogenous) with the signals from the sample `start` on, the next to be drawn."""
         n, experiment = len(table), self._experiment
-        limit = experiment.disturbance.current_limit
+        current, load = self.sea(n)
         x, v, a, steady = _reference(
             experiment.reference, experiment.steady_window, experiment.simulation.sample_time, start, n
         )
         signals = Exogenous(
             reference=Setpoint(x, v, a),
             noise=Noise(*(stream.standard_normal(n) if sigma > 0 else 0.0 for stream, sigma in self._noise)),
-            current=self._current.draw(n).clip(-limit, limit) if self._current.sigma > 0 else 0.0,
-            normal_force_variation=self._load.draw(n) if self._load.sigma > 0 else 0.0,
+            current=current,
+            normal_force_variation=load,
             steady=steady,
         )
         for place, column in enumerate(leaves(signals).values()):
@@ -132,3 +138,8 @@ def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
 def exogenous_signals(experiment: Experiment) -> Floats:
     """Everything a run receives from outside in one piece, (samples, exogenous)."""
     return next(exogenous_pieces(experiment, experiment.samples))
+
+
+def sea_signals(experiment: Experiment) -> tuple[Floats, Floats]:
+    """Current in m/s and change of the rail load in N over a whole run, each (samples,), as `exogenous_signals`."""
+    return _Outside(experiment).sea(experiment.samples)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from controllers.controller import Controller
 from simulation.ensemble import Ensemble
+from simulation.least_error import least_mse
 
 Floats = NDArray[np.float64]
 
@@ -120,6 +121,24 @@ class Comparison:
     def partial(self) -> bool:
         """Whether the run was interrupted."""
         return len(self) < self.asked
+
+    @cached_property
+    def least_mse(self) -> Floats:
+        """(scenarios,) What no controller gets below that does not foresee them, in m² (`simulation.least_error`).
+
+        0 in a scenario that asks for no more force than the motors can give.
+
+        Raises:
+            DualwinchError: the solver found no optimum.
+        """
+        scenarios = self.ensemble.scenarios(len(self), self.seed)
+        return np.array([least_mse(one.experiment) for one in scenarios])
+
+    def mean_mse_within_reach(self, name: str) -> float:
+        """Mean of a controller's MSE in m² over the completed scenarios that the motors can hold; NaN without any."""
+        one = self.contenders[name]
+        values = one.metrics["mse"][one.completed & (self.least_mse == 0)]
+        return float(values.mean()) if len(values) else np.nan
 
     def paired(self, name: str) -> dict[str, Paired]:
         """Ratios of a controller's figures of merit to the first controller's.

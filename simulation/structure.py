@@ -22,8 +22,8 @@ class Structure:
     delay_samples: int
 
 
-SWITCHES = ("vortex", "integrated_phase")
-"""Switches of the disturbance that are numbers (0 or 1) at run time."""
+DISTURBANCE_NUMBERS = ("vortex", "integrated_phase", "vortex_amplitude", "strouhal")
+"""What a run takes of the disturbance as numbers; the first two are switches, 0 or 1."""
 
 
 def structure_of(experiment: Experiment) -> Structure:
@@ -56,8 +56,7 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
         numbers(experiment.plant, "plant.")
         | numbers(nominal_plant(experiment.controller.nominal, nominal or experiment.plant), "nominal.")
         | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
-        | {f"disturbance.{key}": float(getattr(disturbance, key)) for key in SWITCHES}
-        | {f"disturbance.{key}": getattr(disturbance, key) for key in ("vortex_amplitude", "strouhal")}
+        | {f"disturbance.{key}": getattr(disturbance, key) for key in DISTURBANCE_NUMBERS}
         | numbers(experiment.sensors, "sensors.")
         | {"simulation.sample_time": experiment.simulation.sample_time}
     )

@@ -13,6 +13,7 @@ from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from tuning.constraint import Constraint, constraints_from
 from tuning.objective import objectives_from
+from tuning.scenarios import Pick, pick
 from tuning.space import Point, Space
 from tuning.statistic import Statistic, statistic_from
 
@@ -106,19 +107,22 @@ class Problem:
         used = (*self.minimised, *(one.statistic for one in self.bounded))
         return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED))))
 
-    def stretched(
-        self, count: int, seed: int, experiment: Experiment | None = None
-    ) -> tuple[Experiment | Scenario, ...]:
-        """Scenarios to tune and to choose in: the first half are corners of the ensemble.
+    def mixed(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
+        """Scenarios to tune and to choose in: draws and corners of the ensemble (`tuning.scenarios`), or the one.
 
-        Gains that hold in a handful of draws need not hold in hundreds, among which some come near a corner. What is
-        the worst is taken over all of them; means and shares are those of the draws (`over`). Corners come first, for
-        what is given up after the first scenarios must not be what holds in them. The arguments are those of `drawn`.
+        The arguments are those of `drawn`.
         """
         if self.ensemble is None:
             return self.drawn(count, seed, experiment)
-        ensemble = replace(self.ensemble, experiment=experiment or self.experiment)
-        return tuple(ensemble.scenario(index, seed, extreme=index < count // 2) for index in range(count))
+        ensemble = replace(self.ensemble, experiment=self.experiment)
+        if (count, seed) not in self._picks:
+            self._picks[count, seed] = pick(ensemble, count, seed)
+        nominal = replace(ensemble, experiment=experiment or self.experiment)
+        return tuple(one.drawn(nominal, seed) for one in self._picks[count, seed])
+
+    @cached_property
+    def _picks(self) -> dict[tuple[int, int], list[Pick]]:
+        return {}
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.
@@ -136,12 +140,12 @@ class Problem:
     @cached_property
     def tuning_scenarios(self) -> tuple[Experiment | Scenario, ...]:
         """What every candidate is tried in: the same for all."""
-        return self.stretched(self.scenarios, self.seed)
+        return self.mixed(self.scenarios, self.seed)
 
     @cached_property
     def paper_result(self) -> BatchResult:
         """The paper's gains in the tuning scenarios."""
-        return run_pairs([], [[]], self.stretched(self.scenarios, self.seed, self.paper_experiment))
+        return run_pairs([], [[]], self.mixed(self.scenarios, self.seed, self.paper_experiment))
 
     def _paper_value(self, statistic: Statistic) -> float:
         return over(statistic, self.paper_result, 0, self.tuning_scenarios)

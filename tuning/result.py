@@ -13,7 +13,7 @@ from simulation.metrics import Metrics
 from tuning.evaluation import Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem
 from tuning.ranking import pareto_front
-from tuning.selection import SELECTION_SCENARIOS, Verdict
+from tuning.selection import LAST_SCENARIOS, SELECTION_SCENARIOS, Verdict
 from tuning.space_record import space_to_record
 from tuning.statistic import statistic_from
 
@@ -78,7 +78,7 @@ def write_study(
         },
         "scenarios": {
             "tuning": problem.scenarios if problem.ensemble else 1,
-            "selection": SELECTION_SCENARIOS if problem.ensemble else 0,
+            "selection": SELECTION_SCENARIOS + LAST_SCENARIOS if problem.ensemble else 0,
             "held_out": len(verdict.held_out_metrics["best"].outcomes[0]) if verdict.held_out else 0,
         },
         "objectives": [{"name": one.name, "unit": one.unit} for one in problem.minimised],

@@ -12,10 +12,13 @@ from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
 from tuning.ranking import best_first, pareto_front
 
 FINALISTS, SELECTION_SCENARIOS = 16, 96
-"""Finalists of each of two rounds, and the scenarios in which they meet."""
+"""Finalists, and the scenarios in which they meet."""
 
-RUNG = 1.12
-"""How much larger the objective of a finalist of the first round is than that of the one before."""
+LAST, LAST_SCENARIOS = 4, 192
+"""Finalists of the second round, and further scenarios in which they meet."""
+
+RUNG = 1.08
+"""How much larger the objective of a finalist is than that of the one before, where they were tuned."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +42,15 @@ class Verdict:
 
 def rollouts_needed(problem: Problem, held_out: int) -> int:
     """Rollouts that `judge` makes, at most."""
-    return 2 * FINALISTS * SELECTION_SCENARIOS + 2 * held_out if problem.ensemble else 1
+    if not problem.ensemble:
+        return 1
+    return FINALISTS * SELECTION_SCENARIOS + LAST * LAST_SCENARIOS + 2 * held_out
 
 
 def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, held_out: int) -> Verdict:
     """Choose the best trial and score it.
 
-    The finalists are the best in the tuning scenarios. Keeping to a constraint in a few scenarios is a promise, so the
-    one is chosen that is best in more of them.
+    Keeping to a constraint in a few scenarios is a promise, so the one is chosen that is best in more of them.
 
     Args:
         problem: gives scenarios, objectives and constraints.
@@ -60,16 +64,14 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
     order = best_first(trials)
     if problem.ensemble is None:
         return Verdict(trials[order[0]], None, None, {}, statistics(problem, problem.paper_result))
-    finalists, chosen = _finals(problem, trials, order, evaluator)
-    place = best_first(chosen)[0]
-    best = finalists[place]
+    best, chosen = _finals(problem, trials, order, evaluator)
     seed = problem.seed + HELD_OUT
     scenarios = problem.drawn(held_out, seed)
     ours = run_pairs(problem.space.keys, [problem.space.parameters(best.point)], scenarios)
     paper = run_pairs([], [[]], problem.drawn(held_out, seed, problem.paper_experiment))
     return Verdict(
         best=best,
-        selection=replace(chosen[place], number=best.number),
+        selection=replace(chosen, number=best.number),
         held_out=evaluator.judged(best.candidate, ours, scenarios),
         held_out_metrics={"best": ours, "paper": paper},
         paper=statistics(problem, paper),
@@ -78,29 +80,25 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
 
 def _finals(
     problem: Problem, trials: Sequence[Evaluation], order: Sequence[int], evaluator: Evaluator
-) -> tuple[list[Evaluation], list[Evaluation]]:
-    """Finalists as they were tuned, and what they came to in the selection scenarios.
+) -> tuple[Evaluation, Evaluation]:
+    """The best as it was tuned, and what it came to in the selection scenarios.
 
-    The very best where tuned are often the ones that only just hold. So the first round is a ladder from the best to
-    ever more cautious ones, and the second has the trials that are next better than the best rung that holds.
+    The very best where tuned are often the ones that only just hold: so the finalists are a ladder from the best to
+    ever more cautious ones. The best of these among plain draws of the ensemble meet once more, in others.
     """
-    scenarios = problem.stretched(SELECTION_SCENARIOS, problem.seed + SELECTION)
-
-    def met(entering: Sequence[Evaluation]) -> list[Evaluation]:
-        return evaluator.over([one.candidate for one in entering], scenarios)
-
+    whole = [trials[place] for place in order if not trials[place].pruned]
     if len(problem.objectives) > 1:
-        places = pareto_front(trials) or [place for place in order if not trials[place].pruned]
+        places = pareto_front(trials) or list(range(len(whole)))
         finalists = [trials[place] for place in places[:: -(-len(places) // FINALISTS)]]
-        return finalists, met(finalists)
-    waiting = [trials[place] for place in order if not trials[place].pruned]
-    ladder = rungs(waiting)
-    finalists = [waiting[place] for place in ladder]
-    chosen = met(finalists)
-    holding = [place for place, one in zip(ladder, chosen, strict=True) if one.feasible]
-    last = min(holding, default=len(waiting))
-    between = [place for place in range(last) if place not in ladder][-FINALISTS:]
-    return [*finalists, *(waiting[place] for place in between)], [*chosen, *met([waiting[place] for place in between])]
+    else:
+        finalists = [whole[place] for place in rungs(whole)]
+    scenarios = problem.drawn(SELECTION_SCENARIOS + LAST_SCENARIOS, problem.seed + SELECTION)
+    first, last = scenarios[:SELECTION_SCENARIOS], scenarios[SELECTION_SCENARIOS:]
+    met = evaluator.over([one.candidate for one in finalists], first)
+    left = best_first(met)[:LAST]
+    again = evaluator.over([finalists[place].candidate for place in left], last)
+    place = best_first(again)[0]
+    return finalists[left[place]], again[place]
 
 
 def rungs(ordered: Sequence[Evaluation]) -> list[int]:

@@ -1,6 +1,9 @@
 """CMA-ES in the unit cube, led by ranks: constraints first, then the objective (Hansen, arXiv:1604.00772).
 
 The strategy sees nothing but who is better than whom (`tuning.ranking`): a constraint needs no penalty, no weight.
+
+There is more than one valley: much preload or little, a slow winch or a fast one. So once a strategy gets no further,
+the next one starts elsewhere, at the best of some random candidates.
 """
 
 from collections.abc import Sequence
@@ -21,30 +24,37 @@ SMALLEST = 16
 EDGE = 0.02
 """Nearest to a bound that the first mean lies."""
 
+SCOUTS = 64
+"""Random candidates, the best of which is where the next strategy starts."""
+
+PATIENCE, GAIN = 25, 0.02
+"""Generations in which a strategy has to get better by this share; else the next one starts."""
+
 
 class Cma:
-    """CMA-ES that starts at the experiment's own gains, and starts again around the best when it has converged."""
+    """CMA-ES that starts at the experiment's own gains, and then again and again elsewhere."""
 
     def __init__(self, problem: Problem, seed: int) -> None:
         """The strategy of a problem; the same seed gives the same candidates."""
         self._space = problem.space
         self._random = np.random.default_rng(seed)
-        self._mean = np.clip(self._space.encoded(problem.start), EDGE, 1 - EDGE)
         self._waiting: list[Evaluation] = []
-        self._best: Evaluation | None = None
-        self._begin()
+        self._scouts: list[Evaluation] | None = None
+        self._begin(problem.start)
 
-    def _begin(self) -> None:
+    def _begin(self, start: Point) -> None:
         import cmaes
 
         dimensions = len(self._space.dimensions)
         self._strategy = cmaes.CMA(
-            mean=self._mean,
+            mean=np.clip(self._space.encoded(start), EDGE, 1 - EDGE),
             sigma=SPREAD,
             bounds=np.tile([0.0, 1.0], (dimensions, 1)),
             seed=int(self._random.integers(2**31)),
             population_size=max(SMALLEST, 4 + int(3 * np.log(dimensions))),
         )
+        self._leaders: list[Evaluation] = []
+        self._scouts = None
 
     @property
     def population(self) -> int:
@@ -52,20 +62,42 @@ class Cma:
         return self._strategy.population_size
 
     def ask(self, count: int) -> list[Point]:
-        """Candidates drawn from the current distribution."""
-        return [self._space.decoded(self._strategy.ask()) for _ in range(count)]
+        """Candidates drawn from the current distribution, or from all of the space."""
+        if self._scouts is None:
+            return [self._space.decoded(self._strategy.ask()) for _ in range(count)]
+        return [self._space.decoded(self._random.random(len(self._space.dimensions))) for _ in range(count)]
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
         """Learn, a generation at a time, from whatever has been evaluated by now."""
         self._waiting += evaluations
         while len(self._waiting) >= self.population:
             generation, self._waiting = self._waiting[: self.population], self._waiting[self.population :]
-            order = best_first(generation)
-            places = [self._space.encoded(generation[place].point).clip(0, 1) for place in order]
-            self._strategy.tell([(place, float(rank)) for rank, place in enumerate(places)])
-            leader = generation[order[0]]
-            if self._best is None or best_first([self._best, leader])[0]:
-                self._best = leader
-            if self._strategy.should_stop():
-                self._mean = np.clip(self._space.encoded(self._best.point), EDGE, 1 - EDGE)
-                self._begin()
+            if self._scouts is None:
+                self._learn(generation)
+            else:
+                self._look_around(generation)
+
+    def _learn(self, generation: Sequence[Evaluation]) -> None:
+        order = best_first(generation)
+        places = [self._space.encoded(generation[place].point).clip(0, 1) for place in order]
+        self._strategy.tell([(place, float(rank)) for rank, place in enumerate(places)])
+        self._leaders.append(generation[order[0]])
+        if self._strategy.should_stop() or self._stands_still():
+            self._scouts = []
+
+    def _look_around(self, generation: Sequence[Evaluation]) -> None:
+        assert self._scouts is not None
+        self._scouts += generation
+        if len(self._scouts) >= SCOUTS:
+            self._begin(self._scouts[best_first(self._scouts)[0]].point)
+
+    def _stands_still(self) -> bool:
+        """Whether the last generations got hardly any further than those before."""
+        if len(self._leaders) <= PATIENCE:
+            return False
+        before, lately = (
+            leaders[best_first(leaders)[0]] for leaders in (self._leaders[:-PATIENCE], self._leaders[-PATIENCE:])
+        )
+        if before.feasible and lately.feasible and len(before.objectives) == 1:
+            return lately.objectives[0] > before.objectives[0] - GAIN * abs(before.objectives[0])
+        return best_first([before, lately])[0] == 0

@@ -1,0 +1,72 @@
+"""Which scenarios to tune and to choose in: draws of an ensemble, and corners of it, where gains fail.
+
+Gains that hold in a handful of draws need not hold in hundreds. They fail in two ways. Where several values of the
+plant lie at the ends of their ranges, the loop may be unstable. And where the reference asks for more force than the
+ropes can give, they saturate, and have to recover without a peak and without a slack rope; which scenarios these are
+depends on no gain (`simulation.required_force`). So half of the corners are some of those that are only just too much
+for the ropes. Corners that ask for yet more show nothing but that.
+"""
+
+from dataclasses import dataclass
+
+from controllers.coordination import force_limit
+from simulation.ensemble import Ensemble, Scenario
+from simulation.jobs import run_all
+from simulation.required_force import excess_force
+
+CORNER_SHARE = 0.75
+"""Share of the scenarios that are corners. A few draws give a mean; what is the worst takes more."""
+
+LOOKED_AT = 200
+"""Corners that are looked at."""
+
+BEYOND_REACH = 0.015
+"""How far beyond the ropes' largest net force the hardest corner is, as a share of it."""
+
+
+@dataclass(frozen=True)
+class Pick:
+    """A scenario to be: number `index` of the ensemble's draws, or of its corners."""
+
+    index: int
+    corner: bool
+
+    def drawn(self, ensemble: Ensemble, seed: int) -> Scenario:
+        """The scenario."""
+        return ensemble.scenario(self.index, seed, extreme=self.corner)
+
+
+def pick(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
+    """Scenarios of an ensemble, draws and corners spread evenly: there are some of each among the first of them.
+
+    Args:
+        ensemble: what is drawn from.
+        count: how many.
+        seed: of the draws.
+    """
+    corners = int(CORNER_SHARE * count)
+    plain = [Pick(index, False) for index in range(count - corners)]
+    chosen = [Pick(index, True) for index in _corners(ensemble, corners, seed)]
+    places = [((place + 0.5) / len(sort), one) for sort in (plain, chosen) for place, one in enumerate(sort)]
+    return [one for _, one in sorted(places, key=lambda entry: entry[0])]
+
+
+def _corners(ensemble: Ensemble, count: int, seed: int) -> list[int]:
+    """Numbers of corners: the hardest that is not too hard, the first of the others, the next hardest, and so on."""
+    excess = [0.0] * max(LOOKED_AT, 2 * count)
+
+    def look(index: int) -> None:
+        excess[index] = excess_force(ensemble.scenario(index, seed, extreme=True).experiment)
+
+    if not run_all([lambda index=index: look(index) for index in range(len(excess))]):
+        raise KeyboardInterrupt
+    most = BEYOND_REACH * force_limit(ensemble.experiment.controller.coordination)
+    waiting = [index for index, force in enumerate(excess) if force <= most]
+    waiting += sorted(set(range(len(excess))) - set(waiting), key=lambda index: excess[index])
+    found: list[int] = []
+    while len(found) < count:
+        hardest = max(waiting, key=lambda index: (excess[index] <= most, excess[index]))
+        one = waiting[0] if len(found) % 2 else hardest
+        waiting.remove(one)
+        found.append(one)
+    return found
