@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.compare import as_json, controllers
+from dualwinch.compare_command import as_json, controllers
 from dualwinch.ensembles import load_ensemble
 from simulation.ensemble_result import METRICS
 from simulation.errors import ConfigurationError
