@@ -103,7 +103,7 @@ def simulate(
     ensemble's file does not have; --controller and --set change its nominal values, and distributions relative to
     those follow. The data hold one row a scenario, the figure is a fan chart.
     """
-    from simulation.errors import ConfigurationError
+    from model.errors import ConfigurationError
 
     if ensemble is not None:
         for word, given in (("--stride", stride != 1), ("--engine", engine != "compiled")):
@@ -326,7 +326,7 @@ def config_(
     """Print the complete configuration as TOML, each key with unit, meaning, range and source."""
     if ensemble is not None:
         from dualwinch.ensembles import find_ensemble, load_ensemble
-        from simulation.errors import ConfigurationError
+        from model.errors import ConfigurationError
 
         if case is not None or set_:
             raise ConfigurationError("--ensemble: prints a file as it is; give --case or --set to 'simulate'")
@@ -529,7 +529,7 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(f"{where}{error.strerror or error}", FAILED)
     except Exception as error:
         from codegen.errors import DualwinchError
-        from simulation.errors import ConfigurationError
+        from model.errors import ConfigurationError
 
         if not isinstance(error, DualwinchError):
             raise

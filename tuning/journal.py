@@ -13,7 +13,7 @@ from typing import IO, Any
 import optuna
 from optuna.storages.journal import JournalFileBackend
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.evaluation import Evaluation
 from tuning.problem import Problem
 from tuning.record import evaluation_of, finished_trial
