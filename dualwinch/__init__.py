@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dualwinch.ensembles import load_ensemble
     from dualwinch.tuning_setup import tuning_problem
     from model.disturbance import Disturbance
+    from model.errors import ConfigurationError
     from model.linear_system import LinearSystem
     from model.linearisation import linearise
     from model.modes import modes
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from simulation.ensemble_result import EnsembleResult
     from simulation.ensemble_run import run_ensemble
     from simulation.ensemble_storage import save_ensemble
-    from simulation.errors import ConfigurationError
     from simulation.experiment import Experiment, Simulation
     from simulation.linear_loop import linear_broken_loop, linear_closed_loop
     from simulation.margins import Margins, margins
@@ -53,7 +53,7 @@ _HOME = {
     "Block": "codegen.block",
     "Certificate": "simulation.certificate",
     "Comparison": "simulation.paired",
-    "ConfigurationError": "simulation.errors",
+    "ConfigurationError": "model.errors",
     "Controller": "controllers.controller",
     "Disturbance": "model.disturbance",
     "DualwinchError": "codegen.errors",

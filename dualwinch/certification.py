@@ -16,9 +16,9 @@ from dualwinch.config import to_toml
 from dualwinch.doctor import versions
 from dualwinch.folders import check_folder
 from dualwinch.simulate_command import check_plot, experiment
+from model.errors import ConfigurationError
 from simulation.certificate import Certificate
 from simulation.certificate import certify as judge
-from simulation.errors import ConfigurationError
 from simulation.nearby_gains import NearbyGains, nearby_gains
 from simulation.stability import GAPS, REAL
 

@@ -9,9 +9,9 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from model.errors import ConfigurationError
 from model.quantity import Leaf, describe, leaves, nearest, with_leaves
 from model.reference import cruise_speed
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from dualwinch.config import known_keys, toml_value, unknown, validated
+from model.errors import ConfigurationError
 from model.quantity import leaves
 from simulation.distributions import Choice, Distribution, Normal, Uniform
 from simulation.ensemble import COMPILED, TIMING, Drawn
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
 SHAPES = ("uniform", "normal", "choice")

@@ -9,8 +9,8 @@ from typing import Any
 
 from dualwinch.config import flattened, known_keys, located, override, read_toml, to_toml, toml_value, validated
 from dualwinch.distribution_entries import SHAPES, check_range, drawn_from, entry_of
+from model.errors import ConfigurationError
 from simulation.ensemble import Drawn, Ensemble
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
 

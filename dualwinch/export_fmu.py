@@ -11,8 +11,8 @@ from codegen.fmu import host_platform as host
 from codegen.package import frozen
 from dualwinch.export import provenance, symbol
 from dualwinch.folders import check_folder
+from model.errors import ConfigurationError
 from simulation.blocks import block
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
 SAMPLE_TIME = "simulation.sample_time"

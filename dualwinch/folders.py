@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 
 
 def check_folder(folder: Path) -> None:

@@ -16,13 +16,13 @@ from dualwinch.folders import check_folder
 from dualwinch.linearise_tables import print_point, print_sweep
 from dualwinch.simulate_command import check_plot
 from dualwinch.simulate_command import experiment as asked_experiment
+from model.errors import ConfigurationError
 from model.linear_files import save, writer
 from model.linear_system import LinearSystem
 from model.linearisation import linearise_at
 from model.mode_tracks import track_modes
 from model.operating_point import OperatingPoint, operating_points
 from model.quantity import nearest
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
 Loop: TypeAlias = Callable[[Experiment, Sequence[OperatingPoint], float | None], list[LinearSystem]]

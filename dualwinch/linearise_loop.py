@@ -11,13 +11,13 @@ from rich.console import Console
 from rich.table import Table
 
 from dualwinch.linearise_tables import print_point
+from model.errors import ConfigurationError
 from model.linear_files import save
 from model.linear_system import LinearSystem
 from model.modes import modes
 from model.operating_point import operating_point
 from simulation.closed_loop import CUTS
 from simulation.describing_function import KINDS, AmplitudePoint, amplitude_sweep
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.linear_loop import linear_broken_loop, linear_closed_loop
 from simulation.margins import Margins, margins

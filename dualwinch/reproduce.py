@@ -17,9 +17,9 @@ from dualwinch.config import to_toml
 from dualwinch.doctor import versions
 from dualwinch.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.folders import make_folder
+from model.errors import ConfigurationError
 from model.quantity import describe
 from simulation.comparison import percent, reductions
-from simulation.errors import ConfigurationError
 from simulation.metrics import Metrics
 from simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
 from simulation.result import Result

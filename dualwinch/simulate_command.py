@@ -11,9 +11,9 @@ from rich.table import Table
 from dualwinch.config import load, override, parse_assignment, to_toml
 from dualwinch.doctor import versions
 from dualwinch.folders import check_folder
+from model.errors import ConfigurationError
 from model.quantity import describe
 from simulation.engine import EngineName
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.metrics import Metrics
 from simulation.paper import case as paper_case

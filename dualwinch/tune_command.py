@@ -23,8 +23,8 @@ from dualwinch.folders import check_folder, make_folder
 from dualwinch.tuning_progress import Watch
 from dualwinch.tuning_report import write_tuning_report
 from dualwinch.tuning_setup import configuration, definition_of
+from model.errors import ConfigurationError
 from simulation.cores import cores
-from simulation.errors import ConfigurationError
 from tuning.connection import shown
 from tuning.evaluate import Evaluator
 from tuning.evaluation import Evaluation

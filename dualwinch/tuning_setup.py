@@ -9,8 +9,8 @@ from typing import Any
 from dualwinch.config import flattened, load, override, parse_assignment, read_toml, to_toml
 from dualwinch.ensembles import ensemble_to_toml, load_ensemble, reset
 from dualwinch.simulate_command import experiment
+from model.errors import ConfigurationError
 from simulation.ensemble import Ensemble
-from simulation.errors import ConfigurationError
 from tuning.constraint import default_constraints
 from tuning.objective import DEFAULT_OBJECTIVES
 from tuning.problem import Problem

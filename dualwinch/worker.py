@@ -7,7 +7,7 @@ from rich.console import Console
 
 from dualwinch.tuning_progress import Watch
 from dualwinch.tuning_setup import problem_from
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.connection import shown
 from tuning.database import Database
 from tuning.evaluate import Evaluator

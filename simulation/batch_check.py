@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ConfigurationError
 from model.plant import Plant
 from model.quantity import Leaf, describe, nearest, with_leaves
 from simulation.check import check
 from simulation.ensemble import TIMING, Scenario
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.structure import parameters_of, structure_of
 

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from codegen.block import Block, Variable
+from model.errors import ConfigurationError
 from model.plant import Plant, holding_torques, resting_state, tensions
 from model.quantity import describe, leaves, nearest
 from simulation.check import check
@@ -20,7 +21,6 @@ from simulation.equations import (
     controller_equations,
     plant_equations,
 )
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.structure import parameters_of
 

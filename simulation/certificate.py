@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.result import Result
 from simulation.simulate import simulate

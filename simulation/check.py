@@ -3,9 +3,9 @@
 import math
 import os
 
+from model.errors import ConfigurationError
 from model.reference import cruise_speed, least_duration, setpoint
 from simulation.closed_loop import initial_state_of
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.integrators import INTEGRATORS, swing_rate
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ConfigurationError
 from model.linear_system import LinearSystem
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.linear_loop import linear_broken_loop
 from simulation.margins import Margins, margins

@@ -5,12 +5,12 @@ from itertools import chain, islice
 
 import numpy as np
 
+from model.errors import ConfigurationError
 from simulation.batch import NOT_RUN, BatchResult, rollout
 from simulation.check import check
 from simulation.ensemble import Ensemble, Scenario
 from simulation.ensemble_collector import TRACED, Collector, Finished
 from simulation.ensemble_result import EnsembleResult
-from simulation.errors import ConfigurationError
 from simulation.metrics import Metrics
 from simulation.portions import in_portions, portion_size
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.files import atomic
+from model.errors import ConfigurationError
 from model.quantity import Quantity, describe
 from simulation.ensemble_result import EnsembleResult
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.metrics import Metrics
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.controller import initial_controller_state
+from model.errors import ConfigurationError
 from model.linear_system import LinearSystem
 from model.quantity import describe, nearest
 from simulation.closed_loop import CUTS, closed_loop
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.integrators import Motion
 from simulation.loop_cruise import LoopCruise, loop_cruise

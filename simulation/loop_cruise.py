@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.coordination import force_limit
+from model.errors import ConfigurationError
 from model.operating_point import operating_point
 from model.plant import Plant, PlantState, tensions
 from model.quantity import leaves, numbers, with_leaves
 from model.vehicle import drag, friction
 from simulation.check import check
 from simulation.closed_loop import ClosedLoop, closed_loop, initial_state_of
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.sensors import Sensors
 from simulation.structure import Structure, parameters_of, structure_of

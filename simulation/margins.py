@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ConfigurationError
 from model.linear_system import LinearSystem
 from model.quantity import Quantity
-from simulation.errors import ConfigurationError
 
 Floats = NDArray[np.float64]
 

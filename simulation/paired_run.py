@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from controllers.controller import Controller
+from model.errors import ConfigurationError
 from simulation.batch import BatchResult, rollout
 from simulation.check import check
 from simulation.ensemble import Ensemble, Scenario
 from simulation.ensemble_result import METRICS
-from simulation.errors import ConfigurationError
 from simulation.paired import Comparison, Contender
 from simulation.portions import in_portions, portion_size
 

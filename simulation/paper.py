@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 from controllers.controller import Controller
 from model.disturbance import Disturbance
+from model.errors import ConfigurationError
 from model.reference import Reference
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
 CASES = {

@@ -6,10 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 
 from codegen.batch import LANES
+from model.errors import ConfigurationError
 from simulation.cores import cores
 from simulation.ensemble import Scenario
 from simulation.environment import SIGNALS
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 
 BLOCKS = 2

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from codegen.lanes import LANES
 from codegen.sensitivity import Sensitivity, compile_sensitivity
+from model.errors import ConfigurationError
 from model.quantity import with_leaves
 from simulation.batch import NOT_RUN
 from simulation.closed_loop import JOINTS, closed_loop, starting_state
 from simulation.ensemble import Scenario
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.jobs import run_all
 from simulation.metrics import Metrics, metrics_of

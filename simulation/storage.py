@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from codegen.files import atomic
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from simulation.result import UNITS, Result
 from simulation.row import COLUMNS
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from codegen.errors import DualwinchError
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 
 if TYPE_CHECKING:
     import optuna

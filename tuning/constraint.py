@@ -9,8 +9,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from model.errors import ConfigurationError
 from model.quantity import leaves, nearest
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from tuning.statistic import UNMEASURED, Statistic, statistic_from
 

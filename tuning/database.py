@@ -18,7 +18,7 @@ from typing import Any
 import optuna
 from optuna.trial import FrozenTrial, TrialState, create_trial
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.connection import connected, patient
 from tuning.evaluation import Candidate, Evaluation
 from tuning.problem import Problem

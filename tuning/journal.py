@@ -13,12 +13,13 @@ from typing import IO, Any
 import optuna
 from optuna.storages.journal import JournalFileBackend
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.evaluation import Evaluation
+from tuning.one_process import OneProcess
 from tuning.problem import Problem
 from tuning.record import evaluation_of, finished_trial
 from tuning.space_record import space_from
-from tuning.storage import DEFINITION, OBJECTIVES, Budget, Claim, Propose, check_definition, check_resume
+from tuning.storage import DEFINITION, OBJECTIVES, Budget, Claim, check_definition, check_resume
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
@@ -52,13 +53,14 @@ class Buffered(JournalFileBackend):
             self._waiting = []
 
 
-class Journal:
+class Journal(OneProcess):
     """The storage of a study in a file."""
 
     def __init__(
         self, path: Path, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
     ) -> None:
         """Open or make the file; for the arguments and errors see `tuning.storage.open_store`."""
+        super().__init__(budget)
         self._lock = _locked(path)
         try:
             _mend(path)
@@ -80,17 +82,12 @@ class Journal:
         except BaseException:
             self._lock.close()
             raise
-        self._space, self._budget = problem.space, budget
+        self._space = problem.space
         self._file.flush()
 
     def finished(self) -> list[Evaluation]:
         """Every finished trial."""
         return [evaluation_of(trial) for trial in self._study.get_trials(deepcopy=False, states=FINISHED)]
-
-    def claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
-        """Candidates, as many as the budget leaves."""
-        left = count if budget.trials is None else min(count, budget.trials - self._count)
-        return [Claim(one) for one in propose(left, not self._count)][:left] if left > 0 else []
 
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
         """Write finished trials, all at once."""
@@ -98,28 +95,9 @@ class Journal:
         self._file.flush()
         self._count += len(evaluations)
 
-    def release(self, claims: Sequence[Claim]) -> None:
-        """Nothing to do: what is not finished is not in the file."""
-
-    def news(self) -> list[Evaluation]:
-        """Nothing: no other process writes here."""
-        return []
-
-    def budget(self) -> Budget:
-        """The budget, which nobody changes."""
-        return self._budget
-
-    def set_budget(self, budget: Budget) -> None:
-        """Change the budget."""
-        self._budget = budget
-
     def count(self) -> int:
         """Number of finished trials."""
         return self._count
-
-    def complete(self, budget: Budget) -> bool:
-        """Whether as many trials are finished as there shall be."""
-        return budget.trials is not None and self._count >= budget.trials
 
     def close(self) -> None:
         """Let go of the file."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.statistic import Statistic, statistic_from
 
 DEFAULT_OBJECTIVES = ("mean.mse",)

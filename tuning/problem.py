@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from controllers.controller import Controller
+from model.errors import ConfigurationError
 from model.quantity import with_leaves
 from simulation.batch import NOT_RUN, BatchResult, rollout
 from simulation.check import check
 from simulation.ensemble import Ensemble, Scenario
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from tuning.constraint import Constraint, constraints_from
 from tuning.objective import objectives_from

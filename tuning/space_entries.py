@@ -11,9 +11,9 @@ from typing import Any
 
 import annotated_types as at
 
+from model.errors import ConfigurationError
 from model.quantity import Leaf, Tunable, describe, nearest
 from simulation.closed_loop import closed_loop
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.structure import Structure, structure_of
 from tuning.space import Dimension, Interval, Pairs, Space

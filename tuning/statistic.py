@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ConfigurationError
 from model.quantity import describe, nearest
 from simulation.ensemble_result import METRICS, SMALL_IS_BAD
-from simulation.errors import ConfigurationError
 from simulation.metrics import Metrics
 
 KINDS = ("mean", "median", "p95", "worst")

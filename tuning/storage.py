@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.evaluation import Candidate, Evaluation
 from tuning.problem import Problem
 from tuning.space import Space

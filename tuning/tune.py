@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from simulation.experiment import Experiment
 from tuning.evaluate import Evaluator
 from tuning.evaluation import Evaluation

@@ -9,6 +9,17 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
+/* A name with the prefix its version of FMI asks for. */
+#define PASTE(prefix, function) prefix##function
+#define EXPAND(prefix, function) PASTE(prefix, function)
+
+/* A change of mode, which needs nothing done. */
+#define MODE(function)                   \
+  EXPORT Status FMI(function)(void *c) { \
+    (void)c;                             \
+    return STATUS_OK;                    \
+  }
+
 /* The statuses of FMI 2 and FMI 3 have the same numbers. */
 typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR, STATUS_FATAL } Status;
 

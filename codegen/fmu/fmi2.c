@@ -1,7 +1,5 @@
 /* FMI 2.0: types and functions as the standard names them. */
 #if defined(FMI2_FUNCTION_PREFIX) && !defined(FMI2_OVERRIDE_FUNCTION_PREFIX)
-#define PASTE(prefix, function) prefix##function
-#define EXPAND(prefix, function) PASTE(prefix, function)
 #define FMI(function) EXPAND(FMI2_FUNCTION_PREFIX, function)
 #else
 #define FMI(function) function
@@ -69,20 +67,14 @@ EXPORT fmi2Status FMI(fmi2SetupExperiment)(fmi2Component c, fmi2Boolean toleranc
   return STATUS_OK;
 }
 
-EXPORT fmi2Status FMI(fmi2EnterInitializationMode)(fmi2Component c) {
-  (void)c;
-  return STATUS_OK;
-}
+MODE(fmi2EnterInitializationMode)
 
 EXPORT fmi2Status FMI(fmi2ExitInitializationMode)(fmi2Component c) {
   leave_initialisation(c);
   return STATUS_OK;
 }
 
-EXPORT fmi2Status FMI(fmi2Terminate)(fmi2Component c) {
-  (void)c;
-  return STATUS_OK;
-}
+MODE(fmi2Terminate)
 
 EXPORT fmi2Status FMI(fmi2Reset)(fmi2Component c) {
   clear(&((Instance *)c)->memory, 0.0);
@@ -99,14 +91,14 @@ EXPORT fmi2Status FMI(fmi2SetReal)(fmi2Component c, const fmi2ValueReference r[]
 
 /* All variables are reals. */
 #define NONE_OF(type)                                                                                                \
-    EXPORT fmi2Status FMI(fmi2Get##type)(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##type v[]) {   \
-        (void)r, (void)v;                                                                                            \
-        return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                 \
-    }                                                                                                                \
-    EXPORT fmi2Status FMI(fmi2Set##type)(fmi2Component c, const fmi2ValueReference r[], size_t n,                     \
-                                         const fmi2##type v[]) {                                                     \
-        (void)r, (void)v;                                                                                            \
-        return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                 \
+  EXPORT fmi2Status FMI(fmi2Get##type)(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##type v[]) {    \
+    (void)r, (void)v;                                                                                                \
+    return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                     \
+  }                                                                                                                  \
+  EXPORT fmi2Status FMI(fmi2Set##type)(fmi2Component c, const fmi2ValueReference r[], size_t n,                      \
+                                       const fmi2##type v[]) {                                                       \
+    (void)r, (void)v;                                                                                                \
+    return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                     \
   }
 NONE_OF(Integer)
 NONE_OF(Boolean)
@@ -147,10 +139,7 @@ EXPORT fmi2Status FMI(fmi2GetDirectionalDerivative)(fmi2Component c, const fmi2V
 }
 
 #if OFFERS_MODEL_EXCHANGE
-EXPORT fmi2Status FMI(fmi2EnterEventMode)(fmi2Component c) {
-  (void)c;
-  return STATUS_OK;
-}
+MODE(fmi2EnterEventMode)
 
 EXPORT fmi2Status FMI(fmi2NewDiscreteStates)(fmi2Component c, fmi2EventInfo *info) {
   (void)c;
@@ -158,10 +147,7 @@ EXPORT fmi2Status FMI(fmi2NewDiscreteStates)(fmi2Component c, fmi2EventInfo *inf
   return STATUS_OK;
 }
 
-EXPORT fmi2Status FMI(fmi2EnterContinuousTimeMode)(fmi2Component c) {
-  (void)c;
-  return STATUS_OK;
-}
+MODE(fmi2EnterContinuousTimeMode)
 
 EXPORT fmi2Status FMI(fmi2CompletedIntegratorStep)(fmi2Component c, fmi2Boolean final, fmi2Boolean *enter_event_mode,
                                                    fmi2Boolean *terminate) {

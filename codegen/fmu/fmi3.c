@@ -3,8 +3,6 @@
 #include <stdint.h>
 
 #if defined(FMI3_FUNCTION_PREFIX) && !defined(FMI3_OVERRIDE_FUNCTION_PREFIX)
-#define PASTE(prefix, function) prefix##function
-#define EXPAND(prefix, function) PASTE(prefix, function)
 #define FMI(function) EXPAND(FMI3_FUNCTION_PREFIX, function)
 #else
 #define FMI(function) function
@@ -41,13 +39,6 @@ static void report(Instance *instance, Status status, const char *message) {
   const fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
   if (logger) logger(instance->environment, status, "logStatusError", message);
 }
-
-/* A change of mode, which needs nothing done. */
-#define MODE(function)                                \
-    EXPORT fmi3Status FMI(function)(fmi3Instance c) { \
-        (void)c;                                      \
-        return STATUS_OK;                             \
-  }
 
 EXPORT const char *FMI(fmi3GetVersion)(void) { return "3.0"; }
 

@@ -11,13 +11,13 @@ EXPORT fmi3Instance FMI(fmi3InstantiateScheduledExecution)(
 
 /* All variables are of type Float64. */
 #define NONE_OF(type)                                                                                                \
-    EXPORT fmi3Status FMI(fmi3Get##type)(fmi3Instance c, References r, size_t n, fmi3##type v[], size_t m) {          \
-        (void)r, (void)v, (void)m;                                                                                   \
-        return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                 \
-    }                                                                                                                \
-    EXPORT fmi3Status FMI(fmi3Set##type)(fmi3Instance c, References r, size_t n, const fmi3##type v[], size_t m) {    \
-        (void)r, (void)v, (void)m;                                                                                   \
-        return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                 \
+  EXPORT fmi3Status FMI(fmi3Get##type)(fmi3Instance c, References r, size_t n, fmi3##type v[], size_t m) {           \
+    (void)r, (void)v, (void)m;                                                                                       \
+    return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                     \
+  }                                                                                                                  \
+  EXPORT fmi3Status FMI(fmi3Set##type)(fmi3Instance c, References r, size_t n, const fmi3##type v[], size_t m) {     \
+    (void)r, (void)v, (void)m;                                                                                       \
+    return n ? complain(c, STATUS_ERROR, "there are no variables of this type", "") : STATUS_OK;                     \
   }
 NONE_OF(Float32)
 NONE_OF(Int8)
@@ -33,9 +33,9 @@ NONE_OF(String)
 
 /* A function whose part of the standard this FMU has no use for. */
 #define LACKING(function, arguments, ...)                                           \
-    EXPORT fmi3Status FMI(function) arguments {                                     \
-        __VA_ARGS__;                                                                \
-        return complain(c, STATUS_ERROR, " is not offered by this FMU", #function); \
+  EXPORT fmi3Status FMI(function) arguments {                                       \
+    __VA_ARGS__;                                                                    \
+    return complain(c, STATUS_ERROR, " is not offered by this FMU", #function);     \
   }
 
 LACKING(fmi3GetBinary,

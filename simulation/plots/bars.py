@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from model.errors import ConfigurationError
 from simulation.comparison import WITH_OBSERVER, WITHOUT_OBSERVER, percent, steady_change
-from simulation.errors import ConfigurationError
 from simulation.paper import REDUCTIONS
 from simulation.plots.motion import length_unit
 from simulation.plots.style import (

@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from model.errors import ConfigurationError
 from simulation.certificate import Certificate
-from simulation.errors import ConfigurationError
 from simulation.plots.style import (
     BLUE,
     GOLD,

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from model.errors import ConfigurationError
 from simulation.ensemble_result import EnsembleResult, Traces
-from simulation.errors import ConfigurationError
 from simulation.paper import CONTROLLERS
 from simulation.plots.motion import length_unit
 from simulation.plots.ropes import KILO, draw_limits, limit_handle

@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from codegen.files import atomic
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from simulation.plots.style import house_style
 
 RESOLUTION = 200

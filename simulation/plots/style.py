@@ -12,7 +12,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paper import CASES, CONTROLLERS, FIGURES, case
 from simulation.result import Result

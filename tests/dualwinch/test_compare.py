@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.compare import as_json, controllers
+from dualwinch.compare_command import as_json, controllers
 from dualwinch.ensembles import load_ensemble
+from model.errors import ConfigurationError
 from simulation.ensemble_result import METRICS
-from simulation.errors import ConfigurationError
 from simulation.paired import Comparison, Contender
 from simulation.paired_run import paper_controller
 

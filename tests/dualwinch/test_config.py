@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.config import known_keys, load, override, parse_assignment, to_toml
+from model.errors import ConfigurationError
 from model.quantity import leaves
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paper import CASES, case
 

@@ -6,9 +6,9 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.config import override
 from dualwinch.ensembles import built_in_ensembles, ensemble_to_toml, load_ensemble, reset
+from model.errors import ConfigurationError
 from simulation.distributions import Choice, Normal, Uniform
 from simulation.ensemble import Drawn
-from simulation.errors import ConfigurationError
 from simulation.paper import case
 
 MASS = "plant.vehicle.mass"

@@ -1,3 +1,4 @@
+import pkgutil
 import subprocess
 import sys
 
@@ -24,3 +25,8 @@ def test_the_command_line_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+def test_no_module_of_the_package_hides_a_public_name() -> None:
+    """An imported submodule becomes an attribute of its package, in place of what ``__getattr__`` would find."""
+    assert not {module.name for module in pkgutil.iter_modules(dualwinch.__path__)} & set(dualwinch.__all__)

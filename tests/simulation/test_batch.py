@@ -7,8 +7,8 @@ import pytest
 from codegen.batch import LANES
 from dualwinch.config import override
 from dualwinch.ensembles import load_ensemble
+from model.errors import ConfigurationError
 from simulation.batch import NOT_RUN, BatchResult, rollout
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paper import case
 from simulation.simulate import simulate

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dualwinch.config import override
+from model.errors import ConfigurationError
 from simulation import batch_check
 from simulation.batch_check import check_batch
 from simulation.ensemble import Scenario
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paper import case
 

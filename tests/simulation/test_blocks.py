@@ -3,10 +3,10 @@ import pytest
 
 from codegen.block import Block
 from controllers.controller import POSITION_LAWS, Controller
+from model.errors import ConfigurationError
 from simulation.blocks import BLOCKS, block
 from simulation.closed_loop import closed_loop, initial_state_of
 from simulation.environment import exogenous_signals
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paper import case
 from simulation.simulate import simulate

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from dualwinch.config import override
+from model.errors import ConfigurationError
 from simulation import plots
 from simulation.certificate import Certificate, certify
-from simulation.errors import ConfigurationError
 from simulation.nearby_gains import nearby_gains
 from simulation.paper import case
 from simulation.stability import REAL

@@ -9,11 +9,11 @@ from controllers.controller import Controller
 from controllers.coordination import Coordination
 from controllers.nftsm import NftsmGains
 from dualwinch.config import known_keys, override
+from model.errors import ConfigurationError
 from model.plant import Plant
 from model.reference import Reference
 from model.rope import Track
 from simulation.check import check
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment, Simulation
 from simulation.paper import CASES, CONTROLLERS, case
 from simulation.simulate import OUTCOMES, simulate

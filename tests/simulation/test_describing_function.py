@@ -6,8 +6,8 @@ from scipy.integrate import quad
 
 from controllers.nftsm import odd_power
 from dualwinch.config import override
+from model.errors import ConfigurationError
 from simulation.describing_function import amplitude_sweep, describing_gain
-from simulation.errors import ConfigurationError
 from simulation.linear_loop import linear_broken_loop
 from simulation.margins import margins
 from simulation.paper import case

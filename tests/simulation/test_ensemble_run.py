@@ -10,13 +10,13 @@ import pytest
 
 from codegen.batch import LANES
 from dualwinch.ensembles import load_ensemble, reset
+from model.errors import ConfigurationError
 from simulation import ensemble_collector
 from simulation.batch import rollout
 from simulation.distributions import Choice
 from simulation.ensemble import Drawn, Ensemble, Scenario
 from simulation.ensemble_result import METRICS, SMALL_IS_BAD, EnsembleResult
 from simulation.ensemble_run import POINTS, rollout_scenarios, run_ensemble
-from simulation.errors import ConfigurationError
 from simulation.portions import BLOCKS
 from simulation.simulate import simulate
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from dualwinch.ensembles import load_ensemble, reset
+from model.errors import ConfigurationError
 from simulation.ensemble_result import METRICS, EnsembleResult
 from simulation.ensemble_run import run_ensemble
 from simulation.ensemble_storage import WRITERS, save_ensemble
-from simulation.errors import ConfigurationError
 
 MASS = "plant.vehicle.mass"
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dualwinch.config import override
+from model.errors import ConfigurationError
 from simulation.closed_loop import closed_loop
-from simulation.errors import ConfigurationError
 from simulation.linear_loop import linear_broken_loop, linear_closed_loop
 from simulation.loop_cruise import loop_cruise
 from simulation.paper import case

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from model.errors import ConfigurationError
 from model.linear_system import LinearSystem
 from model.linearisation import linearise, linearise_sweep
 from model.plant import Plant
-from simulation.errors import ConfigurationError
 from simulation.plots.linear import bode, mode_shapes
 from simulation.plots.modes import modal_frequencies, pole_map
 

@@ -7,8 +7,8 @@ import control
 import numpy as np
 import pytest
 
+from model.errors import ConfigurationError
 from model.linear_system import LinearSystem
-from simulation.errors import ConfigurationError
 from simulation.linear_loop import linear_broken_loop, linear_closed_loop
 from simulation.margins import Margins, margins
 from simulation.paper import case

@@ -7,11 +7,11 @@ from codegen.batch import LANES
 from controllers.controller import Controller
 from dualwinch.config import override
 from dualwinch.ensembles import load_ensemble
+from model.errors import ConfigurationError
 from simulation import paired_run
 from simulation.distributions import Uniform
 from simulation.ensemble import Drawn, Ensemble
 from simulation.ensemble_run import run_ensemble
-from simulation.errors import ConfigurationError
 from simulation.paired import COMPARED, paired_ratio
 from simulation.paired_run import compare, paper_controller
 from simulation.portions import BLOCKS

@@ -15,11 +15,11 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from dualwinch.ensembles import load_ensemble
+from model.errors import ConfigurationError
 from simulation import plots
 from simulation.comparison import percent, reductions, steady_change
 from simulation.ensemble_result import EnsembleResult
 from simulation.ensemble_run import run_ensemble
-from simulation.errors import ConfigurationError
 from simulation.paper import CONTROLLERS, FIGURES, case
 from simulation.plots.motion import length_unit
 from simulation.plots.style import COLOURS

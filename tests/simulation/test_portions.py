@@ -6,8 +6,8 @@ import pytest
 from codegen.batch import LANES
 from dualwinch.config import override
 from dualwinch.ensembles import load_ensemble
+from model.errors import ConfigurationError
 from simulation.ensemble import Scenario
-from simulation.errors import ConfigurationError
 from simulation.paper import case
 from simulation.portions import BLOCKS, in_portions, portion_size
 

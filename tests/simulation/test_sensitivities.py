@@ -8,8 +8,8 @@ import pytest
 from codegen.lanes import LANES
 from dualwinch.config import override
 from dualwinch.ensembles import load_ensemble
+from model.errors import ConfigurationError
 from simulation.batch import rollout
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paper import case
 from simulation.sensitivities import Sensitivities, sensitivities

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dualwinch.config import override
+from model.errors import ConfigurationError
 from simulation import simulate as module
-from simulation.errors import ConfigurationError
 from simulation.paper import case
 from simulation.simulate import simulate
 

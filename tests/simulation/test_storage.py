@@ -8,7 +8,7 @@ import pytest
 from scipy.io import loadmat
 
 from dualwinch.config import override
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from simulation.paper import case
 from simulation.result import UNITS, Result
 from simulation.row import COLUMNS

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from simulation.paper import case
 from tuning.constraint import Constraint, constraints_from
 from tuning.objective import objectives_from

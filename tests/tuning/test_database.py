@@ -18,7 +18,7 @@ from optuna.trial import TrialState
 from codegen.errors import DualwinchError
 from dualwinch.cli import main
 from dualwinch.tuning_setup import definition_of
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tests.tuning.conftest import MakeProblem
 from tuning import connection
 from tuning.database import FINISHED, Database

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from dualwinch.config import override
 from dualwinch.tuning_setup import _entries
+from model.errors import ConfigurationError
 from model.quantity import describe, leaves
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paper import case
 from tests.tuning.conftest import MakeProblem

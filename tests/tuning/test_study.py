@@ -7,7 +7,7 @@ import pytest
 from optuna.storages.journal import JournalFileBackend
 
 from dualwinch.tuning_setup import definition_of, problem_from
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tests.tuning.conftest import MakeProblem
 from tuning.evaluate import Evaluator
 from tuning.evaluation import Evaluation

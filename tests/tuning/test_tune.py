@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tests.tuning.conftest import MakeProblem
 from tuning.evaluation import Candidate, Evaluation
 from tuning.plots.score import before_and_after, held_out

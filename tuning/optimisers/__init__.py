@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Protocol
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.evaluation import Evaluation
 from tuning.optimisers.cma import Cma
 from tuning.optimisers.gradient import Gradient

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulation.errors import ConfigurationError
+from model.errors import ConfigurationError
 from tuning.evaluation import Evaluation
 from tuning.problem import Problem
 from tuning.ranking import best_first

@@ -18,9 +18,9 @@ from dualwinch.doctor import versions
 from dualwinch.ensembles import ensemble_to_toml, load_ensemble, reset
 from dualwinch.folders import check_folder
 from dualwinch.simulate_command import check_plot
+from model.errors import ConfigurationError
 from model.quantity import leaves
 from simulation.ensemble import Ensemble
-from simulation.errors import ConfigurationError
 from simulation.experiment import Experiment
 from simulation.paired import CONFIDENCE, RESAMPLES, Comparison
 from simulation.paired_run import compare as run

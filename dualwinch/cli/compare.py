@@ -1,0 +1,44 @@
+"""Options of ``dualwinch compare``."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from dualwinch.cli.options import Figure
+
+app = App(
+    name="compare",
+    help_epilogue="""Examples:
+
+    dualwinch compare paper best.toml
+    dualwinch compare paper best.toml calm.toml --scenarios 500 --seed 1 --out gains.json --plot gains.png
+""",
+)
+
+
+@app.default
+def compare(
+    *files: Annotated[str, Parameter(help="TOML files of gains; `paper` means the paper's gains.")],
+    ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, or a TOML file.")] = "sea",
+    scenarios: Annotated[int, Parameter(help="Scenarios, the same for every file.")] = 200,
+    seed: Annotated[int, Parameter(help="Seed of the draws and of the intervals.")] = 0,
+    config: Annotated[
+        Path | None, Parameter(help="Experiment that gives the values the ensemble's file does not have.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        Parameter(name="--set", help="key=value of the ensemble's nominal values; may be repeated.", negative=""),
+    ] = None,
+    out: Annotated[Path | None, Parameter(help="File for the statistics: .json.")] = None,
+    plot: Figure = None,
+) -> None:
+    """Compare files of gains in the same scenarios, with confidence intervals on the ratios to the first.
+
+    A file is an experiment as `dualwinch config` prints one, or a part of it. Its [controller] tables are compared:
+    position law, gains, estimator, coordination and preload; keys it does not have keep their defaults. Plant, sea and
+    sensors come from the ensemble alone.
+    """
+    from dualwinch.compare_command import compare as run
+
+    run(files, ensemble, config, set_ or [], scenarios, seed, out, plot)

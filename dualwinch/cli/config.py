@@ -1,0 +1,41 @@
+"""Options of ``dualwinch config``."""
+
+import sys
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from dualwinch.cli.options import AssignmentsInBrief, Case
+
+app = App(
+    name="config",
+    help_epilogue="""Examples:
+
+    dualwinch config > my.toml
+    dualwinch config --case 4 --set controller.kind=nftsm
+    dualwinch config --ensemble sea > my-sea.toml
+""",
+)
+
+
+@app.default
+def config(
+    *,
+    case: Case = None,
+    set_: AssignmentsInBrief = None,
+    ensemble: Annotated[str | None, Parameter(help="Print the file of an ensemble, such as `sea`, instead.")] = None,
+) -> None:
+    """Print the complete configuration as TOML, each key with unit, meaning, range and source."""
+    if ensemble is not None:
+        from dualwinch.ensembles import find_ensemble, load_ensemble
+        from model.errors import ConfigurationError
+
+        if case is not None or set_:
+            raise ConfigurationError("--ensemble: prints a file as it is; give --case or --set to 'simulate'")
+        load_ensemble(ensemble)
+        sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
+        return
+    from dualwinch.config import to_toml
+    from dualwinch.simulate_command import experiment
+
+    sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))

@@ -1,0 +1,13 @@
+"""Options of ``dualwinch doctor``."""
+
+from cyclopts import App
+
+app = App(name="doctor")
+
+
+@app.default
+def doctor() -> None:
+    """Say which compiler, cache folder, processor features and optional parts are in use."""
+    from dualwinch.doctor import doctor as run
+
+    run()

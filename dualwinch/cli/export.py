@@ -1,0 +1,124 @@
+"""Options of ``dualwinch export`` and the commands below it."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from dualwinch import __version__
+from dualwinch.cli.options import Assignments, Case, Config
+
+app = App(
+    name="export",
+    help="""Write controller, plant and closed loop as code for other people's tools.
+
+Everything comes from the functions that `dualwinch simulate` runs, with the values of an experiment.
+""",
+    help_format="markdown",
+    version=__version__,
+)
+
+What = Literal["controller", "plant", "closed-loop"]
+Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
+
+
+@app.command(
+    name="c",
+    help_epilogue="""Examples:
+
+    dualwinch export c --out controller
+    dualwinch export c --precision float --freeze --out firmware
+    dualwinch export c --what plant --case 4 --out plant
+""",
+)
+def export_c(
+    *,
+    out: Out,
+    what: Annotated[What, Parameter(help="Which part.")] = "controller",
+    precision: Annotated[
+        Literal["double", "float"], Parameter(help="Of every number; float: no double-precision operation at all.")
+    ] = "double",
+    freeze: Annotated[
+        bool, Parameter(help="Write the parameters as constants instead of an argument.", negative="")
+    ] = False,
+    case: Case = None,
+    config: Config = None,
+    set_: Assignments = None,
+) -> None:
+    """Write a self-contained C99 package: source, header, CMake file, README and an example.
+
+    No heap, no globals, no recursion; several instances may run at once.
+    """
+    from dualwinch.export import export_c as run
+    from dualwinch.simulate_command import experiment
+
+    run(experiment(case, config, None, set_ or []), what, precision, out, freeze=freeze)
+
+
+@app.command(
+    name="fmu",
+    help_epilogue="""Examples:
+
+    dualwinch export fmu --what plant --case 4 --out plant.fmu
+    dualwinch export fmu --what controller --fmi 3 --out controller.fmu
+    dualwinch export fmu --what plant --kind model-exchange --platforms linux64,win64,darwin64 --out plant.fmu
+""",
+)
+def export_fmu(
+    *,
+    out: Annotated[Path, Parameter(help="File to write, .fmu.")],
+    what: Annotated[What, Parameter(help="Which part.")] = "controller",
+    fmi: Annotated[Literal[2, 3], Parameter(help="Version of FMI.")] = 2,
+    kind: Annotated[
+        Literal["co-simulation", "model-exchange", "both"] | None,
+        Parameter(help="Interfaces (default: both for the plant, else co-simulation)."),
+    ] = None,
+    platforms: Annotated[
+        str | None,
+        Parameter(
+            help="Binaries to include, separated by commas: linux64, win64, darwin64, aarch64-linux, aarch64-darwin, "
+            "or all (default: this machine's)."
+        ),
+    ] = None,
+    case: Case = None,
+    config: Config = None,
+    set_: Assignments = None,
+) -> None:
+    """Write a Functional Mock-up Unit: model description, C sources and binaries.
+
+    Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
+    """
+    from dualwinch.export_fmu import export_fmu as run
+    from dualwinch.simulate_command import experiment
+
+    run(experiment(case, config, None, set_ or []), what, out, fmi, kind, platforms)
+
+
+@app.command(
+    name="mex",
+    help_epilogue="""Examples:
+
+    dualwinch export mex --case 4 --out mex
+""",
+)
+def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
+    """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
+    from dualwinch.export import export_mex as run
+    from dualwinch.simulate_command import experiment
+
+    run(experiment(case, config, None, set_ or []), out)
+
+
+@app.command(
+    name="casadi",
+    help_epilogue="""Examples:
+
+    dualwinch export casadi --case 4 --out functions
+""",
+)
+def export_casadi(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
+    """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
+    from dualwinch.export import export_casadi as run
+    from dualwinch.simulate_command import experiment
+
+    run(experiment(case, config, None, set_ or []), out)

@@ -1,0 +1,69 @@
+"""Options of ``dualwinch simulate``."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from dualwinch.cli.options import Assignments, Case, Config, ControllerName, Figure
+
+app = App(
+    name="simulate",
+    help_epilogue="""Examples:
+
+    dualwinch simulate --case 4
+    dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
+    dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
+    dualwinch simulate --ensemble sea --scenarios 100 --seed 7 --out sea.csv --plot sea.png
+""",
+)
+
+
+@app.default
+def simulate(
+    *,
+    case: Case = None,
+    config: Config = None,
+    controller: Annotated[ControllerName | None, Parameter(help="Position law.")] = None,
+    set_: Assignments = None,
+    ensemble: Annotated[
+        str | None, Parameter(help="Run an ensemble of scenarios: `sea`, or a TOML file (see `config --ensemble`).")
+    ] = None,
+    scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble (default 100).")] = None,
+    seed: Annotated[int | None, Parameter(help="Seed of the ensemble's draws (default 0).")] = None,
+    out: Annotated[
+        Path | None,
+        Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
+    ] = None,
+    plot: Figure = None,
+    stride: Annotated[int, Parameter(help="Keep every n-th sample in the data.")] = 1,
+    engine: Annotated[
+        Literal["compiled", "interpreter"], Parameter(help="Compiled C, or CasADi's interpreter (slow).")
+    ] = "compiled",
+) -> None:
+    """Simulate one experiment and print its figures of merit.
+
+    Without --case or --config the defaults of every key are used (the paper's Case 2).
+
+    With --ensemble, many scenarios are drawn and run on all cores. --case or --config give the values that the
+    ensemble's file does not have; --controller and --set change its nominal values, and distributions relative to
+    those follow. The data hold one row a scenario, the figure is a fan chart.
+    """
+    from model.errors import ConfigurationError
+
+    if ensemble is not None:
+        for word, given in (("--stride", stride != 1), ("--engine", engine != "compiled")):
+            if given:
+                raise ConfigurationError(f"{word} and --ensemble: give one of them")
+        from dualwinch.simulate_ensemble import ensemble as drawn
+        from dualwinch.simulate_ensemble import simulate_ensemble
+
+        simulate_ensemble(drawn(ensemble, case, config, controller, set_ or []), scenarios, seed, out, plot)
+        return
+    if scenarios is not None:
+        raise ConfigurationError("--scenarios: needs --ensemble")
+    if seed is not None:
+        raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set disturbance.seed=N")
+    from dualwinch.simulate_command import simulate as run
+
+    run(case, config, controller, set_ or [], out, plot, stride, engine)

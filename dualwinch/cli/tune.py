@@ -1,0 +1,84 @@
+"""Options of ``dualwinch tune``."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from dualwinch.cli.options import AssignmentsInBrief, Case
+
+app = App(
+    name="tune",
+    help_epilogue="""Examples:
+
+    dualwinch tune --ensemble sea --time 60s
+    dualwinch tune --case 4 --space controller.nftsm --space controller.observer.l0=1:50:log --trials 500
+    dualwinch tune --ensemble sea --objective mean.mse --objective mean.chatter --trials 2000 --out front
+    dualwinch tune --ensemble sea --constraint "worst.peak_tension<=5500" --constraint "mean.chatter<=0.25*paper"
+    dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
+""",
+)
+
+
+@app.default
+def tune(
+    *,
+    case: Case = None,
+    config: Annotated[Path | None, Parameter(help="Experiment to start from, TOML.")] = None,
+    set_: AssignmentsInBrief = None,
+    ensemble: Annotated[str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, or a TOML file.")] = None,
+    scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble a candidate is tuned on.")] = None,
+    space: Annotated[
+        list[str] | None,
+        Parameter(
+            help="Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` if not its own; "
+            "controller.winch.* ties both winches; controller.nftsm.p/q=5/3,7/5; or a TOML file. May be repeated. "
+            "Default: all gains in use.",
+            negative="",
+        ),
+    ] = None,
+    objective: Annotated[
+        list[str] | None,
+        Parameter(
+            help="mean, median, p95 or worst of a metric, e.g. mean.mse; may be repeated: Pareto front.", negative=""
+        ),
+    ] = None,
+    constraint: Annotated[
+        list[str] | None,
+        Parameter(
+            help="e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper; may be repeated; none: no constraint. "
+            "Default: no slack, no peak near tension_max, chatter below the paper's.",
+            negative="",
+        ),
+    ] = None,
+    method: Annotated[
+        str | None,
+        Parameter(
+            help="cmaes (default), gradient, hybrid, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
+        ),
+    ] = None,
+    trials: Annotated[int | None, Parameter(help="Trials (default 1000 without --time).")] = None,
+    time: Annotated[str | None, Parameter(help="Time for everything, e.g. 60s, 5min.")] = None,
+    storage: Annotated[
+        str | None,
+        Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
+    ] = None,
+    study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
+    workers: Annotated[int, Parameter(help="Processes on this machine; more than one needs a database.")] = 1,
+    resume: Annotated[bool, Parameter(help="Go on with a study that has trials.", negative="")] = False,
+    seed: Annotated[int, Parameter(help="Seed of scenarios and optimiser.")] = 0,
+    out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results"),
+) -> None:
+    """Search for better gains, and score the best in scenarios that the search never saw.
+
+    The first trial is the paper's gains. Every candidate is tried in the same scenarios; Ctrl-C ends the search and
+    keeps the best so far. best.toml is a configuration: `dualwinch simulate --config best.toml`.
+    """
+    from dualwinch.tune_command import Options, seconds_from
+    from dualwinch.tune_command import tune as run
+    from dualwinch.tuning_setup import problem_of
+
+    limits = None if constraint is None else [one for one in constraint if one != "none"]
+    seconds = None if time is None else seconds_from(time)
+    problem = problem_of(case, config, set_ or [], ensemble, space or [], objective or [], limits, scenarios, seed)
+    run(problem, Options(method, trials, seconds, storage, study, workers, resume, out))

@@ -1,0 +1,29 @@
+"""Options of ``dualwinch worker``."""
+
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+app = App(
+    name="worker",
+    help_epilogue="""Examples:
+
+    dualwinch worker --storage postgresql+psycopg://me@host/studies --study sea
+    DUALWINCH_STORAGE=postgresql+psycopg://me:secret@host/studies dualwinch worker --study sea
+""",
+)
+
+
+@app.default
+def worker(
+    *,
+    storage: Annotated[
+        str | None, Parameter(help="postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE")
+    ] = None,
+    study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
+    threads: Annotated[int | None, Parameter(help="Threads (default: one a core).")] = None,
+) -> None:
+    """Join a study that `dualwinch tune` has begun in a database, and work on it until it is over."""
+    from dualwinch.worker import worker as run
+
+    run(storage, study, threads)

@@ -1,0 +1,58 @@
+import csv
+from pathlib import Path
+
+import pytest
+
+from dualwinch.cli import main
+
+SHORT = ["--set", "simulation.duration=0.2"]
+
+
+def test_simulate_prints_outcome_and_metrics(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["simulate", "--case", "4", *SHORT])
+    said = capsys.readouterr().out
+    assert "completed at 0.2 s" in said
+    assert "peak_tension" in said
+
+
+def test_simulate_writes_data_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, plot = tmp_path / "run.csv", tmp_path / "run.png"
+    words = ("--controller", "nftsm", "--out", out, "--plot", plot, "--stride", "10", *SHORT)
+    main(["simulate", *map(str, words)])
+    with out.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["t"]) for row in rows][:3] == [0.0, 0.01, 0.02]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert "wrote" in capsys.readouterr().err
+
+
+def test_both_engines_print_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    said = []
+    for engine in ("compiled", "interpreter"):
+        main(["simulate", "--case", "3", "--engine", engine, *SHORT])
+        said.append(capsys.readouterr().out)
+    assert said[0] == said[1]
+
+
+def test_config_is_read_back_by_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["config", "--case", "3", *SHORT])
+    file = tmp_path / "case3.toml"
+    file.write_text(capsys.readouterr().out)
+    main(["simulate", "--config", str(file)])
+    of_file = capsys.readouterr().out
+    main(["simulate", "--case", "3", *SHORT])
+    assert of_file == capsys.readouterr().out
+
+
+def test_a_run_that_leaves_the_track_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
+    """A soft, undamped position loop swings past the end of the rail."""
+    values = {
+        "reference.speed": 1.98,
+        "plant.vehicle.drag_coefficient": 0,
+        "plant.vehicle.friction_coefficient": 0,
+        "controller.pid_cascade.kp1": 50,
+        "controller.pid_cascade.kp2": 0.02,
+    }
+    sets = [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
+    main(["simulate", "--case", "1", "--controller", "pid-cascade", *sets])
+    assert "left_track" in capsys.readouterr().out
