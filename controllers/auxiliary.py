@@ -22,9 +22,7 @@ class AuxiliaryGains:
     gamma_force: Annotated[
         float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10"), Tunable(1e-6, 10, standard=False)
     ] = 1e-5
-    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100)] = (
-        1.0
-    )
+    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100)] = 1.0
 
 
 def auxiliary_update(Z_a: Scalar, excess: Scalar, gains: AuxiliaryGains, sample_time: Scalar) -> Scalar:

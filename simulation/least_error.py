@@ -46,7 +46,8 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False) -> float:
     instants = outside.shape[1]
     solver = _solver(instants, EVERY * experiment.simulation.sample_time)
     numbers = ca.vertcat(ca.vec(ca.DM(outside)), force_parameters(experiment))
-    until = 2 if anticipating else 1 + int(np.argmax(np.abs(required_force(experiment, EVERY)) > limit))
+    first = int(np.argmax(np.abs(required_force(experiment, EVERY)) > limit))
+    until = 2 if anticipating else max(2, first + 1)  # position and speed at the start
     bounds = [*[0.0] * until, *[np.inf] * (instants - until)]
     found = solver(x0=0.0, p=numbers, lbx=[-one for one in bounds], ubx=bounds, lbg=-limit, ubg=limit)
     if not solver.stats()["success"]:

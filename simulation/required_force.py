@@ -31,7 +31,7 @@ def required_force(experiment: Experiment, every: int = EVERY) -> Floats:
     times the reference's acceleration, and friction, drag and vortices at its speed. The motors can give
     ``tension_max - tension_min`` either way (paper Section 3.1.1).
     """
-    return np.array(force_law()(outside_at(experiment, every), force_parameters(experiment))).ravel()
+    return np.asarray(force_law()(outside_at(experiment, every), force_parameters(experiment)), float).ravel()
 
 
 def outside_at(experiment: Experiment, every: int) -> Floats:
@@ -40,7 +40,7 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
     t = np.arange(0, experiment.samples, every) * simulation.sample_time
     wanted = setpoint(t, experiment.reference)
     current, load = (signal[::every] for signal in sea_signals(experiment))
-    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load])
+    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load], dtype=np.float64)
 
 
 def excess_force(experiment: Experiment) -> float:

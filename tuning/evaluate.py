@@ -1,4 +1,4 @@
-"""Evaluate candidates: all of them in all scenarios by compiled rollouts, hopeless ones in the first scenarios only."""
+"""Evaluate candidates by compiled rollouts: all in some scenarios, the promising in more, the best in yet more."""
 
 import math
 import time
@@ -22,6 +22,9 @@ FIRST_SHARE, KEPT_SHARE = 0.5, 0.5
 
 MARGIN = 0.01
 """Distance that what is the worst keeps from its bound in the few scenarios of tuning, as a share: others are worse."""
+
+LEADERS = 2
+"""Candidates of a call, the best of it, that have to hold in the stress scenarios as well."""
 
 EXEMPT = ("paper", "start")
 """Origins of candidates that are never given up early: others are compared with them."""
@@ -72,8 +75,17 @@ class Evaluator:
         kept |= {place for place, one in enumerate(candidates) if one.origin in EXEMPT}
         places = sorted(kept)
         late = self._run([candidates[place] for place in places], scenarios[self._first :])
+        whole: dict[int, BatchResult] = {}
         for row, place in enumerate(places):
-            judged[place] = self.judged(candidates[place], _joined(early, place, late, row), scenarios)
+            whole[place] = _joined(early, place, late, row)
+            judged[place] = self.judged(candidates[place], whole[place], scenarios)
+        leaders = [place for place in best_first(judged)[:LEADERS] if judged[place].feasible]
+        stress = self.problem.stress_scenarios
+        if leaders and stress:
+            more = self._run([candidates[place] for place in leaders], stress)
+            for row, place in enumerate(leaders):
+                result = _joined(whole[place], 0, more, row)
+                judged[place] = self.judged(candidates[place], result, [*scenarios, *stress])
         return judged
 
     def over(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> list[Evaluation]:

@@ -13,12 +13,15 @@ from simulation.ensemble import Ensemble, Scenario
 from simulation.experiment import Experiment
 from tuning.constraint import Constraint, constraints_from
 from tuning.objective import objectives_from
-from tuning.scenarios import Pick, pick
+from tuning.scenarios import Pick, corners, pick
 from tuning.space import Point, Space
 from tuning.statistic import Statistic, statistic_from
 
 SELECTION, HELD_OUT = 1_000_000, 2_000_000
 """Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
+
+STRESS = 16
+"""Number of the scenarios in which only the best candidates are tried."""
 
 REPORTED = (
     "mean.mse",
@@ -107,22 +110,21 @@ class Problem:
         used = (*self.minimised, *(one.statistic for one in self.bounded))
         return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED))))
 
-    def mixed(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
-        """Scenarios to tune and to choose in: draws and corners of the ensemble (`tuning.scenarios`), or the one.
-
-        The arguments are those of `drawn`.
-        """
+    def _scenarios(self, picks: Sequence[Pick], experiment: Experiment) -> tuple[Experiment | Scenario, ...]:
         if self.ensemble is None:
-            return self.drawn(count, seed, experiment)
-        ensemble = replace(self.ensemble, experiment=self.experiment)
-        if (count, seed) not in self._picks:
-            self._picks[count, seed] = pick(ensemble, count, seed)
-        nominal = replace(ensemble, experiment=experiment or self.experiment)
-        return tuple(one.drawn(nominal, seed) for one in self._picks[count, seed])
+            return (experiment,)
+        ensemble = replace(self.ensemble, experiment=experiment)
+        return tuple(one.drawn(ensemble, self.seed) for one in picks)
 
     @cached_property
-    def _picks(self) -> dict[tuple[int, int], list[Pick]]:
-        return {}
+    def _picks(self) -> tuple[list[Pick], list[Pick]]:
+        """Which scenarios candidates are tuned in, and in which further ones the best of them."""
+        if self.ensemble is None:
+            return [], []
+        ensemble = replace(self.ensemble, experiment=self.experiment)
+        tuning = pick(ensemble, self.scenarios, self.seed)
+        known = sum(one.corner for one in tuning)
+        return tuning, corners(ensemble, known + STRESS, self.seed)[known:]
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.
@@ -139,13 +141,18 @@ class Problem:
 
     @cached_property
     def tuning_scenarios(self) -> tuple[Experiment | Scenario, ...]:
-        """What every candidate is tried in: the same for all."""
-        return self.mixed(self.scenarios, self.seed)
+        """What every candidate is tried in, the same for all: draws and corners of the ensemble, or the experiment."""
+        return self._scenarios(self._picks[0], self.experiment)
+
+    @cached_property
+    def stress_scenarios(self) -> tuple[Experiment | Scenario, ...]:
+        """Further corners of the ensemble, where the best of the candidates have to hold; none without an ensemble."""
+        return self._scenarios(self._picks[1], self.experiment) if self.ensemble else ()
 
     @cached_property
     def paper_result(self) -> BatchResult:
         """The paper's gains in the tuning scenarios."""
-        return run_pairs([], [[]], self.mixed(self.scenarios, self.seed, self.paper_experiment))
+        return run_pairs([], [[]], self._scenarios(self._picks[0], self.paper_experiment))
 
     def _paper_value(self, statistic: Statistic) -> float:
         return over(statistic, self.paper_result, 0, self.tuning_scenarios)

@@ -29,7 +29,7 @@ class Pick:
     """A scenario to be: number `index` of the ensemble's draws, or of its corners."""
 
     index: int
-    corner: bool
+    corner: bool = False
 
     def drawn(self, ensemble: Ensemble, seed: int) -> Scenario:
         """The scenario."""
@@ -44,15 +44,21 @@ def pick(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
         count: how many.
         seed: of the draws.
     """
-    corners = int(CORNER_SHARE * count)
-    plain = [Pick(index, False) for index in range(count - corners)]
-    chosen = [Pick(index, True) for index in _corners(ensemble, corners, seed)]
-    places = [((place + 0.5) / len(sort), one) for sort in (plain, chosen) for place, one in enumerate(sort)]
+    number = int(CORNER_SHARE * count)
+    plain = [Pick(index) for index in range(count - number)]
+    places = [
+        ((place + 0.5) / len(sort), one)
+        for sort in (plain, corners(ensemble, number, seed))
+        for place, one in enumerate(sort)
+    ]
     return [one for _, one in sorted(places, key=lambda entry: entry[0])]
 
 
-def _corners(ensemble: Ensemble, count: int, seed: int) -> list[int]:
-    """Numbers of corners: the hardest that is not too hard, the first of the others, the next hardest, and so on."""
+def corners(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
+    """Corners of an ensemble: the hardest that is not too hard, the first of the others, the next hardest, and so on.
+
+    The arguments are those of `pick`; the first of many are the same ones as those of a few.
+    """
     excess = [0.0] * max(LOOKED_AT, 2 * count)
 
     def look(index: int) -> None:
@@ -63,10 +69,10 @@ def _corners(ensemble: Ensemble, count: int, seed: int) -> list[int]:
     most = BEYOND_REACH * force_limit(ensemble.experiment.controller.coordination)
     waiting = [index for index, force in enumerate(excess) if force <= most]
     waiting += sorted(set(range(len(excess))) - set(waiting), key=lambda index: excess[index])
-    found: list[int] = []
+    found: list[Pick] = []
     while len(found) < count:
         hardest = max(waiting, key=lambda index: (excess[index] <= most, excess[index]))
         one = waiting[0] if len(found) % 2 else hardest
         waiting.remove(one)
-        found.append(one)
+        found.append(Pick(one, corner=True))
     return found

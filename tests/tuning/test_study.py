@@ -13,7 +13,7 @@ from tuning.evaluate import Evaluator
 from tuning.evaluation import Evaluation
 from tuning.optimisers import optimiser
 from tuning.problem import Problem
-from tuning.selection import judge
+from tuning.selection import LAST_SCENARIOS, judge
 from tuning.storage import Budget, open_store
 from tuning.study import search
 
@@ -112,6 +112,6 @@ def test_the_best_is_scored_in_scenarios_of_their_own(make_problem: MakeProblem,
     assert verdict.held_out is not None
     assert verdict.held_out.scenarios == 10
     assert verdict.selection is not None
-    assert verdict.selection.scenarios == 96
+    assert verdict.selection.scenarios == LAST_SCENARIOS
     assert verdict.paper["mean.mse"] > verdict.held_out.statistics["mean.mse"]
     assert len(verdict.held_out_metrics["paper"].outcomes[0]) == 10

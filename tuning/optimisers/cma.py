@@ -75,7 +75,9 @@ class Cma:
             if self._scouts is None:
                 self._learn(generation)
             else:
-                self._look_around(generation)
+                self._scouts += generation
+                if len(self._scouts) >= SCOUTS:
+                    self._begin(self._scouts[best_first(self._scouts)[0]].point)
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
         order = best_first(generation)
@@ -84,12 +86,6 @@ class Cma:
         self._leaders.append(generation[order[0]])
         if self._strategy.should_stop() or self._stands_still():
             self._scouts = []
-
-    def _look_around(self, generation: Sequence[Evaluation]) -> None:
-        assert self._scouts is not None
-        self._scouts += generation
-        if len(self._scouts) >= SCOUTS:
-            self._begin(self._scouts[best_first(self._scouts)[0]].point)
 
     def _stands_still(self) -> bool:
         """Whether the last generations got hardly any further than those before."""

@@ -1,0 +1,43 @@
+"""What a run asks of its motors: against the equations written out, and against what a run that tracks takes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dualwinch.config import override
+from simulation.experiment import Experiment
+from simulation.paper import case
+from simulation.required_force import EVERY, excess_force, required_force
+from simulation.simulate import simulate
+
+
+def test_it_is_the_plants_equation_on_the_reference() -> None:
+    experiment = override(
+        Experiment(),
+        {
+            "disturbance.vortex": True,
+            "plant.winch_1.coulomb_friction": 96.0,
+            "plant.winch_2.viscous_friction": 5.0,
+            "plant.winch_2.inertia": 2.0,
+        },
+    )
+    t = 10.0
+    v, a = 0.1 * t, 0.1  # the paper's profile: 1.8 m/s after 18 s
+    drag = 0.5 * 0.3 * 1000 * 6 * v**2
+    vortex = 0.2 * drag * math.sin(2 * math.pi * 0.2 * v / 2.0 * t)
+    vehicle = 1e4 * a + 0.1 * 4.9e3 * math.tanh(v / 0.01) + drag - vortex
+    omega, alpha = v / 0.8, a / 0.8
+    drums = 1.8 * alpha + 96.0 * math.tanh(omega / 0.01) + 2.0 * alpha + 5.0 * omega
+    assert required_force(experiment, 1000)[10] == pytest.approx(vehicle + drums / 0.8, rel=1e-12)
+
+
+@pytest.mark.parametrize("integrated", [False, True])
+def test_a_run_that_tracks_takes_that_force(integrated: bool) -> None:
+    sea = {"disturbance.integrated_phase": integrated, "disturbance.current_sigma": 0.05, "disturbance.seed": 5}
+    tight = {"controller.observer.l0": 100.0, "controller.nftsm.eta": 20.0}  # errors of 0.02 mm
+    experiment = override(case(4), sea | tight)
+    columns = simulate(experiment).columns
+    taken = (columns["F1"] - columns["F2"])[::EVERY]
+    assert np.abs(required_force(experiment) - taken)[1:].max() < 20  # of 4 kN
+    assert excess_force(experiment) == pytest.approx(taken.max() - 5800, abs=5)
