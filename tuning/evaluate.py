@@ -10,6 +10,7 @@ import numpy as np
 from simulation.batch import BatchResult
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
+from tuning.constraint import Constraint
 from tuning.evaluation import Candidate, Evaluation
 from tuning.problem import Problem, over, run_pairs
 from tuning.ranking import best_first
@@ -119,10 +120,8 @@ class Evaluator:
         done = outcomes == "completed"
         found = {one: over(one, result, row, scenarios) for one in problem.reported}
         violations = {FAILED: float(1 - done.mean())}
-        few = any(isinstance(one, Scenario) and one.extreme for one in scenarios)
         for one in problem.bounded:
-            margin = MARGIN if few and one.statistic.kind == "worst" else 0.0
-            violations[one.label] = one.violation(found[one.statistic], margin)
+            violations[one.label] = one.violation(found[one.statistic], margin(one, scenarios))
         return Evaluation(
             candidate=candidate,
             objectives=tuple(found[one] for one in problem.minimised),
@@ -132,6 +131,12 @@ class Evaluator:
             scenarios=len(outcomes),
             pruned=pruned,
         )
+
+
+def margin(constraint: Constraint, scenarios: Sequence[Experiment | Scenario]) -> float:
+    """Distance that a constraint keeps from its bound: `MARGIN` for what is the worst among corners of an ensemble."""
+    few = any(isinstance(one, Scenario) and one.extreme for one in scenarios)
+    return MARGIN if few and constraint.statistic.kind == "worst" else 0.0
 
 
 def _joined(early: BatchResult, place: int, late: BatchResult, row: int) -> BatchResult:

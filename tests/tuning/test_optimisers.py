@@ -19,7 +19,7 @@ def bowl(problem: Problem, point: Point, objectives: int = 1) -> Evaluation:
     shares = problem.space.encoded(point)
     height = float(((shares - 0.7) ** 2).sum())
     values = (height, float(shares[1]))[:objectives]
-    return Evaluation(Candidate(point, ""), values, {"wall": float(shares[0] - 0.6)}, {}, {}, 1)
+    return Evaluation(Candidate(point, ""), values, {problem.bounded[0].label: float(shares[0] - 0.6)}, {}, {}, 1)
 
 
 def run(problem: Problem, method: str, batches: int, seed: int = 0) -> list[Evaluation]:
@@ -49,6 +49,16 @@ def test_the_bottom_is_found_where_the_constraint_allows(
     best = done[best_first(done)[0]]
     assert best.feasible
     assert 0.01 <= best.objectives[0] < reached
+
+
+def test_a_strategy_that_stands_still_starts_elsewhere(make_problem: MakeProblem) -> None:
+    problem = make_problem()
+    done = run(problem, "cmaes", 200)
+    shares = np.array([problem.space.encoded(one.point) for one in done])
+    spreads = np.array([batch.std(axis=0).mean() for batch in np.split(shares, 200)])
+    calm = np.flatnonzero(spreads < 0.02)
+    assert len(calm)
+    assert spreads[calm[0] :].max() > 0.2  # all of the space is looked at again
 
 
 def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: MakeProblem) -> None:

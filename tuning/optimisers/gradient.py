@@ -3,7 +3,9 @@
 At the best point so far the error e_k of every scenario is linear in the gains, and so is every constraint. The squares
 of that error are minimised within the linear constraints and a box around the point (sequential quadratic programming,
 Nocedal and Wright, Numerical Optimization, 2006, Chapters 10 and 18): a Levenberg–Marquardt step where no constraint
-binds. How large a box may be trusted is not guessed: steps of several sizes are tried side by side.
+binds. How large a box may be trusted is not guessed: steps of several sizes are tried side by side. Constraints are
+curved; how much shows where steps were tried, and the next ones keep that distance (second-order correction, ibid.,
+Section 18.3).
 """
 
 import warnings
@@ -17,6 +19,7 @@ from model.quantity import with_leaves
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
 from simulation.sensitivities import Sensitivities, sensitivities
+from tuning.evaluate import margin
 from tuning.evaluation import Evaluation
 from tuning.problem import Problem, counts
 from tuning.ranking import best_first
@@ -28,10 +31,10 @@ Floats = NDArray[np.float64]
 STRIDE = 10
 """Every how many samples an error counts in the quadratic model."""
 
-SCOUTS = 7
+SCOUTS = 15
 """Points spread over the space before the first step, for a valley may lie far from the start."""
 
-SIZES = 4
+SIZES = 3
 """Steps tried side by side, each half as large as the one before."""
 
 FIRST, LARGEST, SMALLEST = 0.2, 0.5, 1e-5
@@ -58,6 +61,10 @@ class Model:
     violations: Floats
     slopes: Floats
 
+    def bent(self, distance: Floats) -> "Model":
+        """The model with constraints that are closer by a distance each, (c,)."""
+        return replace(self, violations=self.violations + distance)
+
 
 class Gradient:
     """Trust-region Gauss–Newton from the best of the start, some scouts and whatever it is told."""
@@ -73,6 +80,8 @@ class Gradient:
         self._best: Evaluation | None = None
         self._size = FIRST
         self._model: Model | None = None
+        self._bend = np.zeros(len(problem.bounded))
+        self._corrected = False
 
     @property
     def converged(self) -> bool:
@@ -100,7 +109,8 @@ class Gradient:
         points: list[Point] = []
         for place in range(min(count, SIZES)):
             moved = centre.copy()
-            moved[self._smooth] += step(self._model, centre[self._smooth], self._size / 2**place)
+            size = self._size / 2**place
+            moved[self._smooth] += step(self._model.bent(self._bend * size**2), centre[self._smooth], size)
             point = self._space.decoded(moved)
             for kept, dimension in enumerate(self._space.dimensions):
                 if kept not in self._smooth:
@@ -113,13 +123,38 @@ class Gradient:
         if not evaluations:
             return
         leader = evaluations[best_first(evaluations)[0]]
+        learnt = self._learn_bend(evaluations)
         if self._best is None or best_first([self._best, leader])[0]:
             if self._best is not None:
                 moved = np.abs(self._space.encoded(leader.point) - self._space.encoded(self._best.point)).max()
                 self._size = float(np.clip(4 * moved, 10 * SMALLEST, LARGEST))
-            self._best, self._model = leader, None
+            self._best, self._model, self._corrected = leader, None, False
+        elif learnt and not self._corrected:
+            self._corrected = True
         else:
             self._size /= 2 ** (SIZES - 1)
+            self._corrected = False
+
+    def _learn_bend(self, evaluations: Sequence[Evaluation]) -> bool:
+        """Learn how far constraints leave their linear model; whether that kept a step from being taken.
+
+        The violation beyond the model is taken for a multiple, `_bend`, of the square of the step's size.
+        """
+        if self._best is None or self._model is None or not len(self._bend):
+            return False
+        found, kept = np.zeros_like(self._bend), False
+        centre = self._space.encoded(self._best.point)
+        for one in evaluations:
+            moved = (self._space.encoded(one.point) - centre)[self._smooth]
+            size = float(np.abs(moved).max(initial=0.0))
+            if not 0 < size <= 1.01 * self._size:
+                continue
+            violations = np.array([one.violations[constraint.label] for constraint in self._problem.bounded])
+            excess = violations - (self._model.violations + self._model.slopes @ moved)
+            found = np.maximum(found, excess / size**2)
+            kept = kept or (not one.feasible and one.objectives[0] < self._best.objectives[0])
+        self._bend = found if found.any() else self._bend
+        return kept and bool(found.any())
 
     def _linearised(self, point: Point) -> Model:
         problem = self._problem
@@ -144,7 +179,8 @@ class Gradient:
         errors = errors[np.isfinite(errors).all(axis=1)]
         square = float(np.nanmean(run.errors[0, counted] ** 2))
         violations = [
-            one.violation(one.statistic.over(_counted(run, one.statistic, scenarios))) for one in problem.bounded
+            one.violation(one.statistic.over(_counted(run, one.statistic, scenarios)), margin(one, scenarios))
+            for one in problem.bounded
         ]
         signs = [(-1 if one.at_least else 1) / (abs(one.bound) or 1.0) for one in problem.bounded]
         return Model(

@@ -1,0 +1,155 @@
+"""What exact gradients save: the best of 1 000 trials by TPE, and how many rollouts the gradient method needs for it.
+
+``python -m benchmarks.gradient`` prints the table; ``--write FILE`` puts it between the file's two marks. The problem
+is Case 4 with perfect sensors, six gains, no more chatter than the paper's gains. A gradient counts as so many rollouts
+as it takes time for, measured in the same run.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.case import Case
+from benchmarks.document import markdown, put
+from benchmarks.peers import compiled
+from dualwinch import tuning_problem
+from simulation.experiment import Simulation
+from simulation.sensitivities import sensitivities
+from tuning.evaluate import Evaluator
+from tuning.memory import Memory
+from tuning.optimisers import optimiser
+from tuning.optimisers.gradient import Gradient, Model
+from tuning.problem import Problem
+from tuning.space import Point
+from tuning.storage import Budget, quiet
+from tuning.study import Progress, search
+
+GAINS = (
+    *(f"controller.nftsm.{name}" for name in ("beta", "eta", "k", "phi")),
+    *(f"controller.observer.{name}" for name in ("l0", "kf")),
+)
+"""The gains that are tuned."""
+
+SEEDS, TRIALS, ALLOWED = range(1, 9), 1000, 50.0
+"""Seeds of the searches, trials of TPE, and rollouts that the gradient method is given."""
+
+ROUNDS = 9
+"""Measurements of a gradient and of a rollout, the shortest of which counts."""
+
+
+class Counted(Gradient):
+    """The gradient method, counting its gradients."""
+
+    gradients = 0
+
+    def _linearised(self, point: Point) -> Model:
+        self.gradients += 1
+        return super()._linearised(point)
+
+
+@dataclass(frozen=True)
+class Race:
+    """One seed's result: errors in m², and when the gradient method was as good, or ``None``."""
+
+    seed: int
+    tpe: float
+    gradient: float
+    needed: float | None
+
+
+def cost_of_a_gradient() -> float:
+    """Time of the gradient by all gains over that of a rollout, each as one call on one thread."""
+    default = Simulation()
+    run = Case(integrator=default.integrator, substeps=default.substeps)
+    values = [run.named_parameters[name] for name in GAINS]
+    gradient = _shortest(lambda: sensitivities(GAINS, [values], [run.experiment], stride=10, threads=1))
+    return gradient / _shortest(compiled.prepare_call(run))
+
+
+def race(seed: int, gradient_cost: float) -> Race:
+    """Both methods on the same problem."""
+    best = _search(_problem(seed), "tpe", TRIALS, lambda _: None)
+    found: list[tuple[float, float]] = []
+    method = Counted(problem := _problem(seed), seed)
+
+    def watch(progress: Progress) -> None:
+        if progress.best and progress.best.feasible:
+            spent = progress.trials + gradient_cost * method.gradients
+            found.append((spent, progress.best.objectives[0]))
+
+    _search(problem, "gradient", int(ALLOWED), watch, method)
+    needed = next((spent for spent, value in found if value <= best and spent <= ALLOWED), None)
+    return Race(seed, best, min(value for spent, value in found if spent <= ALLOWED), needed)
+
+
+def table(races: Sequence[Race]) -> str:
+    """The races as a Markdown table."""
+    rows = [
+        [
+            str(one.seed),
+            f"{1e12 * one.tpe:.3g}",
+            f"{1e12 * one.gradient:.3g}",
+            f"{one.gradient / one.tpe:.2g}",
+            f"{one.needed:.0f}" if one.needed else f"more than {ALLOWED:.0f}",
+        ]
+        for one in races
+    ]
+    headings = [
+        "seed",
+        f"TPE, best MSE of {TRIALS} (µm²)",
+        f"gradient, best MSE within {ALLOWED:.0f} (µm²)",
+        "ratio",
+        "rollouts to TPE's best",
+    ]
+    return markdown(headings, rows)
+
+
+def _problem(seed: int) -> Problem:
+    return tuning_problem(case=4, space=GAINS, seed=seed)
+
+
+def _search(
+    problem: Problem, name: str, trials: int, watch: Callable[[Progress], None], method: Gradient | None = None
+) -> float:
+    proposer = method or optimiser(name, problem, problem.seed)
+    progress = search(problem, name, proposer, Memory(Budget(trials, None)), Evaluator(problem), watch)
+    if progress.best is None or not progress.best.feasible:
+        raise RuntimeError(f"{name}: found no candidate that keeps to the constraints")
+    return progress.best.objectives[0]
+
+
+def _shortest(call: Callable[[], object]) -> float:
+    times: list[float] = []
+    for _ in range(ROUNDS):
+        began = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def main() -> None:
+    """Race, and print or write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    arguments = parser.parse_args()
+    quiet()
+    cost = cost_of_a_gradient()
+    races: list[Race] = []
+    for seed in SEEDS:
+        races.append(race(seed, cost))
+        sys.stderr.write(f"{len(races)} of {len(SEEDS)} seeds\n")
+    reached = sum(one.needed is not None for one in races)
+    text = (
+        f"{table(races)}\n\n*A gradient by {len(GAINS)} gains takes as long as {cost:.1f} rollouts; "
+        f"TPE's best is reached within {ALLOWED:.0f} in {reached} of {len(races)} races.*"
+    )
+    print(text)
+    if arguments.write:
+        put(arguments.write, "gradient", text)
+
+
+if __name__ == "__main__":
+    main()
