@@ -10,7 +10,6 @@ import numpy as np
 from simulation.batch import BatchResult
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
-from tuning.constraint import Constraint
 from tuning.evaluation import Candidate, Evaluation
 from tuning.problem import Problem, over, run_pairs
 from tuning.ranking import best_first
@@ -20,9 +19,6 @@ FAILED = "scenarios not completed <= 0"
 
 FIRST_SHARE, KEPT_SHARE = 0.5, 0.5
 """Share of the scenarios that all candidates see, and share of the candidates that see the rest."""
-
-MARGIN = 0.01
-"""Distance that what is the worst keeps from its bound in the few scenarios of tuning, as a share: others are worse."""
 
 LEADERS = 2
 """Candidates of a call, the best of it, that have to hold in the stress scenarios as well."""
@@ -65,10 +61,11 @@ class Evaluator:
         """
         scenarios = self.problem.tuning_scenarios
         if not self._first or len(candidates) < 2:
-            return self.over(candidates, scenarios)
+            result = self._run(candidates, scenarios)
+            return [self.judged(one, result, scenarios, place, tuning=True) for place, one in enumerate(candidates)]
         early = self._run(candidates, scenarios[: self._first])
         judged = [
-            self.judged(one, early, scenarios[: self._first], place, pruned=True)
+            self.judged(one, early, scenarios[: self._first], place, tuning=True, pruned=True)
             for place, one in enumerate(candidates)
         ]
         order = best_first(judged)
@@ -79,14 +76,14 @@ class Evaluator:
         whole: dict[int, BatchResult] = {}
         for row, place in enumerate(places):
             whole[place] = _joined(early, place, late, row)
-            judged[place] = self.judged(candidates[place], whole[place], scenarios)
+            judged[place] = self.judged(candidates[place], whole[place], scenarios, tuning=True)
         leaders = [place for place in best_first(judged)[:LEADERS] if judged[place].feasible]
         stress = self.problem.stress_scenarios
         if leaders and stress:
             more = self._run([candidates[place] for place in leaders], stress)
             for row, place in enumerate(leaders):
                 result = _joined(whole[place], 0, more, row)
-                judged[place] = self.judged(candidates[place], result, [*scenarios, *stress])
+                judged[place] = self.judged(candidates[place], result, [*scenarios, *stress], tuning=True)
         return judged
 
     def over(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> list[Evaluation]:
@@ -113,15 +110,17 @@ class Evaluator:
         scenarios: Sequence[Experiment | Scenario],
         row: int = 0,
         *,
+        tuning: bool = False,
         pruned: bool = False,
     ) -> Evaluation:
-        """What a row of a result comes to for a candidate; among corners of the ensemble `MARGIN` is to be kept."""
+        """What a row of a result comes to for a candidate; in tuning with a margin (`Problem.margin`)."""
         problem, outcomes = self.problem, result.outcomes[row]
         done = outcomes == "completed"
         found = {one: over(one, result, row, scenarios) for one in problem.reported}
         violations = {FAILED: float(1 - done.mean())}
         for one in problem.bounded:
-            violations[one.label] = one.violation(found[one.statistic], margin(one, scenarios))
+            margin = problem.margin(one) if tuning else 0.0
+            violations[one.label] = one.violation(found[one.statistic], margin)
         return Evaluation(
             candidate=candidate,
             objectives=tuple(found[one] for one in problem.minimised),
@@ -131,12 +130,6 @@ class Evaluator:
             scenarios=len(outcomes),
             pruned=pruned,
         )
-
-
-def margin(constraint: Constraint, scenarios: Sequence[Experiment | Scenario]) -> float:
-    """Distance that a constraint keeps from its bound: `MARGIN` for what is the worst among corners of an ensemble."""
-    few = any(isinstance(one, Scenario) and one.extreme for one in scenarios)
-    return MARGIN if few and constraint.statistic.kind == "worst" else 0.0
 
 
 def _joined(early: BatchResult, place: int, late: BatchResult, row: int) -> BatchResult:

@@ -20,6 +20,9 @@ from tuning.statistic import Statistic, statistic_from
 SELECTION, HELD_OUT = 1_000_000, 2_000_000
 """Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
 
+MARGIN = 0.01
+"""Distance that what is the worst keeps from its bound in the few scenarios of tuning, as a share: others are worse."""
+
 STRESS = 16
 """Number of the scenarios in which only the best candidates are tried."""
 
@@ -104,6 +107,10 @@ class Problem:
         """The constraints; one relative to the paper's gains costs a rollout of those."""
         return constraints_from(self.constraints, self.experiment, self._paper_value)
 
+    def margin(self, constraint: Constraint) -> float:
+        """Distance that a constraint has to keep from its bound in tuning, as a share of the bound."""
+        return MARGIN if self.ensemble and constraint.statistic.kind == "worst" else 0.0
+
     @cached_property
     def reported(self) -> tuple[Statistic, ...]:
         """Every statistic that is kept of a candidate, without repetition."""
@@ -125,6 +132,13 @@ class Problem:
         tuning = pick(ensemble, self.scenarios, self.seed)
         known = sum(one.corner for one in tuning)
         return tuning, corners(ensemble, known + STRESS, self.seed)[known:]
+
+    def corners(self, count: int, seed: int) -> tuple[Scenario, ...]:
+        """Corners of the ensemble (`tuning.scenarios.corners`); none without one."""
+        if self.ensemble is None:
+            return ()
+        ensemble = replace(self.ensemble, experiment=self.experiment)
+        return tuple(one.drawn(ensemble, seed) for one in corners(ensemble, count, seed))
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.

@@ -11,8 +11,8 @@ from tuning.evaluation import Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
 from tuning.ranking import best_first, pareto_front
 
-FINALISTS, SELECTION_SCENARIOS = 16, 96
-"""Finalists, and the scenarios in which they meet."""
+FINALISTS, SELECTION_SCENARIOS, SELECTION_CORNERS = 16, 96, 32
+"""Finalists, and the draws and corners of the ensemble in which they meet."""
 
 LAST, LAST_SCENARIOS = 4, 192
 """Finalists of the second round, and further scenarios in which they meet."""
@@ -44,7 +44,7 @@ def rollouts_needed(problem: Problem, held_out: int) -> int:
     """Rollouts that `judge` makes, at most."""
     if not problem.ensemble:
         return 1
-    return FINALISTS * SELECTION_SCENARIOS + LAST * LAST_SCENARIOS + 2 * held_out
+    return FINALISTS * (SELECTION_SCENARIOS + SELECTION_CORNERS) + LAST * LAST_SCENARIOS + 2 * held_out
 
 
 def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, held_out: int) -> Verdict:
@@ -84,7 +84,7 @@ def _finals(
     """The best as it was tuned, and what it came to in the selection scenarios.
 
     The very best where tuned are often the ones that only just hold: so the finalists are a ladder from the best to
-    ever more cautious ones. The best of these among plain draws of the ensemble meet once more, in others.
+    ever more cautious ones. The best of these among other draws and corners of the ensemble meet once more, in draws.
     """
     whole = [trials[place] for place in order if not trials[place].pruned]
     if len(problem.objectives) > 1:
@@ -92,9 +92,10 @@ def _finals(
         finalists = [trials[place] for place in places[:: -(-len(places) // FINALISTS)]]
     else:
         finalists = [whole[place] for place in rungs(whole)]
-    scenarios = problem.drawn(SELECTION_SCENARIOS + LAST_SCENARIOS, problem.seed + SELECTION)
-    first, last = scenarios[:SELECTION_SCENARIOS], scenarios[SELECTION_SCENARIOS:]
-    met = evaluator.over([one.candidate for one in finalists], first)
+    seed = problem.seed + SELECTION
+    draws = problem.drawn(SELECTION_SCENARIOS + LAST_SCENARIOS, seed)
+    first, last = draws[:SELECTION_SCENARIOS], draws[SELECTION_SCENARIOS:]
+    met = evaluator.over([one.candidate for one in finalists], [*first, *problem.corners(SELECTION_CORNERS, seed)])
     left = best_first(met)[:LAST]
     again = evaluator.over([finalists[place].candidate for place in left], last)
     place = best_first(again)[0]

@@ -29,6 +29,7 @@ def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dualwinch.tune_command.HELD_OUT_SCENARIOS", 8)
     monkeypatch.setattr("tuning.selection.SELECTION_SCENARIOS", 4)
     monkeypatch.setattr("tuning.selection.LAST_SCENARIOS", 4)
+    monkeypatch.setattr("tuning.selection.SELECTION_CORNERS", 4)
     monkeypatch.setattr("tuning.scenarios.LOOKED_AT", 4)
 
 

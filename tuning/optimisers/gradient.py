@@ -19,7 +19,6 @@ from model.quantity import with_leaves
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
 from simulation.sensitivities import Sensitivities, sensitivities
-from tuning.evaluate import margin
 from tuning.evaluation import Evaluation
 from tuning.problem import Problem, counts
 from tuning.ranking import best_first
@@ -179,7 +178,7 @@ class Gradient:
         errors = errors[np.isfinite(errors).all(axis=1)]
         square = float(np.nanmean(run.errors[0, counted] ** 2))
         violations = [
-            one.violation(one.statistic.over(_counted(run, one.statistic, scenarios)), margin(one, scenarios))
+            one.violation(one.statistic.over(_counted(run, one.statistic, scenarios)), problem.margin(one))
             for one in problem.bounded
         ]
         signs = [(-1 if one.at_least else 1) / (abs(one.bound) or 1.0) for one in problem.bounded]
