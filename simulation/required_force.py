@@ -43,9 +43,24 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
     return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load], dtype=np.float64)
 
 
-def excess_force(experiment: Experiment) -> float:
-    """How much more net force in N a run asks for, at its worst moment, than the motors can give; below 0: less."""
-    return float(np.abs(required_force(experiment)).max() - force_limit(experiment.controller.coordination))
+def shortfall(experiment: Experiment) -> float:
+    """How far in m a run falls behind at most, with all the force there is until it has caught up; 0: it need not.
+
+    From the force alone: that a slower vehicle has less drag is left out.
+    """
+    limit = force_limit(experiment.controller.coordination)
+    step, mass = EVERY * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
+    furthest = behind = rate = 0.0
+    way = 1.0
+    for force in required_force(experiment).tolist():
+        if behind == 0:
+            way = 1.0 if force > 0 else -1.0
+        rate += step * (way * force - limit) / mass
+        behind += step * rate
+        if behind <= 0:
+            behind = rate = 0.0
+        furthest = max(furthest, behind)
+    return furthest
 
 
 def force_parameters(experiment: Experiment) -> Floats:

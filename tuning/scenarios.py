@@ -2,17 +2,16 @@
 
 Gains that hold in a handful of draws need not hold in hundreds. They fail in two ways. Where several values of the
 plant lie at the ends of their ranges, the loop may be unstable. And where the reference asks for more force than the
-ropes can give, they saturate, and have to recover without a peak and without a slack rope; which scenarios these are
-depends on no gain (`simulation.required_force`). So half of the corners are some of those that are only just too much
-for the ropes. Corners that ask for yet more show nothing but that.
+motors can give, the vehicle falls behind and has to recover without a peak and without a slack rope; how far does not
+depend on the gains (`simulation.required_force`). So half of the corners are some where it falls behind as far as it
+does in one draw of some hundreds.
 """
 
 from dataclasses import dataclass
 
-from controllers.coordination import force_limit
 from simulation.ensemble import Ensemble, Scenario
 from simulation.jobs import run_all
-from simulation.required_force import excess_force
+from simulation.required_force import shortfall
 
 CORNER_SHARE = 0.75
 """Share of the scenarios that are corners. A few draws give a mean; what is the worst takes more."""
@@ -20,8 +19,8 @@ CORNER_SHARE = 0.75
 LOOKED_AT = 200
 """Corners that are looked at."""
 
-BEYOND_REACH = 0.015
-"""How far beyond the ropes' largest net force the hardest corner is, as a share of it."""
+FURTHEST = 0.015
+"""How far in m the vehicle falls behind in the hardest corner, at most."""
 
 
 @dataclass(frozen=True)
@@ -59,19 +58,18 @@ def corners(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
 
     The arguments are those of `pick`; the first of many are the same ones as those of a few.
     """
-    excess = [0.0] * max(LOOKED_AT, 2 * count)
+    behind = [0.0] * max(LOOKED_AT, 2 * count)
 
     def look(index: int) -> None:
-        excess[index] = excess_force(ensemble.scenario(index, seed, extreme=True).experiment)
+        behind[index] = shortfall(ensemble.scenario(index, seed, extreme=True).experiment)
 
-    if not run_all([lambda index=index: look(index) for index in range(len(excess))]):
+    if not run_all([lambda index=index: look(index) for index in range(len(behind))]):
         raise KeyboardInterrupt
-    most = BEYOND_REACH * force_limit(ensemble.experiment.controller.coordination)
-    waiting = [index for index, force in enumerate(excess) if force <= most]
-    waiting += sorted(set(range(len(excess))) - set(waiting), key=lambda index: excess[index])
+    waiting = [index for index, way in enumerate(behind) if way <= FURTHEST]
+    waiting += sorted(set(range(len(behind))) - set(waiting), key=lambda index: behind[index])
     found: list[Pick] = []
     while len(found) < count:
-        hardest = max(waiting, key=lambda index: (excess[index] <= most, excess[index]))
+        hardest = max(waiting, key=lambda index: (behind[index] <= FURTHEST, behind[index]))
         one = waiting[0] if len(found) % 2 else hardest
         waiting.remove(one)
         found.append(Pick(one, corner=True))

@@ -8,7 +8,7 @@ import pytest
 from dualwinch.config import override
 from simulation.experiment import Experiment
 from simulation.paper import case
-from simulation.required_force import EVERY, excess_force, required_force
+from simulation.required_force import EVERY, required_force, shortfall
 from simulation.simulate import simulate
 
 
@@ -40,4 +40,17 @@ def test_a_run_that_tracks_takes_that_force(integrated: bool) -> None:
     columns = simulate(experiment).columns
     taken = (columns["F1"] - columns["F2"])[::EVERY]
     assert np.abs(required_force(experiment) - taken)[1:].max() < 20  # of 4 kN
-    assert excess_force(experiment) == pytest.approx(taken.max() - 5800, abs=5)
+
+
+def test_the_shortfall_is_what_full_force_leaves() -> None:
+    """A mass of 10 t is to gain 0.1 m/s² for 10 s with 900 N: it falls behind by 0.01 m/s² (10 s)²/2."""
+    bare = {
+        "plant.vehicle.drag_coefficient": 0.0,
+        "plant.vehicle.friction_coefficient": 0.0,
+        "plant.winch_1.inertia": 1e-9,
+        "plant.winch_2.inertia": 1e-9,
+        "simulation.duration": 10.0,
+    }
+    limited = {"controller.coordination.tension_max": 1100.0}
+    assert shortfall(override(Experiment(), bare | limited)) == pytest.approx(0.5, rel=0.02)
+    assert shortfall(override(Experiment(), bare)) == 0
