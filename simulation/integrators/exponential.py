@@ -49,10 +49,11 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     momentum = h * inertia(plant.vehicle)
 
     yielding = 1 / (momentum - slope_1 + slope_2)
+    by_ropes, share = (fixed_1 - fixed_2) * yielding, momentum * yielding
 
     def mean_acceleration(slow: Scalar) -> Scalar:
         """From the vehicle's momentum balance: h mass a = h mass slow + impulse_1(a) − impulse_2(a)."""
-        return (momentum * slow + fixed_1 - fixed_2) * yielding
+        return by_ropes + share * slow
 
     middle_v = state.v + h / 2 * mean_acceleration(motion.slow)
     frequency = vortex_frequency(middle_v, problem.disturbance, plant.vehicle)
@@ -63,7 +64,7 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
 
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     x, v = state.x + h * (state.v + h / 2 * a), state.v + h * a
-    late = slow + (impulse_1 - impulse_2) / momentum - a  # not zero where a rope went slack or tight
+    late = slow + (impulse_1 - impulse_2) / momentum - a if slack else 0.0  # where a rope went slack or tight
     following = PlantState(
         x=x + h**2 / 2 * late,
         v=v + h * late,

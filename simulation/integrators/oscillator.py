@@ -10,9 +10,9 @@ SERIES_ORDER = 8
 """Order of the power series that carries a taut rope over a part of a sub-step."""
 
 DOUBLINGS = 3
-"""Doublings of the angle behind `cosine_and_sine`; its series is then exact to rounding up to two oscillations."""
+"""Doublings of the angle behind `cosine_and_sine`; its series then errs by 3e-11 at one oscillation, 4e-7 at two."""
 
-ANGLE_ORDER = 8
+ANGLE_ORDER = 6
 """Terms of that series beyond the first."""
 
 TINY = 1e-100
@@ -29,6 +29,11 @@ def cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
     for _ in range(DOUBLINGS):
         cosine, sine = 2 * cosine**2 - 1, sine * cosine
     return cosine, sine
+
+
+def slow_growth(z: Scalar) -> Scalar:
+    """exp(z) to the third order, for the little by which a rope's stiffness changes in a step."""
+    return 1 + z * (1 + z * (1 / 2 + z / 6))
 
 
 def crossing(start: Scalar, slope: Scalar, end: Scalar, h: Scalar) -> Scalar:
@@ -89,22 +94,22 @@ def swing(kappa: Scalar, damping: Scalar, stiffening: Scalar, h: Scalar) -> Swin
         stiffening: relative rate of the stiffness in 1/s.
         h: length of the step.
     """
-    delta = damping - 2 * stiffening
+    growth, delta = stiffening * h, damping - 2 * stiffening
+    cosine, sine = cosine_and_sine((kappa - damping**2 / 4) * h**2 - growth**2)
     kappa = kappa - damping * stiffening
-    cosine, sine = cosine_and_sine((kappa - delta**2 / 4) * h**2)
-    decay = exp(-delta * h / 2)
-    even, odd = decay * cosine, decay * sine * h
-    force_force, force_rate = even + delta / 2 * odd, odd
-    inverse, end = reciprocals(kappa, 1 + stiffening * h / 2)
-    to_drive = (1 - force_force) * inverse
+    decay = exp(-damping * h / 2) * slow_growth(growth)  # exp(-delta h/2)
+    even, odd = decay * cosine, decay * (sine * h)
+    skew = delta / 2 * odd
+    inverse, end = reciprocals(kappa, 1 + growth / 2)
+    to_drive = (1 - (even + skew)) * inverse
     return Swing(
-        force_force=force_force,
-        force_rate=force_rate,
+        force_force=even + skew,
+        force_rate=odd,
         rate_force=-kappa * odd,
-        rate_rate=even - delta / 2 * odd,
+        rate_rate=even - skew,
         to_drive=to_drive,
-        to_ramp=(h - force_rate - delta * to_drive) * inverse,
-        start=1 - stiffening * h / 2,
+        to_ramp=(h - odd - delta * to_drive) * inverse,
+        start=1 - growth / 2,
         end=end,
         stiffening=stiffening,
     )
