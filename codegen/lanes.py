@@ -16,7 +16,7 @@ Numbers that are not finite are reckoned with: gcc turns choices into branches a
 """
 
 GCC_FLAGS = ("-fschedule-insns",)
-"""Flags that only gcc knows: it orders instructions before it hands out registers, which leaves them less waiting."""
+"""Flags of every driver that only gcc knows: it orders instructions before it hands out registers: they wait less."""
 
 DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
 """A generated function (`codegen.c_source`)."""

@@ -54,7 +54,12 @@ def tension(stretch: Scalar, stretch_rate: Scalar, length: Scalar, rope: Rope, *
         rope: the rope.
         slack: whether the *total* force is clamped at zero; ``False`` gives the paper's two-sided rope.
     """
-    pull = stiffness(length, rope) * stretch + rope.damping * stretch_rate
+    return spring_tension(stretch, stretch_rate, stiffness(length, rope), rope, slack=slack)
+
+
+def spring_tension(stretch: Scalar, stretch_rate: Scalar, spring: Scalar, rope: Rope, *, slack: bool = True) -> Scalar:
+    """`tension` from the spring rate in N/m."""
+    pull = spring * stretch + rope.damping * stretch_rate
     if not slack:
         return pull
     return where(both(stretch > 0, pull > 0), pull, 0.0)
