@@ -27,6 +27,9 @@ OPTIMISE = (
 )
 """Flags of every build; nothing here lets a compiler reorder sums or contract products."""
 
+SCHEDULED = ("-fschedule-insns",)
+"""Flags of long straight code that only gcc knows: it orders instructions before it hands out registers."""
+
 SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
 
 NO_COMPILER = (

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from codegen.c_source import c_source
 from codegen.cache import library
-from codegen.compiler import Compiler, find_compiler
-from codegen.lanes import GCC_FLAGS
+from codegen.compiler import SCHEDULED, Compiler, find_compiler
 from codegen.sampled import Sampled
 from codegen.unit import hoisted_all, unit
 
@@ -89,7 +88,7 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None) -> Rollou
         CacheError: the cache folder cannot be used.
     """
     chosen = compiler or find_compiler()
-    path = library(rollout_source(system), chosen, FLAGS if chosen.is_clang else FLAGS + GCC_FLAGS)
+    path = library(rollout_source(system), chosen, FLAGS if chosen.is_clang else FLAGS + SCHEDULED)
     call = ctypes.CDLL(str(path)).rollout
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64
