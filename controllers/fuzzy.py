@@ -20,12 +20,14 @@ def memberships(value: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     return maximum(1 - twice, 0.0), minimum(twice, 2 - twice), maximum(twice - 1, 0.0)
 
 
-def _weighted(zero: Scalar, small: Scalar, big: Scalar, degrees: tuple[Scalar, Scalar, Scalar]) -> Scalar:
+def _mean(values: tuple[Scalar, Scalar, Scalar], degrees: tuple[Scalar, Scalar, Scalar]) -> Scalar:
     """Mean of what the labels give; the degree of zero is what those of small and big leave of one."""
+    zero, small, big = values
     return zero + (small - zero) * degrees[1] + (big - zero) * degrees[2]
 
 
 def inference(error: Scalar, rate: Scalar) -> Scalar:
     """FLS(error, rate) in [0, 1]; both inputs are scaled, without unit (paper Section 3.1.3, A8)."""
-    of_error, of_rate = memberships(error), memberships(rate)
-    return _weighted(*(_weighted(*row, of_rate) for row in RULES), of_error)
+    of_rate = memberships(rate)
+    zero, small, big = (_mean(row, of_rate) for row in RULES)
+    return _mean((zero, small, big), memberships(error))

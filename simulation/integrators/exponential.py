@@ -62,10 +62,7 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     stretch_1, rate_1, pull_1 = rope_1.end(a)
     stretch_2, rate_2, pull_2 = rope_2.end(a)
 
-    if slack:
-        late = h**2 * (slow + (pull_1 - pull_2) / mass) - a  # not zero where a rope went slack or tight
-    else:
-        late = 0.0
+    late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # where a rope went slack or tight
     steps = h * state.v + a  # speed at the end in m a step, without the above
     x = state.x + h * state.v + a / 2
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius

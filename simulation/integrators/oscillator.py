@@ -240,7 +240,8 @@ class Oscillator:
         Args:
             g: drive.
             ramp: its growth.
-            stretch, rate: those at the end if the rope stayed as it was.
+            stretch: that at the end, if the rope stayed as it was.
+            rate: likewise.
         """
         taut = self._taut
         pull = self._pull(self.stretch, self.rate)
