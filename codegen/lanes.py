@@ -15,7 +15,7 @@ Numbers that are not finite are reckoned with: gcc turns choices into branches a
 `x > 0` for the opposite of `x <= 0`, a NaN in one of two interleaved lanes loses what the other one computed.
 """
 
-GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps")
+GCC_FLAGS = (*SCHEDULED, "-fsched-pressure", "-fno-thread-jumps")
 """Flags that only gcc knows. It would make branches of choices, thread them, and turn all back into masks."""
 
 DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
