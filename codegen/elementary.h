@@ -1,5 +1,5 @@
 /* Elementary functions without branches, tables or calls, so that compilers inline them, overlap them and carry
-   them out in vector lanes. Their polynomials are those of least error, of as few terms as a relative error below 3e-11
+   them out in vector lanes. Their polynomials are those of least error, of as few terms as a relative error below 1e-9
    takes: the sampled systems they are for are known and integrated far less well. Not for non-finite arguments. Comes
    after driver.h. */
 
@@ -25,14 +25,13 @@ static inline double power_of_two(double shifted) { return from_bits((to_bits(sh
 
 /* (exp(r) - 1)/r for |r| <= ln(2)/2 */
 static inline double growth(double r) {
-  double p = 2.4801537190461346e-05;
-  p = p * r + 1.9907450643593538e-04;
-  p = p * r + 1.388897839488427e-03;
-  p = p * r + 8.333283752501195e-03;
-  p = p * r + 4.166666595110337e-02;
-  p = p * r + 1.6666666785346151e-01;
-  p = p * r + 5.000000000120572e-01;
-  return p * r + 9.999999999955731e-01;
+  double p = 1.9841267984067193e-04;
+  p = p * r + 1.394100482521007e-03;
+  p = p * r + 8.333402868620271e-03;
+  p = p * r + 4.1666354452213866e-02;
+  p = p * r + 1.6666666249748063e-01;
+  p = p * r + 5.000000046650894e-01;
+  return p * r + 1.0000000000311897;
 }
 
 #define LOG2_E 1.44269504088896340736
@@ -77,11 +76,10 @@ static inline double inline_log(double x) {
   uint64_t biased = bits - UINT64_C(0x3fe6a09e667f3bcd) + one; /* less the bits of sqrt(1/2) */
   double n = from_bits(to_bits(ROUNDER) + (biased >> 52)) - (ROUNDER + 1023.0);
   double m = from_bits(bits - (biased & UINT64_C(0xfff0000000000000)) + one); /* sqrt(1/2) <= m < sqrt(2) */
-  double s = (m - 1.0) / (m + 1.0), q = s * s, p = 2.3617469520715686e-01;
-  p = p * q + 2.8534985703208206e-01;
-  p = p * q + 4.0000385873270028e-01;
-  p = p * q + 6.666666524043044e-01;
-  p = p * q + 2.000000000008424e+00;
+  double s = (m - 1.0) / (m + 1.0), q = s * s, p = 2.9925649122495724e-01;
+  p = p * q + 3.9974795006431870e-01;
+  p = p * q + 6.6666815949821470e-01;
+  p = p * q + 1.9999999986213474;
   return n * LN_2 + s * p;
 }
 

@@ -44,6 +44,11 @@ def stiffness(length: Scalar, rope: Rope) -> Scalar:
     return rope.modulus * rope.area / length
 
 
+def compliance(length: Scalar, rope: Rope) -> Scalar:
+    """Stretch in m under a tension of 1 N of a rope of a length in m: length / (E A)."""
+    return length / (rope.modulus * rope.area)
+
+
 def tension(stretch: Scalar, stretch_rate: Scalar, length: Scalar, rope: Rope, *, slack: bool = True) -> Scalar:
     """Tension in N: spring plus damper, zero while the rope is slack (paper Section 2.2, A2).
 

@@ -13,7 +13,7 @@ the Kelvin–Voigt rope.
 
 from model.disturbance import vortex_frequency
 from model.plant import PlantState, vehicle_acceleration
-from model.rope import Rope, rope_lengths
+from model.rope import Rope, compliance, rope_lengths
 from model.scalar import Scalar, minimum, reciprocals
 from model.vehicle import inertia
 from model.winch import Winch, friction_slope, friction_torque
@@ -143,7 +143,7 @@ def _oscillator(
         drive=turning * winch.gear_ratio * torque - turning * friction_torque(omega, winch) + drag * rate,
         sign=sign,
         spring=rope.modulus * rope.area * closeness,
-        compliance=length / (rope.modulus * rope.area),
+        compliance=compliance(length, rope),
         damper=rope.damping / h,
         stiffening=-lengthening * closeness,
         mobility=winch.drum_radius**2 / winch.inertia * h**2,

@@ -43,7 +43,7 @@ def lanes(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 def test_relative_error(name: str, lower: float, upper: float, lanes: ctypes.CDLL) -> None:
     call = getattr(lanes, f"call_{name}")
     for x in np.random.default_rng(1).uniform(lower, upper, 20_000).tolist():
-        assert call(x) == pytest.approx(float(FUNCTIONS[name](x)), rel=3e-11, abs=0), x
+        assert call(x) == pytest.approx(float(FUNCTIONS[name](x)), rel=1e-9, abs=0), x
 
 
 @pytest.mark.parametrize("reach", [1.0, 1e3, 1e6])
@@ -54,11 +54,11 @@ def test_sine_of_a_large_angle_errs_by_the_spacing_of_numbers_there(reach: float
 
 @given(x=st.floats(1e-20, 1e10), y=st.floats(-2, 2))
 def test_power(x: float, y: float, lanes: ctypes.CDLL) -> None:
-    assert lanes.call_pow(x, y) == pytest.approx(x**y, rel=3e-11)
+    assert lanes.call_pow(x, y) == pytest.approx(x**y, rel=1e-9)
 
 
 @pytest.mark.parametrize("x", [0.0, -0.0, 1.0, -1.0, 1e-310, 1e300, -1e300])
 def test_odd_functions_at_their_edges(x: float, lanes: ctypes.CDLL) -> None:
-    assert lanes.call_tanh(x) == pytest.approx(np.tanh(x), rel=3e-11)
+    assert lanes.call_tanh(x) == pytest.approx(np.tanh(x), rel=1e-9)
     assert abs(lanes.call_sin(x)) <= 1
     assert np.isfinite(lanes.call_exp(x))
