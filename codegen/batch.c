@@ -2,7 +2,7 @@
    Comes after driver.h, elementary.h, the sizes and the functions of codegen/sampled.py, each with its
    derive_NAME(parameters, derived), over arrays whose elements lie LANES apart. The work of two vectors is interleaved,
    so that a processor has something to do while it waits for a result: where PAIRED, each call works on lanes l and
-   l + LANES/2, else the compiler is asked to.
+   l + LANES/2, else the compiler is asked to. READ_EXOGENOUS lists the exogenous signals that are read at all.
 
    What a lane gives depends on its own numbers alone: lanes never mix. Each loop over the lanes stands in a function
    of its own with restrict pointers, or compilers do not see that lanes do not mix either. */

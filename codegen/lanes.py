@@ -16,7 +16,10 @@ Numbers that are not finite are reckoned with: gcc turns choices into branches a
 """
 
 GCC_FLAGS = (*SCHEDULED, "-fsched-pressure", "-fno-thread-jumps")
-"""Flags that only gcc knows. It would make branches of choices, thread them, and turn all back into masks."""
+"""Flags that only gcc knows. It orders instructions with an eye to its registers, and leaves choices as they are.
+
+Else it makes branches of choices, threads those through each other, and turns what comes of it into several masks each.
+"""
 
 DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
 """A generated function (`codegen.c_source`)."""
