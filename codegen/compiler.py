@@ -27,8 +27,8 @@ OPTIMISE = (
 )
 """Flags of every build; nothing here lets a compiler reorder sums or contract products."""
 
-SCHEDULED = ("-fschedule-insns",)
-"""Flags of long straight code that only gcc knows: it orders instructions before it hands out registers."""
+SCHEDULED = ("-fschedule-insns", "-fsched-pressure")
+"""Flags of long straight code that only gcc knows: it orders instructions first, with an eye to the registers."""
 
 SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
 

@@ -1,7 +1,7 @@
 """Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
 import numpy as np
@@ -136,8 +136,11 @@ def finish(sums: Mapping[str, float], samples: float) -> Metrics:
     )
 
 
+KEYS = {field.name: f"metrics.{field.name}" for field in fields(Accumulators)}
+"""Accumulator → its name in the state of a closed loop."""
+
+
 def metrics_of(final_state: Mapping[str, float]) -> Metrics:
     """The metrics from the final state of a closed loop, given by name, whose ``metrics.*`` are the accumulators."""
-    prefix = "metrics."
-    sums = {name.removeprefix(prefix): value for name, value in final_state.items() if name.startswith(prefix)}
+    sums = {name: final_state[key] for name, key in KEYS.items()}
     return finish(sums, final_state["sample"])
