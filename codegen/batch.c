@@ -7,7 +7,7 @@
    What a lane gives depends on its own numbers alone: lanes never mix. Each loop over the lanes stands in a function
    of its own with restrict pointers, or compilers do not see that lanes do not mix either. */
 
-#define LOOK_EVERY 16
+#define LOOK_EVERY 64
 
 IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, double *restrict for_observe,
                       double *restrict for_move) {
