@@ -23,10 +23,10 @@ struct parameters {
 
 /* In the order of simulation.metrics.Accumulators. */
 struct sums {
-  double samples, sum_abs, max_abs, sum_square;
+  double sum_abs, max_abs, sum_square;
   double steady_samples, steady_sum_abs, steady_max_abs, steady_sum_square;
   double saturated, torque_saturated, slack, peak, least, sum_change, F1_previous, F2_previous, work;
-  double sum_torque_change, sum_torque_square, tau_1_previous, tau_2_previous, time_step;
+  double sum_torque_rate, sum_torque_square, tau_1_previous, tau_2_previous;
 };
 
 struct plant {
@@ -207,7 +207,6 @@ static inline void control(long n, const struct seen *y, const struct sample *r,
 
   /* figures of merit */
   double size = fabs(e1), square = e1 * e1;
-  m->samples += 1;
   m->sum_abs += size;
   m->max_abs = larger(m->max_abs, size);
   m->sum_square += square;
@@ -224,9 +223,8 @@ static inline void control(long n, const struct seen *y, const struct sample *r,
   m->F1_previous = F1;
   m->F2_previous = F2;
   m->work += Ts * (fabs(w1->gear * *tau_1 * y->omega_1) + fabs(w2->gear * *tau_2 * y->omega_2));
-  if (n > 0) m->sum_torque_change += fabs(*tau_1 - m->tau_1_previous) + fabs(*tau_2 - m->tau_2_previous);
+  if (n > 0) m->sum_torque_rate += (fabs(*tau_1 - m->tau_1_previous) + fabs(*tau_2 - m->tau_2_previous)) * g->per_sample_time;
   m->sum_torque_square += *tau_1 * *tau_1 + *tau_2 * *tau_2;
   m->tau_1_previous = *tau_1;
   m->tau_2_previous = *tau_2;
-  m->time_step = Ts;
 }

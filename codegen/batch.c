@@ -2,12 +2,12 @@
    Comes after driver.h, elementary.h, the sizes and the functions of codegen/sampled.py, each with its
    derive_NAME(parameters, derived), over arrays whose elements lie LANES apart. The work of two vectors is interleaved,
    so that a processor has something to do while it waits for a result: where PAIRED, each call works on lanes l and
-   l + LANES/2, else the compiler is asked to.
+   l + LANES/2, else the compiler is asked to. READ_EXOGENOUS lists the exogenous signals that are read at all.
 
    What a lane gives depends on its own numbers alone: lanes never mix. Each loop over the lanes stands in a function
    of its own with restrict pointers, or compilers do not see that lanes do not mix either. */
 
-#define LOOK_EVERY 16
+#define LOOK_EVERY 64
 
 IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, double *restrict for_observe,
                       double *restrict for_move) {
@@ -16,11 +16,6 @@ IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, dou
     derive_observe(p + l, for_observe + l);
     derive_move(p + l, for_move + l);
   }
-}
-
-IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                      const double *restrict derived, double *restrict discrete, double *restrict held) {
-  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, held + l);
 }
 
 IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
@@ -46,15 +41,25 @@ static void move_on(const double *now, const double *held, const double *p, cons
   }
 }
 
-#if HAS_LEAP
+#if !HAS_LEAP
+IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                      const double *restrict derived, double *restrict discrete, double *restrict held) {
+  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, held + l);
+}
+#else
 IN_LANES derive_leap_lanes(const double *restrict p, double *restrict for_leap) {
   EACH_CALL derive_leap(p + l, for_leap + l);
 }
 
-IN_LANES leap_lanes(const double *restrict motion, const double *restrict held, const double *restrict p,
-                    const double *restrict derived, double *restrict next, double *restrict margin,
-                    double *restrict valid) {
-  EACH_CALL leap(motion + l, held + l, p + l, derived + l, next + l, margin + l, valid + l);
+/* A sample and the leap to the next, in one loop: the leap need not wait for what only the next sample reads. */
+IN_LANES sample_and_leap_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                               const double *restrict for_sample, const double *restrict for_leap,
+                               double *restrict discrete, double *restrict held, double *restrict next,
+                               double *restrict margin, double *restrict valid) {
+  EACH_CALL {
+    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, held + l);
+    leap(state + l, held + l, p + l, for_leap + l, next + l, margin + l, valid + l);
+  }
 }
 
 /* Takes the lanes over where the leap is not valid. */
@@ -64,9 +69,10 @@ IN_LANES take_over(const double *restrict valid, double *restrict into, const do
 }
 #endif
 
-/* One sample's signals, the same for all lanes. */
+/* One sample's signals that are read, the same for all lanes. */
 IN_LANES share(const double *restrict line, double *restrict w) {
-  for (int i = 0; i < EXOGENOUS; ++i) EACH_LANE w[i * LANES + l] = line[i];
+  static const int read[] = READ_EXOGENOUS;
+  for (int i = 0; i < (int)(sizeof read / sizeof *read); ++i) EACH_LANE w[read[i] * LANES + l] = line[read[i]];
 }
 
 /* One sample's signals, of each lane its own; `place` is that of the sample's line in their tables. */
@@ -78,9 +84,9 @@ IN_LANES gather(const double *const *tables, int64_t place, double *restrict w) 
   }
 }
 
-static __attribute__((noinline)) int any_at_most_zero(const double *restrict values) {
+static __attribute__((noinline)) int any_at_most_zero(const double *restrict values, const double *restrict others) {
   int64_t found = 0;
-  EACH_LANE found |= values[l] <= 0 ? -1 : 0;
+  EACH_LANE found |= (values[l] <= 0) | (others[l] <= 0) ? -1 : 0;
   return found != 0;
 }
 
@@ -133,10 +139,10 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
     }
-    sample_lanes(now, w, p, for_sample, next + MOTION * LANES, held);
 #if HAS_LEAP
-    leap_lanes(now, held, p, for_leap, next, margin, valid);
-    if (any_at_most_zero(valid)) {
+    sample_and_leap_lanes(now, w, p, for_sample, for_leap, next + MOTION * LANES, held, next, margin, valid);
+    int doubtful = any_at_most_zero(valid, margin);
+    if (doubtful) {
       int missing = 0;
       EACH_LANE missing += !(valid[l] > 0) && done[l] == samples;
       if (missing) {
@@ -146,10 +152,12 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
       }
     }
 #else
+    sample_lanes(now, w, p, for_sample, next + MOTION * LANES, held);
     move_on(now, held, p, for_move, between, next, margin);
+    int doubtful = any_at_most_zero(margin, margin);
 #endif
     int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;
-    if (look || k < watch_until || any_at_most_zero(margin)) {
+    if (look || k < watch_until || doubtful) {
       find_finite(next, finite);
       int lost = 0;
       EACH_LANE lost += !finite[l] && done[l] == samples;

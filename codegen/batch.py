@@ -1,6 +1,7 @@
 """Many rollouts at once in compiled C: one set of parameters in each vector lane."""
 
 import ctypes
+import re
 from dataclasses import dataclass
 from functools import cache
 
@@ -17,6 +18,9 @@ from codegen.unit import hoisted_all, unit
 
 Floats = NDArray[np.float64]
 
+EXOGENOUS = re.compile(r"\bexogenous\[(\d+)\*LANES")
+"""An element of the exogenous signals that a function in lanes reads."""
+
 
 def batch_source(system: Sampled, compiler: Compiler) -> str:
     """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
@@ -26,7 +30,10 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
         for function in functions
     }
     sizes = system.sizes | lane_sizes(compiler)
-    return unit(sizes, functions, "elementary.h", "lanes.h", in_lanes(c_source(functions), arrays, compiler), "batch.c")
+    source = in_lanes(c_source(functions), arrays, compiler)
+    read = sorted({int(place) for place in EXOGENOUS.findall(source)}) or [0]
+    listed = f"#define READ_EXOGENOUS {{{', '.join(map(str, read))}}}\n"
+    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "batch.c")
 
 
 @dataclass(frozen=True)

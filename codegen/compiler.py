@@ -23,9 +23,12 @@ OPTIMISE = (
     "-fno-trapping-math",
     "-ffinite-math-only",  # without it fmin and fmax are library calls; the driver tests for non-finite by bits
     "-fno-signed-zeros",
-    "-ffp-contract=off",  # the same bits from every compiler
+    "-ffp-contract=off",  # the same bits from every compiler; the drivers of rollouts take it back
 )
 """Flags of every build; nothing here lets a compiler reorder sums or contract products."""
+
+SCHEDULED = ("-fschedule-insns", "-fsched-pressure")
+"""Flags of long straight code that only gcc knows: it orders instructions first, with an eye to the registers."""
 
 SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Collection, Mapping
 
-from codegen.compiler import Compiler
+from codegen.compiler import SCHEDULED, Compiler
 
 LANES = 16
 """Computations that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
@@ -15,8 +15,11 @@ Numbers that are not finite are reckoned with: gcc turns choices into branches a
 `x > 0` for the opposite of `x <= 0`, a NaN in one of two interleaved lanes loses what the other one computed.
 """
 
-GCC_FLAGS = ("-fschedule-insns",)
-"""Flags that only gcc knows: it orders instructions before it hands out registers, which leaves them less waiting."""
+GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps")
+"""Flags that only gcc knows. It orders instructions with an eye to its registers, and leaves choices as they are.
+
+Else it makes branches of choices, threads those through each other, and turns what comes of it into several masks each.
+"""
 
 DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
 """A generated function (`codegen.c_source`)."""

@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from codegen.c_source import c_source
 from codegen.cache import library
-from codegen.compiler import Compiler, find_compiler
+from codegen.compiler import SCHEDULED, Compiler, find_compiler
 from codegen.sampled import Sampled
 from codegen.unit import hoisted_all, unit
 
 COMPLETED, DIVERGED, LEFT = 0, 1, 2
 """Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
+
+FLAGS = ("-ffp-contract=fast",)
+"""Beside the flags of every build. Contracted products change last bits, each compiler and processor in its own way."""
 
 
 def rollout_source(system: Sampled) -> str:
@@ -84,7 +87,8 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None) -> Rollou
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
     """
-    path = library(rollout_source(system), compiler or find_compiler())
+    chosen = compiler or find_compiler()
+    path = library(rollout_source(system), chosen, FLAGS if chosen.is_clang else FLAGS + SCHEDULED)
     call = ctypes.CDLL(str(path)).rollout
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64

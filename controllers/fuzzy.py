@@ -17,12 +17,17 @@ RULES = (
 def memberships(value: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """Degrees of zero, small and big for the magnitude of an input, which is limited to 1; they sum to one."""
     twice = 2 * minimum(absolute(value), 1.0)
-    zero, big = maximum(1 - twice, 0.0), maximum(twice - 1, 0.0)
-    return zero, 1 - zero - big, big
+    return maximum(1 - twice, 0.0), minimum(twice, 2 - twice), maximum(twice - 1, 0.0)
+
+
+def _mean(values: tuple[Scalar, Scalar, Scalar], degrees: tuple[Scalar, Scalar, Scalar]) -> Scalar:
+    """Mean of what the labels give; the degree of zero is what those of small and big leave of one."""
+    zero, small, big = values
+    return zero + (small - zero) * degrees[1] + (big - zero) * degrees[2]
 
 
 def inference(error: Scalar, rate: Scalar) -> Scalar:
     """FLS(error, rate) in [0, 1]; both inputs are scaled, without unit (paper Section 3.1.3, A8)."""
     of_rate = memberships(rate)
-    rows = [sum(rule * degree for rule, degree in zip(row, of_rate, strict=True)) for row in RULES]
-    return sum(degree * row for degree, row in zip(memberships(error), rows, strict=True))
+    zero, small, big = (_mean(row, of_rate) for row in RULES)
+    return _mean((zero, small, big), memberships(error))

@@ -27,7 +27,7 @@ from controllers.signals import Measurement
 from model.matrix import Matrix, diagonal, plus, solve, times, transpose
 from model.plant import Environment, Plant, vehicle_acceleration
 from model.quantity import Quantity, Tunable
-from model.rope import rope_lengths, stiffness
+from model.rope import compliance, rope_lengths
 from model.scalar import Scalar, where
 
 if TYPE_CHECKING:
@@ -146,8 +146,8 @@ def kalman_step(
     total = position + encoder_1 + encoder_2
     length_1, length_2 = rope_lengths(state.x, nominal.track)
     F1, F2 = measurement.F1, measurement.F2
-    from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 / stiffness(length_1, nominal.rope_1)
-    from_2 = F2 / stiffness(length_2, nominal.rope_2) - nominal.winch_2.drum_radius * measurement.theta_2
+    from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 * compliance(length_1, nominal.rope_1)
+    from_2 = F2 * compliance(length_2, nominal.rope_2) - nominal.winch_2.drum_radius * measurement.theta_2
     taut = TAUT * controller.coordination.tension_min
     surprise_x = position / total * (measurement.x - state.x)
     surprise_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)

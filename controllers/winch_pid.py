@@ -73,5 +73,5 @@ def winch_step(
     wanted = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
     torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
     saturated = torque != wanted
-    kept = where(saturated, state.integral, integral)
+    kept = state.integral + sample_time * where(saturated, 0.0, error)
     return WinchState(kept, error, 1.0), WinchOutput(torque, saturated)

@@ -6,8 +6,8 @@ from typing import Annotated
 import casadi as ca
 
 from model.quantity import Quantity, leaves, numbers, with_leaves
-from model.rope import Rope, Track, rope_lengths, stiffness, tension
-from model.scalar import Scalar
+from model.rope import Rope, Track, rope_lengths, spring_tension, stiffness
+from model.scalar import Scalar, reciprocals
 from model.vehicle import Vehicle, drag, friction, inertia
 from model.winch import Winch, drum_acceleration
 
@@ -58,19 +58,19 @@ class Environment:
 
 def tensions(state: PlantState, plant: Plant) -> tuple[Scalar, Scalar]:
     """Tensions F_1 and F_2 in N of the two ropes (paper Section 2.2, E1, A1, A2)."""
-    length_1, length_2 = rope_lengths(state.x, plant.track)
+    closeness_1, closeness_2 = reciprocals(*rope_lengths(state.x, plant.track))
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    force_1 = tension(
+    force_1 = spring_tension(
         radius_1 * state.theta_1 - state.x,
         radius_1 * state.omega_1 - state.v,
-        length_1,
+        plant.rope_1.modulus * plant.rope_1.area * closeness_1,
         plant.rope_1,
         slack=plant.rope_slack,
     )
-    force_2 = tension(
+    force_2 = spring_tension(
         radius_2 * state.theta_2 + state.x,
         radius_2 * state.omega_2 + state.v,
-        length_2,
+        plant.rope_2.modulus * plant.rope_2.area * closeness_2,
         plant.rope_2,
         slack=plant.rope_slack,
     )

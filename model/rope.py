@@ -44,6 +44,11 @@ def stiffness(length: Scalar, rope: Rope) -> Scalar:
     return rope.modulus * rope.area / length
 
 
+def compliance(length: Scalar, rope: Rope) -> Scalar:
+    """Stretch in m under a tension of 1 N of a rope of a length in m: length / (E A)."""
+    return length / (rope.modulus * rope.area)
+
+
 def tension(stretch: Scalar, stretch_rate: Scalar, length: Scalar, rope: Rope, *, slack: bool = True) -> Scalar:
     """Tension in N: spring plus damper, zero while the rope is slack (paper Section 2.2, A2).
 
@@ -54,7 +59,12 @@ def tension(stretch: Scalar, stretch_rate: Scalar, length: Scalar, rope: Rope, *
         rope: the rope.
         slack: whether the *total* force is clamped at zero; ``False`` gives the paper's two-sided rope.
     """
-    pull = stiffness(length, rope) * stretch + rope.damping * stretch_rate
+    return spring_tension(stretch, stretch_rate, stiffness(length, rope), rope, slack=slack)
+
+
+def spring_tension(stretch: Scalar, stretch_rate: Scalar, spring: Scalar, rope: Rope, *, slack: bool = True) -> Scalar:
+    """`tension` from the spring rate in N/m."""
+    pull = spring * stretch + rope.damping * stretch_rate
     if not slack:
         return pull
     return where(both(stretch > 0, pull > 0), pull, 0.0)

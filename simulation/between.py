@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import casadi as ca
 
+from codegen.expressions import as_written
 from model.disturbance import Disturbance
 from model.plant import Environment, Plant, PlantState, Torques
 from model.quantity import Quantity, leaves, with_leaves
@@ -80,4 +81,7 @@ def _with_elements(group: Any, vector: ca.SX) -> Any:
 
 def named_function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
     """A CasADi function of named inputs and outputs, common subexpressions merged."""
-    return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})
+    with as_written():
+        return ca.Function(
+            name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True}
+        )

@@ -203,6 +203,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     power_1 = plant.winch_1.gear_ratio * held.torques.tau_1 * plant_state.omega_1
     power_2 = plant.winch_2.gear_ratio * held.torques.tau_2 * plant_state.omega_2
     sample = Sample(
+        number=state.sample,
         error=row["e"],
         F1=row["F1"],
         F2=row["F2"],

@@ -1,13 +1,13 @@
 """Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
 import numpy as np
 
 from model.quantity import Quantity
-from model.scalar import Scalar, absolute, either, maximum, minimum, where
+from model.scalar import Scalar, absolute, maximum, minimum, where
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,6 @@ class Metrics:
 class Accumulators:
     """Running sums and extremes behind `Metrics`."""
 
-    samples: Annotated[Scalar, Quantity("1", "samples so far")] = 0.0
     sum_abs: Annotated[Scalar, Quantity("m", "sum of |e|")] = 0.0
     max_abs: Annotated[Scalar, Quantity("m", "largest |e|")] = 0.0
     sum_square: Annotated[Scalar, Quantity("m^2", "sum of e^2")] = 0.0
@@ -52,17 +51,20 @@ class Accumulators:
     F1_previous: Annotated[Scalar, Quantity("N", "tension 1 of the last sample")] = 0.0
     F2_previous: Annotated[Scalar, Quantity("N", "tension 2 of the last sample")] = 0.0
     work: Annotated[Scalar, Quantity("J", "work of both motors")] = 0.0
-    sum_torque_change: Annotated[Scalar, Quantity("N m", "sum of |change of torque| of both motors")] = 0.0
+    sum_torque_rate: Annotated[Scalar, Quantity("N m/s", "sum of |change of torque| a second, of both motors")] = 0.0
     sum_torque_square: Annotated[Scalar, Quantity("N^2 m^2", "sum of torque^2 of both motors")] = 0.0
     tau_1_previous: Annotated[Scalar, Quantity("N m", "torque 1 of the last sample")] = 0.0
     tau_2_previous: Annotated[Scalar, Quantity("N m", "torque 2 of the last sample")] = 0.0
-    time_step: Annotated[Scalar, Quantity("s", "sample time")] = 0.0
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What one sample contributes: error in m, tensions in N, torques in N m, motor power in W, flags."""
+    """What one sample contributes: number, error in m, tensions in N, torques in N m, flags.
 
+    `power` in W is that of both motors, braking counted like driving.
+    """
+
+    number: Scalar
     error: Scalar
     F1: Scalar
     F2: Scalar
@@ -77,11 +79,11 @@ class Sample:
 def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Accumulators:
     """The accumulators with one sample more; `sample_time` in s."""
     size, square = absolute(sample.error), sample.error**2
-    seen = so_far.samples > 0
+    seen = sample.number > 0
+    least = minimum(sample.F1, sample.F2)
     change = absolute(sample.F1 - so_far.F1_previous) + absolute(sample.F2 - so_far.F2_previous)
     torque_change = absolute(sample.tau_1 - so_far.tau_1_previous) + absolute(sample.tau_2 - so_far.tau_2_previous)
     return Accumulators(
-        samples=so_far.samples + 1,
         sum_abs=so_far.sum_abs + size,
         max_abs=maximum(so_far.max_abs, size),
         sum_square=so_far.sum_square + square,
@@ -91,24 +93,23 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
         steady_sum_square=so_far.steady_sum_square + sample.steady * square,
         saturated=so_far.saturated + sample.saturated,
         torque_saturated=so_far.torque_saturated + sample.torque_saturated,
-        slack=so_far.slack + where(either(sample.F1 <= 0, sample.F2 <= 0), 1.0, 0.0),
+        slack=so_far.slack + (least <= 0),
         peak=maximum(so_far.peak, maximum(sample.F1, sample.F2)),
-        least=minimum(so_far.least, minimum(sample.F1, sample.F2)),
+        least=minimum(so_far.least, least),
         sum_change=so_far.sum_change + where(seen, change, 0.0),
         F1_previous=sample.F1,
         F2_previous=sample.F2,
-        work=so_far.work + sample_time * absolute(sample.power),
-        sum_torque_change=so_far.sum_torque_change + where(seen, torque_change, 0.0),
+        work=so_far.work + sample_time * sample.power,
+        sum_torque_rate=so_far.sum_torque_rate + where(seen, torque_change, 0.0) / sample_time,
         sum_torque_square=so_far.sum_torque_square + sample.tau_1**2 + sample.tau_2**2,
         tau_1_previous=sample.tau_1,
         tau_2_previous=sample.tau_2,
-        time_step=sample_time,
     )
 
 
-def finish(sums: Mapping[str, float]) -> Metrics:
-    """The metrics from the final `Accumulators`, given by field name."""
-    samples, steady = sums["samples"], sums["steady_samples"]
+def finish(sums: Mapping[str, float], samples: float) -> Metrics:
+    """The metrics from the final `Accumulators`, given by field name, after so many samples."""
+    steady = sums["steady_samples"]
 
     def mean(total: float, count: float) -> float:
         return total / count if count > 0 else np.nan
@@ -130,12 +131,16 @@ def finish(sums: Mapping[str, float]) -> Metrics:
         min_tension=measured(sums["least"], samples),
         chatter=mean(sums["sum_change"], 2 * (samples - 1)),
         energy=measured(sums["work"], samples),
-        torque_rate=mean(sums["sum_torque_change"], 2 * (samples - 1) * sums["time_step"]),
+        torque_rate=mean(sums["sum_torque_rate"], 2 * (samples - 1)),
         continuous_load=np.sqrt(mean(sums["sum_torque_square"], 2 * samples)),
     )
 
 
+KEYS = {field.name: f"metrics.{field.name}" for field in fields(Accumulators)}
+"""Accumulator → its name in the state of a closed loop."""
+
+
 def metrics_of(final_state: Mapping[str, float]) -> Metrics:
     """The metrics from the final state of a closed loop, given by name, whose ``metrics.*`` are the accumulators."""
-    prefix = "metrics."
-    return finish({name.removeprefix(prefix): value for name, value in final_state.items() if name.startswith(prefix)})
+    sums = {name: final_state[key] for name, key in KEYS.items()}
+    return finish(sums, final_state["sample"])

@@ -45,7 +45,7 @@ class EncoderState:
 
 def quantise(value: Scalar, step: Scalar) -> Scalar:
     """The value rounded to a multiple of `step`; unchanged where the step is 0."""
-    return where(step > 0, step * rounded(value / maximum(step, 1e-100)), value)
+    return value + where(step > 0, step * rounded(value / maximum(step, 1e-100)) - value, 0.0)
 
 
 def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:

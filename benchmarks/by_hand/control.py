@@ -24,7 +24,6 @@ class Memory(NamedTuple):
 class Sums(NamedTuple):
     """Running sums behind the figures of merit, in the order of `simulation.metrics.Accumulators`."""
 
-    samples: float
     sum_abs: float
     max_abs: float
     sum_square: float
@@ -41,11 +40,10 @@ class Sums(NamedTuple):
     F1_previous: float
     F2_previous: float
     work: float
-    sum_torque_change: float
+    sum_torque_rate: float
     sum_torque_square: float
     tau_1_previous: float
     tau_2_previous: float
-    time_step: float
 
 
 IDLE = Memory(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -171,7 +169,6 @@ def control(
         integral_2,
     )
     seen = Sums(
-        sums.samples + 1,
         sums.sum_abs + size,
         max(sums.max_abs, size),
         sums.sum_square + square,
@@ -188,10 +185,9 @@ def control(
         F1,
         F2,
         sums.work + p.sample_time * power,
-        sums.sum_torque_change + turn,
+        sums.sum_torque_rate + turn / p.sample_time,
         sums.sum_torque_square + tau_1 * tau_1 + tau_2 * tau_2,
         tau_1,
         tau_2,
-        p.sample_time,
     )
     return tau_1, tau_2, following, seen

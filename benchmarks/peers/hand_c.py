@@ -39,7 +39,7 @@ def prepare_with(name: str) -> Callable[[Case], Run]:
                 sums.ctypes.data,
                 None if positions is None else positions.ctypes.data,
             )
-            return Answer(float(motion[0]), finish(Sums(*sums.tolist())._asdict()), positions)
+            return Answer(float(motion[0]), finish(Sums(*sums.tolist())._asdict(), len(reference)), positions)
 
         return run
 

@@ -57,7 +57,7 @@ def prepare_with(threads: int) -> Callable[[Case], Run]:
             set_num_threads(min(threads, before))
             batch(candidates, reference, case.substeps, start, sums, positions)
             set_num_threads(before)
-            metrics = [finish(Sums(*row)._asdict()) for row in sums.tolist()]
+            metrics = [finish(Sums(*row)._asdict(), len(reference)) for row in sums.tolist()]
             errors = np.array([one.mse for one in metrics])
             return Answer(float(positions[-1]) if keep else np.nan, metrics[0], positions if keep else None, errors)
 

@@ -39,7 +39,7 @@ def prepare(case: Case) -> Run:
     def run(*, keep: bool = False) -> Answer:
         positions = np.empty(len(reference) if keep else 0)
         motion, sums = loop(parameters, reference, substeps, start, positions)
-        return Answer(motion[0], finish(sums._asdict()), positions if keep else None)
+        return Answer(motion[0], finish(sums._asdict(), len(reference)), positions if keep else None)
 
     loop(parameters, reference[:1], substeps, start, np.empty(0))
     return run

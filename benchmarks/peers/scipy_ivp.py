@@ -34,7 +34,7 @@ def prepare_with(method: str) -> Callable[[Case], Run]:
                 motion = tuple(solved.y[:, -1].tolist())
                 if positions is not None:
                     positions[k] = motion[0]
-            return Answer(motion[0], finish(sums._asdict()), positions)
+            return Answer(motion[0], finish(sums._asdict(), len(reference)), positions)
 
         return run
 

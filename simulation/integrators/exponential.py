@@ -13,7 +13,7 @@ the Kelvin–Voigt rope.
 
 from model.disturbance import vortex_frequency
 from model.plant import PlantState, vehicle_acceleration
-from model.rope import Rope, rope_lengths
+from model.rope import Rope, compliance, rope_lengths
 from model.scalar import Scalar, minimum, reciprocals
 from model.vehicle import inertia
 from model.winch import Winch, friction_slope, friction_torque
@@ -45,32 +45,34 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     """
     plant, state = problem.plant, motion.plant
     rope_1, rope_2 = _oscillators(problem, state, h, slack)
-    (fixed_1, slope_1), (fixed_2, slope_2) = rope_1.impulse(), rope_2.impulse()
-    momentum = h * inertia(plant.vehicle)
+    (fixed_1, slope_1), (fixed_2, slope_2) = rope_1.mean_pull(), rope_2.mean_pull()
+    mass = inertia(plant.vehicle)
 
-    yielding = 1 / (momentum - slope_1 + slope_2)
+    yielding = 1 / (mass / h**2 + slope_1 + slope_2)
+    by_ropes, share = (fixed_1 - fixed_2) * yielding, mass * yielding
 
     def mean_acceleration(slow: Scalar) -> Scalar:
-        """From the vehicle's momentum balance: h mass a = h mass slow + impulse_1(a) − impulse_2(a)."""
-        return (momentum * slow + fixed_1 - fixed_2) * yielding
+        """In m a step², from the vehicle's momentum balance: mass a = mass slow + mean_pull_1(a) − mean_pull_2(a)."""
+        return by_ropes + share * slow
 
-    middle_v = state.v + h / 2 * mean_acceleration(motion.slow)
+    middle_v = state.v + 1 / (2 * h) * mean_acceleration(motion.slow)
     frequency = vortex_frequency(middle_v, problem.disturbance, plant.vehicle)
     slow = _slow_acceleration(problem, t + h / 2, middle_v, motion.phase + h / 2 * frequency)
     a = mean_acceleration(slow)
-    stretch_1, rate_1, impulse_1 = rope_1.end(a)
-    stretch_2, rate_2, impulse_2 = rope_2.end(a)
+    stretch_1, rate_1, pull_1 = rope_1.end(a)
+    stretch_2, rate_2, pull_2 = rope_2.end(a)
 
+    late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # where a rope went slack or tight
+    steps = h * state.v + a  # speed at the end in m a step, without the above
+    x = state.x + h * state.v + a / 2
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    x, v = state.x + h * (state.v + h / 2 * a), state.v + h * a
-    late = slow + (impulse_1 - impulse_2) / momentum - a  # not zero where a rope went slack or tight
     following = PlantState(
-        x=x + h**2 / 2 * late,
-        v=v + h * late,
-        theta_1=(stretch_1 + x) / radius_1,
-        omega_1=(rate_1 + v) / radius_1,
-        theta_2=(stretch_2 - x) / radius_2,
-        omega_2=(rate_2 - v) / radius_2,
+        x=x + late / 2,
+        v=state.v + 1 / h * (a + late),
+        theta_1=1 / radius_1 * (stretch_1 + x),
+        omega_1=1 / (radius_1 * h) * (rate_1 + steps),
+        theta_2=1 / radius_2 * (stretch_2 - x),
+        omega_2=1 / (radius_2 * h) * (rate_2 - steps),
     )
     clearance = minimum(rope_1.clearance(a), rope_2.clearance(a))
     return Motion(following, motion.phase + h * frequency, slow), clearance
@@ -79,18 +81,19 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
 def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) -> tuple[Oscillator, Oscillator]:
     """Both ropes with their drums, the rope lengths at mid-step."""
     plant, torques = problem.plant, problem.torques
-    length_1, length_2 = rope_lengths(state.x + h / 2 * state.v, plant.track)
+    travel = h * state.v
+    length_1, length_2 = rope_lengths(state.x + travel / 2, plant.track)
     closeness_1, closeness_2 = reciprocals(length_1, length_2)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     rope_1 = _oscillator(
         radius_1 * state.theta_1 - state.x,
-        radius_1 * state.omega_1 - state.v,
+        radius_1 * h * state.omega_1 - travel,
         -1.0,
         state.omega_1,
         torques.tau_1,
         length_1,
         closeness_1,
-        -state.v,
+        -travel,
         plant.rope_1,
         plant.winch_1,
         slack,
@@ -98,13 +101,13 @@ def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) ->
     )
     rope_2 = _oscillator(
         radius_2 * state.theta_2 + state.x,
-        radius_2 * state.omega_2 + state.v,
+        radius_2 * h * state.omega_2 + travel,
         1.0,
         state.omega_2,
         torques.tau_2,
         length_2,
         closeness_2,
-        state.v,
+        travel,
         plant.rope_2,
         plant.winch_2,
         slack,
@@ -127,20 +130,23 @@ def _oscillator(
     slack: bool,
     h: Scalar,
 ) -> Oscillator:
-    """One rope and its drum; `sign` is that of the vehicle's position in the stretch, `closeness` 1/length in 1/m."""
-    radius, drag = winch.drum_radius, friction_slope(omega, winch) / winch.inertia
-    motor = winch.gear_ratio * torque - friction_torque(omega, winch)
+    """One rope and its drum, all with the sub-step h in s as the unit of time.
+
+    `sign` is that of the vehicle's position in the stretch, `closeness` 1/length in 1/m; `rate` and `lengthening` are
+    in m a step.
+    """
+    drag = h / winch.inertia * friction_slope(omega, winch)
+    turning = winch.drum_radius / winch.inertia * h**2
     return Oscillator(
         stretch=stretch,
         rate=rate,
-        drive=radius / winch.inertia * motor + drag * rate,
+        drive=turning * winch.gear_ratio * torque - turning * friction_torque(omega, winch) + drag * rate,
         sign=sign,
         spring=rope.modulus * rope.area * closeness,
-        compliance=length / (rope.modulus * rope.area),
-        damper=rope.damping,
+        compliance=compliance(length, rope),
+        damper=rope.damping / h,
         stiffening=-lengthening * closeness,
-        mobility=radius**2 / winch.inertia,
+        mobility=winch.drum_radius**2 / winch.inertia * h**2,
         drag=drag,
-        h=h,
         slack=slack,
     )

@@ -33,6 +33,16 @@ def test_divisions_by_the_same_become_products_with_one_reciprocal() -> None:
     assert np.array(lean([1, 2, 3], 4, derive(4))).ravel() == pytest.approx(expected, rel=1e-15)
 
 
+def test_factors_that_are_parameters_become_one() -> None:
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p", 3)
+    product = -(2 * (x[0] * p[0]) * x[1] * p[1]) / p[2]
+    function = ca.Function("product", [x, p], [product], ["x", "parameters"], ["y"])
+    derive, lean = hoisted(function)
+    kinds = [lean.instruction_id(place) for place in range(lean.n_instructions())]
+    assert (kinds.count(ca.OP_MUL), kinds.count(ca.OP_NEG), kinds.count(ca.OP_TWICE)) == (2, 0, 0)
+    assert float(lean([3, 4], [5, 6, 7], derive([5, 6, 7]))) == pytest.approx(-2 * 3 * 5 * 4 * 6 / 7, rel=1e-15)
+
+
 def test_a_function_with_nothing_to_hoist_is_left_alone() -> None:
     x, p = ca.SX.sym("x"), ca.SX.sym("p")
     function = ca.Function("sum", [x, p], [x + p], ["x", "parameters"], ["y"])
