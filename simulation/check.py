@@ -2,17 +2,20 @@
 
 import math
 import os
+from functools import lru_cache
 
 from model.errors import ConfigurationError
 from model.reference import cruise_speed, least_duration, setpoint
 from simulation.closed_loop import initial_state_of
 from simulation.experiment import Experiment
 from simulation.integrators import INTEGRATORS, swing_rate
+from simulation.structure import KEPT
 
 LONGEST = 10**9
 """Samples of the longest run."""
 
 
+@lru_cache(maxsize=KEPT)
 def check(experiment: Experiment) -> None:
     """Raise `ConfigurationError` where the values of an experiment do not fit together."""
     _check_powers(experiment)

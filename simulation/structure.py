@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from controllers.nominal import nominal_plant
 from model.plant import Plant
@@ -21,6 +22,9 @@ class Structure:
     substeps: int
     delay_samples: int
 
+
+KEPT = 256
+"""Latest experiments whose numbers are kept: many calls in turn are about the same scenarios."""
 
 DISTURBANCE_NUMBERS = ("vortex", "integrated_phase", "vortex_amplitude", "strouhal")
 """What a run takes of the disturbance as numbers; the first two are switches, 0 or 1."""
@@ -50,6 +54,11 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
         nominal: the plant the controller was designed for, where ``controller.nominal`` does not say otherwise;
             default: the simulated one.
     """
+    return dict(_parameters_of(experiment, nominal))
+
+
+@lru_cache(maxsize=KEPT)
+def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
     disturbance = experiment.disturbance
     gains = numbers(experiment.controller, "controller.")
     values = (

@@ -129,9 +129,7 @@ class Problem:
         if self.ensemble is None:
             return [], []
         ensemble = replace(self.ensemble, experiment=self.experiment)
-        tuning = pick(ensemble, self.scenarios, self.seed)
-        known = sum(one.corner for one in tuning)
-        return tuning, corners(ensemble, known + STRESS, self.seed)[known:]
+        return pick(ensemble, self.scenarios, STRESS, self.seed)
 
     def corners(self, count: int, seed: int) -> tuple[Scenario, ...]:
         """Corners of the ensemble (`tuning.scenarios.corners`); none without one."""

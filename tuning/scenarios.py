@@ -35,22 +35,23 @@ class Pick:
         return ensemble.scenario(self.index, seed, extreme=self.corner)
 
 
-def pick(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
+def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pick], list[Pick]]:
     """Scenarios of an ensemble, draws and corners spread evenly: there are some of each among the first of them.
 
     Args:
         ensemble: what is drawn from.
         count: how many.
+        more: how many further corners.
         seed: of the draws.
+
+    Returns:
+        The scenarios, and the further corners.
     """
     number = int(CORNER_SHARE * count)
     plain = [Pick(index) for index in range(count - number)]
-    places = [
-        ((place + 0.5) / len(sort), one)
-        for sort in (plain, corners(ensemble, number, seed))
-        for place, one in enumerate(sort)
-    ]
-    return [one for _, one in sorted(places, key=lambda entry: entry[0])]
+    chosen = corners(ensemble, number + more, seed)
+    places = [((place + 0.5) / len(sort), one) for sort in (plain, chosen[:number]) for place, one in enumerate(sort)]
+    return [one for _, one in sorted(places, key=lambda entry: entry[0])], chosen[number:]
 
 
 def corners(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:

@@ -8,7 +8,7 @@ SEA = load_ensemble("sea")
 
 
 def test_draws_and_corners_are_spread_and_the_hardest_corners_are_not_too_hard() -> None:
-    picks = pick(SEA, 8, 3)
+    picks, more = pick(SEA, 8, 2, 3)
     assert [one.corner for one in picks] == [True, False, True, True, True, False, True, True]
     assert [one.index for one in picks if not one.corner] == [0, 1]
     drawn = [one.drawn(SEA, 3) for one in picks]
@@ -17,8 +17,9 @@ def test_draws_and_corners_are_spread_and_the_hardest_corners_are_not_too_hard()
     behind = [shortfall(one.experiment) for one in drawn if one.extreme]
     assert behind[0] > behind[2] > behind[4] > 0.005  # every other one is hard
     assert max(behind) <= FURTHEST
-    assert pick(SEA, 8, 3) == picks
+    assert all(one.corner and one not in picks for one in more)
+    assert pick(SEA, 8, 2, 3) == (picks, more)
 
 
 def test_one_scenario_is_a_plain_draw() -> None:
-    assert [one.corner for one in pick(SEA, 1, 3)] == [False]
+    assert [one.corner for one in pick(SEA, 1, 0, 3)[0]] == [False]
