@@ -19,7 +19,7 @@ CORNER_SHARE = 0.75
 LOOKED_AT = 200
 """Corners that are looked at."""
 
-FURTHEST = 0.015
+FURTHEST = 0.01
 """How far in m the vehicle falls behind in the hardest corner, at most."""
 
 

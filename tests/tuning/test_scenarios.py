@@ -15,7 +15,7 @@ def test_draws_and_corners_are_spread_and_the_hardest_corners_are_not_too_hard()
     assert [one.extreme for one in drawn] == [one.corner for one in picks]
     assert drawn[1].draws == SEA.scenario(0, 3).draws
     behind = [shortfall(one.experiment) for one in drawn if one.extreme]
-    assert behind[0] > behind[2] > behind[4] > 0.005  # every other one is hard
+    assert behind[0] > behind[2] > behind[4] > 0.003  # every other one is hard
     assert max(behind) <= FURTHEST
     assert all(one.corner and one not in picks for one in more)
     assert pick(SEA, 8, 2, 3) == (picks, more)
