@@ -23,7 +23,7 @@ class Structure:
     delay_samples: int
 
 
-KEPT = 256
+KEPT = 64
 """Latest experiments whose numbers are kept: many calls in turn are about the same scenarios."""
 
 DISTURBANCE_NUMBERS = ("vortex", "integrated_phase", "vortex_amplitude", "strouhal")
