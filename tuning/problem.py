@@ -13,7 +13,7 @@ from simulation.ensemble import Ensemble, Scenario
 from simulation.experiment import Experiment
 from tuning.constraint import Constraint, constraints_from
 from tuning.objective import objectives_from
-from tuning.scenarios import Pick, corners, pick
+from tuning.scenarios import PROMISED, Pick, corners, pick, promised
 from tuning.space import Point, Space
 from tuning.statistic import Statistic, statistic_from
 
@@ -131,12 +131,26 @@ class Problem:
         ensemble = replace(self.ensemble, experiment=self.experiment)
         return pick(ensemble, self.scenarios, STRESS, self.seed)
 
-    def corners(self, count: int, seed: int) -> tuple[Scenario, ...]:
-        """Corners of the ensemble (`tuning.scenarios.corners`); none without one."""
+    def chosen_in(
+        self, first: int, last: int, count: int, seed: int
+    ) -> tuple[list[Experiment | Scenario], list[Experiment | Scenario]]:
+        """Scenarios to choose among finalists in (`tuning.scenarios.promised`): two rounds; the experiment without any.
+
+        Args:
+            first: number of draws in the first round.
+            last: number of draws in the last one.
+            count: how many corners come to the first.
+            seed: of the draws.
+        """
         if self.ensemble is None:
-            return ()
+            return [self.experiment], [self.experiment]
         ensemble = replace(self.ensemble, experiment=self.experiment)
-        return tuple(one.drawn(ensemble, seed) for one in corners(ensemble, count, seed))
+        picks = corners(ensemble, count, seed, PROMISED)
+        draws = list(ensemble.scenarios(first + last, seed))
+        return (
+            [*promised(draws[:first]), *(one.drawn(ensemble, seed) for one in picks)],
+            [*promised(draws[first:])],
+        )
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.

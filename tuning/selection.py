@@ -92,10 +92,8 @@ def _finals(
         finalists = [trials[place] for place in places[:: -(-len(places) // FINALISTS)]]
     else:
         finalists = [whole[place] for place in rungs(whole)]
-    seed = problem.seed + SELECTION
-    draws = problem.drawn(SELECTION_SCENARIOS + LAST_SCENARIOS, seed)
-    first, last = draws[:SELECTION_SCENARIOS], draws[SELECTION_SCENARIOS:]
-    met = evaluator.over([one.candidate for one in finalists], [*first, *problem.corners(SELECTION_CORNERS, seed)])
+    first, last = problem.chosen_in(SELECTION_SCENARIOS, LAST_SCENARIOS, SELECTION_CORNERS, problem.seed + SELECTION)
+    met = evaluator.over([one.candidate for one in finalists], first)
     left = best_first(met)[:LAST]
     again = evaluator.over([finalists[place].candidate for place in left], last)
     place = best_first(again)[0]

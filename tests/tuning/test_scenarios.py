@@ -2,7 +2,7 @@
 
 from dualwinch.ensembles import load_ensemble
 from simulation.required_force import shortfall
-from tuning.scenarios import FURTHEST, pick
+from tuning.scenarios import FURTHEST, PROMISED, corners, pick, promised
 
 SEA = load_ensemble("sea")
 
@@ -23,3 +23,11 @@ def test_draws_and_corners_are_spread_and_the_hardest_corners_are_not_too_hard()
 
 def test_one_scenario_is_a_plain_draw() -> None:
     assert [one.corner for one in pick(SEA, 1, 0, 3)[0]] == [False]
+
+
+def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
+    hard = [one.drawn(SEA, 3) for one in corners(SEA, 8, 3)]
+    kept = promised(hard)
+    assert [one for one in hard if shortfall(one.experiment) <= PROMISED] == kept
+    assert 0 < len(kept) < len(hard)
+    assert all(shortfall(one.drawn(SEA, 3).experiment) <= PROMISED for one in corners(SEA, 8, 3, PROMISED))
