@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from codegen.errors import DualwinchError
 from controllers.coordination import force_limit
 from simulation.experiment import Experiment
-from simulation.required_force import force_law, force_parameters, outside_at, required_force
+from simulation.required_force import force_law, force_parameters, outside_at, required_force, within_reach
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False) -> float:
         DualwinchError: the solver found no optimum.
     """
     limit = force_limit(experiment.controller.coordination)
-    if np.abs(required_force(experiment, EVERY)).max() <= limit:
+    if within_reach(experiment, EVERY):
         return 0.0
     outside = outside_at(experiment, EVERY)
     instants = outside.shape[1]

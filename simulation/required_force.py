@@ -43,6 +43,12 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
     return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load], dtype=np.float64)
 
 
+def within_reach(experiment: Experiment, every: int = EVERY) -> bool:
+    """Whether a run asks for no more force than the motors can give."""
+    limit = force_limit(experiment.controller.coordination)
+    return bool(np.abs(required_force(experiment, every)).max() <= limit)
+
+
 def shortfall(experiment: Experiment) -> float:
     """How far in m a run falls behind at most, with all the force there is until it has caught up; 0: it need not.
 

@@ -106,6 +106,7 @@ def write_study(
         },
         "paper": {"statistics": verdict.paper},
         "held_out": {name: _table(result) for name, result in verdict.held_out_metrics.items()},
+        "within_reach": verdict.within_reach.tolist(),
         "metric_units": {name: leaf.quantity.unit for name, leaf in describe(Metrics).items()},
         "cost": dict(cost),
         "configuration": configuration,

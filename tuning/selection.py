@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from simulation.batch import BatchResult
+from simulation.ensemble import Scenario
+from simulation.required_force import within_reach
 from tuning.evaluate import Evaluator
 from tuning.evaluation import Evaluation
 from tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
@@ -30,6 +33,7 @@ class Verdict:
         selection: the best in the selection scenarios; ``None`` without an ensemble.
         held_out: the best in scenarios that neither search nor selection saw; ``None`` without an ensemble.
         held_out_metrics: ``best`` and ``paper`` → figures of merit of every held-out scenario.
+        within_reach: (scenarios,) whether the motors can hold it; empty without an ensemble.
         paper: statistics of the paper's gains, by name, in the held-out scenarios, or in the only one there is.
     """
 
@@ -37,6 +41,7 @@ class Verdict:
     selection: Evaluation | None
     held_out: Evaluation | None
     held_out_metrics: dict[str, BatchResult]
+    within_reach: NDArray[np.bool_]
     paper: dict[str, float]
 
 
@@ -63,7 +68,8 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
     """
     order = best_first(trials)
     if problem.ensemble is None:
-        return Verdict(trials[order[0]], None, None, {}, statistics(problem, problem.paper_result))
+        nothing = np.empty(0, bool)
+        return Verdict(trials[order[0]], None, None, {}, nothing, statistics(problem, problem.paper_result))
     best, chosen = _finals(problem, trials, order, evaluator)
     seed = problem.seed + HELD_OUT
     scenarios = problem.drawn(held_out, seed)
@@ -74,6 +80,9 @@ def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, 
         selection=replace(chosen, number=best.number),
         held_out=evaluator.judged(best.candidate, ours, scenarios),
         held_out_metrics={"best": ours, "paper": paper},
+        within_reach=np.array(
+            [within_reach(one.experiment if isinstance(one, Scenario) else one) for one in scenarios]
+        ),
         paper=statistics(problem, paper),
     )
 
@@ -124,3 +133,17 @@ def improvement(verdict: Verdict, name: str) -> float:
     scored = verdict.held_out or verdict.best
     ours = scored.statistics[name]
     return verdict.paper[name] / ours if ours else np.inf
+
+
+def improvement_within_reach(verdict: Verdict) -> float:
+    """How many times the mean MSE is below the paper's over the held-out scenarios that the motors can hold.
+
+    NaN without such a scenario that both ran to its end.
+    """
+    kept = verdict.within_reach.copy()
+    for result in verdict.held_out_metrics.values():
+        kept &= result.outcomes[0] == "completed"
+    if not kept.any():
+        return np.nan
+    best, paper = (verdict.held_out_metrics[name].metrics["mse"][0, kept].mean() for name in ("best", "paper"))
+    return float(paper / best)

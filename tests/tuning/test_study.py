@@ -13,7 +13,7 @@ from tuning.evaluate import Evaluator
 from tuning.evaluation import Evaluation
 from tuning.optimisers import optimiser
 from tuning.problem import Problem
-from tuning.selection import LAST_SCENARIOS, judge
+from tuning.selection import LAST_SCENARIOS, improvement, improvement_within_reach, judge
 from tuning.storage import Budget, open_store
 from tuning.study import search
 
@@ -114,4 +114,6 @@ def test_the_best_is_scored_in_scenarios_of_their_own(make_problem: MakeProblem,
     assert verdict.selection is not None
     assert verdict.selection.scenarios == LAST_SCENARIOS
     assert verdict.paper["mean.mse"] > verdict.held_out.statistics["mean.mse"]
+    assert verdict.within_reach.all()  # in 0.1 s nothing is asked for
+    assert improvement_within_reach(verdict) == pytest.approx(improvement(verdict, "mean.mse"))
     assert len(verdict.held_out_metrics["paper"].outcomes[0]) == 10
