@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import optuna
 from optuna.trial import FrozenTrial, TrialState, create_trial
@@ -27,6 +27,9 @@ from tuning.rows import beat, create_running, finish_running
 from tuning.space import Space
 from tuning.space_record import space_from
 from tuning.storage import BUDGET, DEFINITION, OBJECTIVES, Budget, Claim, Propose, check_definition, check_resume
+
+if TYPE_CHECKING:
+    import sqlalchemy
 
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 WORKER = "worker"
@@ -112,7 +115,7 @@ class Database:
         return claims
 
     def _claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
-        with self._alone():
+        with self._alone() as connection:
             self._bury()
             taken = [trial for trial in self._trials(TrialState.RUNNING) if self._lost(trial)]
             for trial in self._trials(TrialState.WAITING)[: max(count - len(taken), 0)]:
@@ -125,7 +128,7 @@ class Database:
             room = count - len(claims) if budget.trials is None else min(count - len(claims), budget.trials - existing)
             fresh = propose(room, not existing)[:room] if room > 0 else []
             notes = [{ORIGIN: one.origin, WORKER: self._name} for one in fresh]
-            ids = create_running(self._storage.engine, self._study._study_id, self._space, fresh, notes)  # noqa: SLF001
+            ids = create_running(connection, self._study._study_id, self._space, fresh, notes)  # noqa: SLF001
             claims += [Claim(one, trial) for one, trial in zip(fresh, ids, strict=True)]
         return claims
 
@@ -172,13 +175,17 @@ class Database:
         return trial.user_attrs.get(WORKER) == self._name and trial._trial_id not in self._held  # noqa: SLF001
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """While no other worker of this study is in here."""
+    def _alone(self) -> Iterator["sqlalchemy.Connection"]:
+        """While no other worker of this study is in here: a transaction that holds the lock.
+
+        What must not happen twice is written in this transaction. Where the database restarts meanwhile, the lock is
+        lost, and so is the transaction.
+        """
         import sqlalchemy
 
         with self._storage.engine.connect() as connection, connection.begin():
             connection.execute(sqlalchemy.text("SELECT pg_advisory_xact_lock(:key)"), {"key": self._key})
-            yield
+            yield connection
 
     def _bury(self) -> None:
         """Queue the running trials of workers again that have stopped beating."""

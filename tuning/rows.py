@@ -28,12 +28,16 @@ HEARTBEATS = models.BaseModel.metadata.tables["trial_heartbeats"]
 
 
 def create_running(
-    engine: sa.Engine, study: int, space: Space, candidates: Sequence[Candidate], notes: Sequence[dict[str, Any]]
+    connection: sa.Connection,
+    study: int,
+    space: Space,
+    candidates: Sequence[Candidate],
+    notes: Sequence[dict[str, Any]],
 ) -> list[int]:
-    """Add running trials that have just beaten; the caller sees to it that nobody else adds any.
+    """Add running trials that have just beaten, in a transaction during which nobody else adds any.
 
     Args:
-        engine: of the database.
+        connection: with that transaction, which the caller ends.
         study: id of the study.
         space: of the candidates.
         candidates: one a trial.
@@ -45,27 +49,26 @@ def create_running(
     if not candidates:
         return []
     known = distributions(space)
-    with engine.begin() as connection:
-        first = connection.execute(sa.select(sa.func.count()).where(TRIALS.c.study_id == study)).scalar_one()
-        fresh = [
-            {"number": first + place, "study_id": study, "state": TrialState.RUNNING, "datetime_start": _now()}
-            for place in range(len(candidates))
-        ]
-        adding = sa.insert(TRIALS).returning(TRIALS.c.trial_id, sort_by_parameter_order=True)
-        ids = list(connection.execute(adding, fresh).scalars())
-        parameters = [
-            {
-                "trial_id": trial,
-                "param_name": name,
-                "param_value": known[name].to_internal_repr(value),
-                "distribution_json": distribution_to_json(known[name]),
-            }
-            for trial, one in zip(ids, candidates, strict=True)
-            for name, value in one.point.items()
-        ]
-        connection.execute(sa.insert(PARAMETERS), parameters)
-        connection.execute(sa.insert(USER_ATTRIBUTES), _attributes(zip(ids, notes, strict=True)))
-        connection.execute(sa.insert(HEARTBEATS), [{"trial_id": trial} for trial in ids])
+    first = connection.execute(sa.select(sa.func.count()).where(TRIALS.c.study_id == study)).scalar_one()
+    fresh = [
+        {"number": first + place, "study_id": study, "state": TrialState.RUNNING, "datetime_start": _now()}
+        for place in range(len(candidates))
+    ]
+    adding = sa.insert(TRIALS).returning(TRIALS.c.trial_id, sort_by_parameter_order=True)
+    ids = list(connection.execute(adding, fresh).scalars())
+    parameters = [
+        {
+            "trial_id": trial,
+            "param_name": name,
+            "param_value": known[name].to_internal_repr(value),
+            "distribution_json": distribution_to_json(known[name]),
+        }
+        for trial, one in zip(ids, candidates, strict=True)
+        for name, value in one.point.items()
+    ]
+    connection.execute(sa.insert(PARAMETERS), parameters)
+    connection.execute(sa.insert(USER_ATTRIBUTES), _attributes(zip(ids, notes, strict=True)))
+    connection.execute(sa.insert(HEARTBEATS), [{"trial_id": trial} for trial in ids])
     return ids
 
 
