@@ -23,6 +23,7 @@ from tests.tuning.conftest import MakeProblem
 from tuning import connection
 from tuning.database import FINISHED, Database
 from tuning.evaluate import Evaluator
+from tuning.evaluation import Candidate
 from tuning.optimisers import optimiser
 from tuning.problem import Problem
 from tuning.storage import Budget
@@ -34,6 +35,7 @@ WORKER = """
 import sys, time
 import tuning.connection as connection
 from tuning.evaluate import Evaluator
+from tuning.evaluation import Candidate
 
 connection.HEARTBEAT, connection.GRACE = 1, 2
 evaluate = Evaluator.evaluate
@@ -138,6 +140,34 @@ def test_a_study_in_the_database_is_that_of_the_journal(url: str, make_problem: 
         store.close()
     assert len(found[0]) == 40
     assert found[0] == found[1]
+
+
+def test_a_claim_that_loses_its_lock_adds_nothing(url: str, make_problem: MakeProblem) -> None:
+    """Else two workers fill the same room when the database restarts between the count and the new trials."""
+    import sqlalchemy as sa
+
+    problem = light(make_problem)
+    store = Database.begin(url, "lock", problem, definition_of(problem, "random"), Budget(16), resume=False)
+    other, theirs = Database.join(url, "lock"), []
+    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
+
+    def propose(count: int, first: bool) -> list[Candidate]:  # noqa: ARG001
+        return [Candidate(problem.start, "random")] * count
+
+    def propose_late(count: int, first: bool) -> list[Candidate]:
+        with engine.connect() as connection_:
+            connection_.execute(
+                sa.text("SELECT pg_terminate_backend(pid) FROM pg_locks WHERE locktype = 'advisory' AND granted")
+            )
+        theirs.extend(other.claim(16, Budget(16), propose))
+        return propose(count, first)
+
+    assert store.claim(16, Budget(16), propose_late) == []
+    assert len(theirs) == 16
+    assert states(url, "lock") == {TrialState.RUNNING: 16}
+    store.close()
+    other.close()
+    engine.dispose()
 
 
 def test_an_interrupted_batch_is_queued_again(url: str, make_problem: MakeProblem) -> None:
