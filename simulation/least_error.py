@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from codegen.errors import DualwinchError
 from controllers.coordination import force_limit
 from simulation.experiment import Experiment
-from simulation.required_force import force_law, force_parameters, outside_at, required_force, within_reach
+from simulation.required_force import force_law, force_parameters, outside_at
 
 Floats = NDArray[np.float64]
 
@@ -40,14 +40,14 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False) -> float:
         DualwinchError: the solver found no optimum.
     """
     limit = force_limit(experiment.controller.coordination)
-    if within_reach(experiment, EVERY):
+    outside, parameters = outside_at(experiment, EVERY), force_parameters(experiment)
+    beyond = np.abs(np.asarray(force_law()(outside, parameters), float).ravel()) > limit
+    if not beyond.any():
         return 0.0
-    outside = outside_at(experiment, EVERY)
     instants = outside.shape[1]
     solver = _solver(instants, EVERY * experiment.simulation.sample_time)
-    numbers = ca.vertcat(ca.vec(ca.DM(outside)), force_parameters(experiment))
-    first = int(np.argmax(np.abs(required_force(experiment, EVERY)) > limit))
-    until = 2 if anticipating else max(2, first + 1)  # position and speed at the start
+    numbers = ca.vertcat(ca.vec(ca.DM(outside)), parameters)
+    until = 2 if anticipating else max(2, int(beyond.argmax()) + 1)  # position and speed at the start
     bounds = [*[0.0] * until, *[np.inf] * (instants - until)]
     found = solver(x0=0.0, p=numbers, lbx=[-one for one in bounds], ubx=bounds, lbg=-limit, ubg=limit)
     if not solver.stats()["success"]:

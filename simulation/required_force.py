@@ -43,10 +43,10 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
     return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load], dtype=np.float64)
 
 
-def within_reach(experiment: Experiment, every: int = EVERY) -> bool:
+def within_reach(experiment: Experiment) -> bool:
     """Whether a run asks for no more force than the motors can give."""
     limit = force_limit(experiment.controller.coordination)
-    return bool(np.abs(required_force(experiment, every)).max() <= limit)
+    return bool(np.abs(required_force(experiment)).max() <= limit)
 
 
 def shortfall(experiment: Experiment) -> float:
