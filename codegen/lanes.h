@@ -3,9 +3,11 @@
 
 #define LANE_ARRAY __attribute__((aligned(64))) double /* a vector in no more than one cache line */
 #define IN_LANES static __attribute__((noinline)) void
-#define EACH_LANE for (int l = 0; l < LANES; ++l)
+#define EACH_OF(count) for (int l = 0; l < (count); ++l)
+#define EACH_LANE EACH_OF(LANES)
 #if PAIRED
-#define EACH_CALL for (int l = 0; l < LANES / 2; ++l)
+#define EACH_CALL_OF(count) EACH_OF((count) / 2)
 #else
-#define EACH_CALL _Pragma("clang loop vectorize(enable) interleave_count(2)") EACH_LANE
+#define EACH_CALL_OF(count) _Pragma("clang loop vectorize(enable) interleave_count(2)") EACH_OF(count)
 #endif
+#define EACH_CALL EACH_CALL_OF(LANES)

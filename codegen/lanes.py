@@ -47,27 +47,30 @@ def lane_sizes(compiler: Compiler) -> dict[str, int]:
     return {"LANES": LANES, "PAIRED": int(not compiler.is_clang)}
 
 
-def in_lanes(source: str, arrays: Mapping[str, Collection[str]], compiler: Compiler) -> str:
-    """The same functions over arrays whose elements lie LANES apart, without calls and without null outputs.
+def in_lanes(source: str, arrays: Mapping[str, Collection[str]], compiler: Compiler, *, lanes: str = "LANES") -> str:
+    """The same functions over arrays whose elements lie `lanes` apart, without calls and without null outputs.
 
     Args:
         source: definitions by `codegen.c_source`.
         arrays: function name → names of those of its arguments that have a number for each lane. Functions not named
             here stay as they are.
         compiler: what it is for. For others than clang each statement stands twice, for a lane and for the one
-            LANES/2 further on, so that a processor has something to do while it waits for a result.
+            lanes/2 further on, so that a processor has something to do while it waits for a result.
+        lanes: a number of lanes as C text.
     """
 
     def replaced(definition: re.Match[str]) -> str:
         name = definition.group(1)
         return (
-            _in_lanes(definition.group(), arrays[name], not compiler.is_clang) if name in arrays else definition.group()
+            _in_lanes(definition.group(), arrays[name], lanes, not compiler.is_clang)
+            if name in arrays
+            else definition.group()
         )
 
     return DEFINITION.sub(replaced, SMALLER_OR_LARGER.sub(r"inline_\1(", source))
 
 
-def _in_lanes(definition: str, arrays: Collection[str], paired: bool) -> str:
+def _in_lanes(definition: str, arrays: Collection[str], lanes: str, paired: bool) -> str:
     element = re.compile(rf"\b({'|'.join(arrays)})\[(\d+)\]")
     lines: list[str] = []
     for line in CALL.sub(r"inline_\1(", definition).splitlines():
@@ -75,7 +78,7 @@ def _in_lanes(definition: str, arrays: Collection[str], paired: bool) -> str:
             lines.append(line.replace("static inline void", "static inline __attribute__((always_inline)) void"))
             continue
         once = OPTIONAL.sub("", line)
-        lines.append(element.sub(r"\1[\2*LANES]", once))
+        lines.append(element.sub(rf"\1[\2*{lanes}]", once))
         if paired:
-            lines.append(re.sub(r"\ba(\d+)\b", r"b\1", element.sub(r"\1[\2*LANES+LANES/2]", once)))
+            lines.append(re.sub(r"\ba(\d+)\b", r"b\1", element.sub(rf"\1[\2*{lanes}+{lanes}/2]", once)))
     return "\n".join(lines)

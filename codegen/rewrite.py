@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from codegen.instructions import operands_of
+
 SCALINGS = {ca.OP_NEG: -1.0, ca.OP_TWICE: 2.0}
 """Operations that are products with a constant."""
 
@@ -68,7 +70,7 @@ class Rewriting:
         self.reciprocals = Reciprocals()
         self._function, self._inputs = function, [ca.vertsplit(symbol) for symbol in inputs]
         self._parameters = function.name_in().index("parameters")
-        self._operands = _operands(function)
+        self._operands = operands_of(function)
         self._uses = Counter(place for made in self._operands.values() for place in set(made))
         self._divided_by = Counter(
             made[1] for step, made in self._operands.items() if function.instruction_id(step) == ca.OP_DIV
@@ -118,16 +120,3 @@ class Rewriting:
         if self._divided_by[place] > 1:
             return _Value(left.whole * self._inverses.setdefault(place, 1 / right.whole))
         return _Value(left.whole / right.whole)
-
-
-def _operands(function: ca.Function) -> dict[int, tuple[int, ...]]:
-    """Instruction → the instructions that made its operands."""
-    made_by: dict[int, int] = {}
-    operands: dict[int, tuple[int, ...]] = {}
-    for step in range(function.n_instructions()):
-        operation = function.instruction_id(step)
-        if operation not in {ca.OP_INPUT, ca.OP_CONST}:
-            operands[step] = tuple(made_by[place] for place in function.instruction_input(step))
-        if operation != ca.OP_OUTPUT:
-            made_by[function.instruction_output(step)[0]] = step
-    return operands

@@ -1,4 +1,4 @@
-"""A rollout with its exact sensitivities in compiled C: the run once, one direction in each vector lane."""
+"""A rollout with its exact sensitivities in compiled C: the run once, its slopes and their products in lanes."""
 
 import ctypes
 from dataclasses import dataclass
@@ -19,6 +19,11 @@ from codegen.unit import hoisted_all, unit
 Floats = NDArray[np.float64]
 
 
+def directions_for(gains: tuple[int, ...]) -> int:
+    """How many directions one call takes: half the lanes are enough for few gains."""
+    return LANES // 2 if len(gains) <= LANES // 2 else LANES
+
+
 def _along(move: ca.Function) -> ca.Function:
     """``along_move(motion, held, part, parameters, motion_tangent, held_tangent) -> next_motion_tangent``."""
     inputs = {name: ca.SX.sym(name, move.size1_in(name)) for name in move.name_in()}
@@ -32,30 +37,39 @@ def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) ->
     return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})
 
 
-def sensitivity_source(
-    system: Sampled, smooth: Sampled, joined: ca.Function, gains: tuple[int, ...], compiler: Compiler
-) -> str:
+def sensitivity_source(system: Sampled, smooth: Sampled, gains: tuple[int, ...], compiler: Compiler) -> str:
     """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`."""
     by_gains = {"state": Tangents("state_tangent"), "parameters": Tangents("direction", gains)}
-    joints = joined.numel_out("returned") if "returned" in joined.name_out() else 0
-    spreads = {"SPREAD_SAMPLE": spread(system.sample, joined, by_gains, ["discrete", "held"], joints)}
+    at_sample = spread(smooth.sample, by_gains, ["discrete", "held"])
+    spreads = {"SPREAD_SAMPLE": at_sample}
     if system.leap and smooth.leap:
-        between = {"motion": Tangents("motion_tangent"), "held": Tangents("held_tangent")}
-        spreads["SPREAD_LEAP"] = spread(system.leap, smooth.leap, between, ["next_motion"])
+        moving = [place for place in range(smooth.leap.size1_in("held")) if ("held", place) not in at_sample.still]
+        between = {"motion": Tangents("motion_tangent"), "held": Tangents("held_tangent", moving)}
+        spreads["SPREAD_LEAP"] = spread(smooth.leap, between, ["next_motion"])
     along = _along(smooth.move)
-    functions = hoisted_all((system.move, *(one.sloped for one in spreads.values())))
+    run = (system.sample, system.move, *((system.leap,) if system.leap else ()))
+    functions = hoisted_all((*run, *(one.slopes for one in spreads.values())))
+    slopes = {one.slopes.name(): {*one.slopes.name_in(), "slopes"} - {"parameters"} for one in spreads.values()}
     tangents = {"along_move": {"motion_tangent", "held_tangent", "next_motion_tangent"}}
-    definitions = in_lanes(c_source([*functions, along]), tangents, compiler)
+    definitions = in_lanes(c_source([*functions, along]), slopes, compiler)
+    definitions = in_lanes(definitions, tangents, compiler, lanes="DIRECTIONS")
     products = [f"#define {name} {' '.join(one.statements)}" for name, one in spreads.items()]
-    sizes = system.sizes | lane_sizes(compiler) | {"GAINS": len(gains), "TRACKED": 0}
-    sizes |= {f"{one.sloped.name().upper()}_SLOPES": one.sloped.numel_out("slopes") for one in spreads.values()}
+    sizes = (
+        system.sizes | lane_sizes(compiler) | {"GAINS": len(gains), "DIRECTIONS": directions_for(gains), "TRACKED": 0}
+    )
+    sizes |= {one.slopes.name().upper(): one.slopes.numel_out("slopes") for one in spreads.values()}
     return unit(sizes, functions, "elementary.h", "lanes.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """A compiled rollout with sensitivities to up to LANES directions at a time."""
+    """A compiled rollout with sensitivities.
 
+    Attributes:
+        directions: how many directions one call takes.
+    """
+
+    directions: int
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
@@ -71,18 +85,18 @@ class Sensitivity:
 
         Args:
             parameters: (parameters,).
-            directions: (gains, LANES), a direction in each column.
+            directions: (gains, directions), a direction in each column.
             exogenous: (samples, exogenous).
             state: (states,); overwritten with the final state.
-            tangent: (states, LANES), the start's slopes along the directions; overwritten with the end's.
+            tangent: (states, directions), the start's slopes along the directions; overwritten with the end's.
             stride: every how many samples the first state and its tangent are kept; 0 keeps none.
 
         Returns:
-            Outcome, samples stepped, the first state (kept,) and its tangents (kept, LANES).
+            Outcome, samples stepped, the first state (kept,) and its tangents (kept, directions).
         """
         samples = exogenous.shape[0]
         kept = -(-samples // stride) if stride else 0
-        values, tangents, done = np.empty(kept), np.empty((kept, LANES)), ctypes.c_int64()
+        values, tangents, done = np.empty(kept), np.empty((kept, self.directions)), ctypes.c_int64()
         outcome = self._call(
             parameters.ctypes.data,
             directions.ctypes.data,
@@ -101,7 +115,7 @@ class Sensitivity:
 
 @cache
 def compile_sensitivity(
-    system: Sampled, smooth: Sampled, joined: ca.Function, gains: tuple[int, ...], compiler: Compiler | None = None
+    system: Sampled, smooth: Sampled, gains: tuple[int, ...], compiler: Compiler | None = None
 ) -> Sensitivity:
     """Compile (or find in the cache) and load a rollout with sensitivities.
 
@@ -109,7 +123,6 @@ def compile_sensitivity(
         system: what is run.
         smooth: what is differentiated along its run: `system` itself, or one without its steps, whose derivatives
             are zero almost everywhere.
-        joined: `smooth`'s function ``sample``, cut at the signals everything goes through (`codegen.spread`).
         gains: indices of the parameters that directions are made of.
         compiler: by default the one `find_compiler` finds.
 
@@ -117,9 +130,9 @@ def compile_sensitivity(
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    path = library(sensitivity_source(system, smooth, joined, gains, chosen), chosen, lane_flags(chosen))
+    path = library(sensitivity_source(system, smooth, gains, chosen), chosen, lane_flags(chosen))
     call = ctypes.CDLL(str(path)).sensitivity
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer] * 5 + [count, count, pointer, pointer, ctypes.POINTER(count)]
-    return Sensitivity(call)
+    return Sensitivity(directions_for(gains), call)

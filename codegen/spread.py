@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from codegen.linearised_graph import LinearisedGraph, Vertex
+
 
 @dataclass(frozen=True)
 class Tangents:
@@ -19,78 +21,64 @@ class Spread:
     """The derivative of a function, in two parts.
 
     Attributes:
-        sloped: ``sloped_NAME(...) -> ..., slopes``: the function itself with one more output, the elements of its
-            Jacobian that are not constant.
+        slopes: ``NAME_slopes(...) -> slopes``: of the function's inputs, the partial derivatives that are not constant.
         statements: C statements that make the tangents of the outputs, ``OUTPUT_tangent``, of those of the inputs and
-            the slopes, for one lane.
+            the slopes, for one lane. Elements of slopes lie LANES apart, those of tangents DIRECTIONS.
+        still: elements of outputs, ``(name, element)``, whose tangents are zero.
     """
 
-    sloped: ca.Function
+    slopes: ca.Function
     statements: list[str]
+    still: frozenset[Vertex]
 
 
-def spread(
-    function: ca.Function,
-    smooth: ca.Function,
-    along: Mapping[str, Tangents],
-    outputs: Sequence[str],
-    joints: int = 0,
-) -> Spread:
+def spread(function: ca.Function, along: Mapping[str, Tangents], outputs: Sequence[str]) -> Spread:
     """Split the derivative of a function into its slopes and products with them.
 
-    Where everything goes through a few signals, cutting a function there makes its Jacobian far sparser: `smooth` may
-    have one more input ``cut`` and output ``returned``, of values each of which depends on those before it alone.
-
     Args:
-        function: of SX expressions.
-        smooth: what is differentiated in its place, of the same inputs and outputs.
+        function: of dense SX expressions.
         along: input name → its tangents.
         outputs: names of the outputs that are differentiated.
-        joints: number of signals `smooth` is cut at.
     """
-    inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
-    symbols, true = dict(inputs), dict(inputs)
-    if joints:
-        symbols["cut"], true["cut"] = ca.SX.sym("cut", joints), ca.SX(joints, 1)
-        for _ in range(joints):
-            true["cut"] = smooth.call(true)["returned"]
-    values = smooth.call(symbols)
-    columns = [symbols[name] if t.elements is None else symbols[name][list(t.elements)] for name, t in along.items()]
-    rows = ["returned", *outputs] if joints else [*outputs]
-    by = ca.vertcat(*columns, *([symbols["cut"]] if joints else []))
-    slopes_at = ca.Function(
-        "slopes_at", list(symbols.values()), [ca.jacobian(ca.vertcat(*(values[o] for o in rows)), by)]
-    )
-    jacobian = slopes_at(*(true[name] for name in symbols))
+    symbols = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
+    sources: dict[Vertex, str] = {}
+    for name, tangents in along.items():
+        elements = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
+        sources |= {(name, element): f"{tangents.array}[{k}*DIRECTIONS]" for k, element in enumerate(elements)}
+    graph = LinearisedGraph(function, symbols, sources, outputs)
+    graph.eliminate()
 
-    varying = [place for place in range(jacobian.nnz()) if not jacobian.nz[place].is_constant()]
-    called = function.call(inputs)
-    results = {name: called[name] for name in function.name_out()}
-    results["slopes"] = ca.densify(ca.vertcat(*(jacobian.nz[place] for place in varying)))
-    sources = [f"{t.array}[{k}*LANES]" for t, c in zip(along.values(), columns, strict=True) for k in range(c.numel())]
-    sources += [f"joint_{k}" for k in range(joints)]
-    targets = [f"const double joint_{k}" for k in range(joints)]
-    targets += [f"{name}_tangent[{k}*LANES]" for name in outputs for k in range(values[name].numel())]
+    inner = sorted(vertex for vertex in graph.into if isinstance(vertex, int))
+    joints = {vertex: f"joint_{k}" for k, vertex in enumerate(inner)}
+    targets = {vertex: f"const double {name}" for vertex, name in joints.items()}
+    targets |= {
+        (name, element): f"{name}_tangent[{element}*DIRECTIONS]"
+        for name in outputs
+        for element in range(function.numel_out(name))
+    }
+    sources |= joints
+    slopes: list[ca.SX] = []
+    statements = []
+    for vertex, target in targets.items():
+        terms = []
+        for source, slope in graph.into.get(vertex, {}).items():
+            if slope.is_one():
+                terms.append(sources[source])
+            elif slope.is_constant():
+                terms.append(f"{float(slope)!r} * {sources[source]}")
+            else:
+                terms.append(f"slopes[{len(slopes)}*LANES] * {sources[source]}")
+                slopes.append(slope)
+        statements.append(f"{target} = {' + '.join(terms) or '0.0'};")
     return Spread(
-        sloped=ca.Function(
-            f"sloped_{function.name()}",
-            list(inputs.values()),
-            list(results.values()),
-            list(inputs),
-            list(results),
+        slopes=ca.Function(
+            f"{function.name()}_slopes",
+            list(symbols.values()),
+            [ca.densify(ca.vertcat(*slopes))],
+            list(symbols),
+            ["slopes"],
             {"cse": True},
         ),
-        statements=_products(jacobian, varying, sources, targets),
+        statements=statements,
+        still=frozenset(vertex for vertex in targets if not graph.into.get(vertex)),
     )
-
-
-def _products(jacobian: ca.SX, varying: list[int], sources: list[str], targets: list[str]) -> list[str]:
-    """One statement a row: constants stand in it, the other elements are those of the array `slopes`."""
-    terms: list[list[str]] = [[] for _ in targets]
-    factors = {place: f"slopes[{k}]" for k, place in enumerate(varying)}
-    for place, (row, column) in enumerate(zip(jacobian.sparsity().row(), jacobian.sparsity().get_col(), strict=True)):
-        if place in factors:
-            terms[row].append(f"{factors[place]} * {sources[column]}")
-        elif constant := float(jacobian.nz[place]):
-            terms[row].append(sources[column] if constant == 1 else f"{constant!r} * {sources[column]}")
-    return [f"{target} = {' + '.join(row) or '0.0'};" for target, row in zip(targets, terms, strict=True)]

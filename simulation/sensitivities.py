@@ -9,12 +9,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from codegen.lanes import LANES
 from codegen.sensitivity import Sensitivity, compile_sensitivity
 from model.errors import ConfigurationError
 from model.quantity import with_leaves
 from simulation.batch import NOT_RUN
-from simulation.closed_loop import JOINTS, closed_loop, starting_state
+from simulation.closed_loop import closed_loop, starting_state
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
 from simulation.jobs import run_all
@@ -90,8 +89,7 @@ def sensitivities(
     _check_names(pairs.names)
     structure = structure_of(pairs.experiments[0])
     smooth = closed_loop(structure, pairs.zeros | STEPS)
-    joined = closed_loop(structure, pairs.zeros | STEPS, JOINTS).sample
-    run = compile_sensitivity(pairs.loop, smooth, joined, tuple(pairs.places))
+    run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.places))
     shape, p = pairs.shape, len(pairs.names)
     kept = -(-pairs.samples // stride) if stride else 0
     result = Sensitivities(
@@ -105,8 +103,8 @@ def sensitivities(
     wanted = pairs.loop.exogenous.index("reference.x")
 
     def one(i: int, j: int) -> None:
-        for first in range(0, p, LANES):
-            gains = range(first, min(first + LANES, p))
+        for first in range(0, p, run.directions):
+            gains = range(first, min(first + run.directions, p))
             outcome, final, tangent, x, slopes = _run(run, structure, pairs, i, j, gains, stride)
             result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
             for lane, gain in enumerate(gains):
@@ -133,8 +131,8 @@ def _check_names(names: tuple[str, ...]) -> None:
 def _run(
     run: Sensitivity, structure: Structure, pairs: Pairs, i: int, j: int, gains: range, stride: int
 ) -> tuple[int, Floats, Floats, Floats, Floats]:
-    """Outcome, final state, its tangents (states, LANES), and positions with their tangents."""
-    directions = np.zeros((len(pairs.names), LANES))
+    """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
+    directions = np.zeros((len(pairs.names), run.directions))
     directions[list(gains), range(len(gains))] = 1.0
     vector, state = pairs.vector(i, j), pairs.start(i, j)
     by_parameters = np.array(_start_slopes(structure)(vector))[:, pairs.places]
