@@ -3,7 +3,7 @@
 import platform
 
 from benchmarks.measure import Timing
-from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT
+from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, SENSITIVE
 from codegen.compiler import vector_features
 
 ASKED_OF_LANES = {"avx512f": 8.0, "avx2": 4.0}
@@ -23,6 +23,7 @@ def rows(timings: list[Timing], cores: int) -> list[list[str]]:
     widest = next((name for name in ASKED_OF_LANES if name in vector_features()), None)
     asked = [
         (DEFAULT, ADAPTIVE_LIMIT, 1.0),
+        (SENSITIVE, DEFAULT, 0.25),
         ("batch-1", ADAPTIVE_LIMIT, ASKED_OF_LANES.get(widest or "")),
         (f"batch-{cores}", "batch-1", 0.9 * cores),
         ("sea-1", "batch-1", 0.6),

@@ -83,10 +83,10 @@ def rollout(
 
     def block(chosen: list[tuple[int, int]]) -> None:
         filled = (chosen * LANES)[:LANES]  # idle lanes repeat the block's pairs
-        vector = np.array([pairs.vector(i, j) for i, j in filled])
-        state = np.array([pairs.start(i, j) for i, j in filled])
+        vectors = pairs.vectors(filled)
+        state = pairs.starts(vectors)
         tables = {j: pairs.signals(j) for j in {j for _, j in filled}}
-        outcome, done, rows = run(vector, [tables[j] for _, j in filled], state, stride)
+        outcome, done, rows = run(vectors, [tables[j] for _, j in filled], state, stride)
         for lane, (i, j) in enumerate(chosen):
             final = dict(zip(loop.states, state[lane].tolist(), strict=True))
             metrics = metrics_of(final)

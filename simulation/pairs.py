@@ -1,23 +1,19 @@
 """Sets of parameters in scenarios: what a compiled rollout needs of each pair."""
 
 from collections.abc import Sequence
-from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.quantity import with_leaves
 from simulation.batch_check import check_batch
-from simulation.closed_loop import closed_loop, initial_state_of
+from simulation.closed_loop import closed_loop
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
-from simulation.kept_signals import KEPT, signals
+from simulation.kept_signals import signals
+from simulation.start import starts
 from simulation.structure import parameters_of, structure_of, zeros_of
 
 Floats = NDArray[np.float64]
-
-SHAPE_THE_START = ("plant.", "sensors.", "controller.coordination.")
-"""Parameters that the initial state depends on: the ropes' stretch at rest, and how the encoders read it."""
 
 
 class Pairs:
@@ -46,13 +42,11 @@ class Pairs:
         numbers = [parameters_of(one, nominal) for one, nominal in zip(self.experiments, believed, strict=True)]
         drawn = {key for one in scenarios if isinstance(one, Scenario) for key in one.draws}
         self.zeros = zeros_of(*numbers, varying=[*names, *drawn])
-        self.loop = closed_loop(structure_of(self.experiments[0]), self.zeros)
+        self._structure = structure_of(self.experiments[0])
+        self.loop = closed_loop(self._structure, self.zeros)
         self.places = [self.loop.parameters.index(name) for name in names]
         self.indices = [(i, j) for j in range(len(scenarios)) for i in range(len(self.values))]
         self._vectors = np.array([list(one.values()) for one in numbers])
-        self._shaping = [place for place, name in enumerate(names) if name.startswith(SHAPE_THE_START)]
-        keys = [names[place] for place in self._shaping]
-        self._start = lru_cache(maxsize=KEPT)(partial(_start_of, self.experiments, keys))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -69,21 +63,17 @@ class Pairs:
         """Sampling period in s."""
         return self.experiments[0].simulation.sample_time
 
-    def vector(self, i: int, j: int) -> Floats:
-        """All parameters of a pair, as the loop takes them."""
-        vector = self._vectors[j].copy()
-        vector[self.places] = self.values[i]
-        return vector
+    def vectors(self, indices: Sequence[tuple[int, int]]) -> Floats:
+        """All parameters of some pairs as the loop takes them, (pairs, parameters)."""
+        sets, scenarios = np.array(indices).T
+        vectors = self._vectors[scenarios]
+        vectors[:, self.places] = self.values[sets]
+        return vectors
 
-    def start(self, i: int, j: int) -> Floats:
-        """State of a pair before the first sample."""
-        return self._start(j, tuple(self.values[i, self._shaping].tolist())).copy()
+    def starts(self, vectors: Floats) -> Floats:
+        """States before the first sample (pairs, states) of the parameters (pairs, parameters)."""
+        return starts(self._structure, vectors)
 
     def signals(self, j: int) -> Floats:
         """What a scenario's runs receive from outside, (samples, exogenous); not to be written to."""
         return signals(self.experiments[j])
-
-
-def _start_of(experiments: Sequence[Experiment], keys: Sequence[str], j: int, values: tuple[float, ...]) -> Floats:
-    changes = dict(zip(keys, values, strict=True))
-    return np.array(list(initial_state_of(with_leaves(experiments[j], changes)).values()))

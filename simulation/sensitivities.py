@@ -2,26 +2,23 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.sensitivity import Sensitivity, compile_sensitivity
 from model.errors import ConfigurationError
-from model.quantity import with_leaves
 from simulation.batch import NOT_RUN
-from simulation.closed_loop import closed_loop, starting_state
+from simulation.closed_loop import closed_loop
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
 from simulation.jobs import run_all
 from simulation.metrics import Metrics, metrics_of
 from simulation.pairs import Pairs
-from simulation.sensors import Sensors
 from simulation.simulate import OUTCOMES
-from simulation.structure import Structure, parameters_of, structure_of
+from simulation.start import start_slopes
+from simulation.structure import Structure, structure_of
 
 Floats = NDArray[np.float64]
 
@@ -134,8 +131,9 @@ def _run(
     """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
     directions = np.zeros((len(pairs.names), run.directions))
     directions[list(gains), range(len(gains))] = 1.0
-    vector, state = pairs.vector(i, j), pairs.start(i, j)
-    by_parameters = np.array(_start_slopes(structure)(vector))[:, pairs.places]
+    vectors = pairs.vectors([(i, j)])
+    (vector,), (state,) = vectors, pairs.starts(vectors)
+    by_parameters = np.array(start_slopes(structure)(vector))[:, pairs.places]
     tangent = np.ascontiguousarray(by_parameters @ directions)
     outcome, _, x, slopes = run(vector, directions, pairs.signals(j), state, tangent, stride)
     return outcome, state, tangent, x, slopes
@@ -148,27 +146,3 @@ def _gradients(names: tuple[str, ...], final: Floats, tangent: Floats) -> dict[s
         for name, value, slope in zip(names, final.tolist(), tangent.tolist(), strict=True)
     }
     return {name: float(np.imag(value)) / TINY for name, value in vars(metrics_of(moved)).items()}
-
-
-@cache
-def _start_slopes(structure: Structure) -> ca.Function:
-    """``(parameters) -> d start/d parameters``: how the initial state depends on them, (states, parameters)."""
-    template = Experiment()
-    template = with_leaves(
-        template,
-        {
-            "controller.kind": structure.kind,
-            "controller.estimator": structure.estimator,
-            "controller.coordination.kind": structure.coordination,
-        },
-    )
-    symbols = {name: ca.SX.sym(name) for name in parameters_of(template)}
-    start = starting_state(
-        with_leaves(template.controller, symbols, "controller."),
-        with_leaves(template.plant, symbols, "plant."),
-        Sensors(),
-        structure.delay_samples,
-    )
-    parameters = ca.vertcat(*symbols.values())
-    slopes = ca.jacobian(ca.densify(ca.vertcat(*start.values())), parameters)
-    return ca.Function("start_slopes", [parameters], [ca.densify(slopes)])

@@ -14,6 +14,7 @@ from benchmarks.peers import (
     numba_loop,
     scipy_ivp,
     sea,
+    sensitive,
 )
 from benchmarks.peers.candidates import ROLLOUTS
 from benchmarks.peers.peer import Peer
@@ -31,6 +32,9 @@ OURS = "dualwinch"
 
 DEFAULT = "default"
 """Key of the row with the product's default integrator, where that is not the shared algorithm."""
+
+SENSITIVE = "sensitivities"
+"""Key of the row with derivatives beside the rollout."""
 
 
 def peers(duration: float) -> list[Peer]:
@@ -74,6 +78,7 @@ def peers(duration: float) -> list[Peer]:
             Peer(DEFAULT, f"dualwinch {words}, the C call alone", compiled.prepare_call, preferred),
             Peer("default-simulate", f"dualwinch {words}, simulate() whole", compiled.prepare_simulate, preferred),
         ]
+    rows.append(Peer(SENSITIVE, "the same with its slopes by 12 gains", sensitive.prepare, preferred))
     rows += [
         Peer(f"batch-{n}", f"dualwinch {default.integrator}, {_batch(n)}", batch.prepare_with(n), preferred, ROLLOUTS)
         for n in threads

@@ -9,7 +9,7 @@ import pytest
 from benchmarks import limits
 from benchmarks.case import Case
 from benchmarks.measure import DisagreementError, Timing, check_candidates, difference, measure
-from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, hand_c, peers
+from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, SENSITIVE, hand_c, peers
 from benchmarks.peers.compiled import prepare_call
 from benchmarks.peers.peer import Answer, Peer, Run, UnavailableError
 from simulation.experiment import Experiment, Simulation
@@ -149,6 +149,12 @@ def test_the_sea_is_checked_against_a_scalar_rollout_of_a_scenario(rows: dict[st
     peer = rows["sea-1"]
     assert peer.expected is not None
     assert difference(_answer(peer), peer.expected(peer.case)) < 1e-9
+
+
+def test_slopes_change_nothing_about_the_rollout(rows: dict[str, Peer]) -> None:
+    ours, beside = _answer(rows[DEFAULT]), _answer(rows[SENSITIVE])
+    assert difference(beside, ours) < 1e-6
+    np.testing.assert_allclose(astuple(beside.metrics), astuple(ours.metrics), rtol=1e-8)
 
 
 def test_rates_stand_beside_what_they_are_to_reach(rows: dict[str, Peer], monkeypatch: pytest.MonkeyPatch) -> None:
