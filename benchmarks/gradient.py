@@ -21,9 +21,8 @@ from simulation.sensitivities import sensitivities
 from tuning.evaluate import Evaluator
 from tuning.memory import Memory
 from tuning.optimisers import optimiser
-from tuning.optimisers.gradient import Gradient, Model
+from tuning.optimisers.gradient import Gradient
 from tuning.problem import Problem
-from tuning.space import Point
 from tuning.storage import Budget, quiet
 from tuning.study import Progress, search
 
@@ -38,16 +37,6 @@ SEEDS, TRIALS, ALLOWED = range(1, 9), 1000, 50.0
 
 ROUNDS = 9
 """Measurements of a gradient and of a rollout, the shortest of which counts."""
-
-
-class Counted(Gradient):
-    """The gradient method, counting its gradients."""
-
-    gradients = 0
-
-    def _linearised(self, point: Point) -> Model:
-        self.gradients += 1
-        return super()._linearised(point)
 
 
 @dataclass(frozen=True)
@@ -73,7 +62,7 @@ def race(seed: int, gradient_cost: float) -> Race:
     """Both methods on the same problem."""
     best = _search(_problem(seed), "tpe", TRIALS, lambda _: None)
     found: list[tuple[float, float]] = []
-    method = Counted(problem := _problem(seed), seed)
+    method = Gradient(problem := _problem(seed), seed)
 
     def watch(progress: Progress) -> None:
         if progress.best and progress.best.feasible:

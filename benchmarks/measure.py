@@ -15,7 +15,7 @@ TOLERANCE = 1e-6
 """Largest difference in m between two peers' positions, anywhere in the run."""
 
 SLOW = 0.3
-"""Time in s of a rollout from which a peer takes part in fewer rounds."""
+"""Time in s of a call from which a peer takes part in fewer rounds."""
 
 
 class DisagreementError(Exception):
@@ -113,7 +113,6 @@ def measure(
         timings.append(timing)
         try:
             run = peer.prepare(peer.case)
-            begin = time.perf_counter()
             answer = run(keep=True)
             timing.deviation = difference(answer, peer.expected(peer.case) if peer.expected else expected)
             check_candidates(answer, batch)
@@ -122,7 +121,7 @@ def measure(
             continue
         except DisagreementError as error:
             raise DisagreementError(f"{peer.title}: {error}") from error
-        if time.perf_counter() - begin > SLOW:
+        if _timed(run) > SLOW:
             slow.add(peer.key)
         runs[peer.key] = run
     with_slow = {round(place) for place in np.linspace(0, rounds - 1, min(slow_rounds, rounds))}

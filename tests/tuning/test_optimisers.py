@@ -37,7 +37,8 @@ def test_candidates_are_within_the_space_and_reproducible(method: str, make_prob
     done = run(problem, method, 3)
     assert all(d.holds(one.point[d.name]) for one in done for d in problem.space.dimensions)
     assert [one.point for one in run(problem, method, 3)] == [one.point for one in done]
-    assert [one.point for one in run(problem, method, 3, seed=1)] != [one.point for one in done]
+    descends = method == "gradient"  # from the start; what follows is drawn
+    assert ([one.point for one in run(problem, method, 3, seed=1)] == [one.point for one in done]) == descends
 
 
 @pytest.mark.parametrize(("method", "batches", "reached"), [("cmaes", 40, 0.0102), ("tpe", 20, 0.02)])

@@ -14,14 +14,14 @@ PATIENCE = 160
 
 
 class Hybrid:
-    """CMA-ES until it gets no better, Gauss–Newton steps from its best until they get no better, and so on.
+    """CMA-ES until it gets no better, gradient steps from its best until they get no better, and so on.
 
-    Both learn from every evaluation, whoever asked for it.
+    CMA-ES learns from every evaluation, whoever asked for it.
     """
 
     def __init__(self, problem: Problem, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
-        self._search, self._polish = Cma(problem, seed), Gradient(problem, seed, scouts=0)
+        self._search, self._polish = Cma(problem, seed), Gradient(problem, seed)
         self._best: Evaluation | None = None
         self._idle, self._polishing = 0, False
 
@@ -34,7 +34,8 @@ class Hybrid:
         if not evaluations:
             return
         self._search.tell(evaluations)
-        self._polish.tell(evaluations)
+        if self._polishing:
+            self._polish.tell(evaluations)
         leader = evaluations[best_first(evaluations)[0]]
         if self._best is None or best_first([self._best, leader])[0]:
             self._best, self._idle = leader, 0
@@ -44,4 +45,4 @@ class Hybrid:
             self._polishing, self._idle = False, 0
         elif not self._polishing and self._idle >= PATIENCE:
             self._polishing = True
-            self._polish.restart()
+            self._polish.restart(self._best)

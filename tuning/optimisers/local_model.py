@@ -1,0 +1,119 @@
+"""A model of objective and constraints near a point of the unit cube, in logarithms, and the steps that minimise it.
+
+Errors, tensions and chatter change by factors where gains do, so that their logarithms are far nearer to linear over
+logarithmic gains than they are themselves.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuning.constraint import Constraint
+from tuning.evaluation import Evaluation
+
+Floats = NDArray[np.float64]
+
+FAR = -0.9
+"""Violation below which a constraint is far from active, and its logarithm not taken."""
+
+ELASTIC = 200.0
+"""What a unit of violated constraint costs in a step, beside the logarithm of the objective: above any multiplier."""
+
+DAMPING = 1e-9
+"""Share of the largest curvature added to every direction, so that one without effect stays where it is."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """Objective and constraints near a point, in the d dimensions that have a derivative.
+
+    Attributes:
+        slope: (d,) of the objective's logarithm.
+        curvature: (d, d) of the objective as a share of its value, by Gauss–Newton.
+        violations, slopes: (c,), (c, d) of the constraints (`closeness`), positive where violated.
+    """
+
+    slope: Floats
+    curvature: Floats
+    violations: Floats
+    slopes: Floats
+
+    def closer(self, distance: Floats | float) -> "Model":
+        """The model with constraints that are closer by a distance, each by its own (c,) or all by one."""
+        return replace(self, violations=self.violations + distance)
+
+
+def level(value: float) -> float:
+    """The logarithm of an objective; of a negative one, which falls as it grows, minus that of its size."""
+    size = float(np.log(max(abs(value), np.finfo(float).tiny)))
+    return size if value >= 0 else -size
+
+
+def closeness(constraint: Constraint, violation: float) -> tuple[float, float]:
+    """How far a constraint is violated, and the derivative of that by the violation.
+
+    Near or beyond an upper bound, where the violation is value/bound − 1, that is log(value/bound).
+    """
+    if constraint.at_least or constraint.bound <= 0 or violation < FAR:
+        return violation, 1.0
+    return float(np.log1p(violation)), 1 / (1 + violation)
+
+
+def merit(evaluation: Evaluation, constraints: tuple[Constraint, ...], penalty: float) -> float:
+    """What steps are to lower: the objective's level and a penalty times the worst violation; infinite if it failed."""
+    known = {one.label for one in constraints}
+    if evaluation.pruned or any(v > 0 for label, v in evaluation.violations.items() if label not in known):
+        return float("inf")
+    beyond = (closeness(one, evaluation.violations[one.label])[0] for one in constraints)
+    return level(evaluation.objectives[0]) + penalty * max((0.0, *beyond))
+
+
+def linear_step(model: Model, centre: Floats, size: float) -> Floats:
+    """The step that minimises the objective's slope within the constraints, a box of half width `size`, and the cube.
+
+    Constraints that cannot be met within the box are violated as little as possible.
+    """
+    from scipy.optimize import linprog
+
+    lower, upper = _box(centre, size)
+    count = len(model.violations)
+    found = linprog(
+        np.append(model.slope, ELASTIC),
+        A_ub=np.hstack([model.slopes, -np.ones((count, 1))]) if count else None,
+        b_ub=-model.violations if count else None,
+        bounds=[*zip(lower, upper, strict=True), (0, None)],
+    )
+    return np.clip(found.x[:-1], lower, upper)
+
+
+def quadratic_step(model: Model, centre: Floats, size: float) -> Floats:
+    """The same with the objective's curvature: a Levenberg–Marquardt step where no constraint binds."""
+    from scipy.optimize import minimize
+
+    curvature = model.curvature + DAMPING * np.trace(model.curvature) * np.eye(len(centre))
+    lower, upper = _box(centre, size)
+
+    def value(x: Floats) -> tuple[float, Floats]:
+        d, slack = x[:-1], x[-1]
+        return (
+            float(model.slope @ d + d @ curvature @ d / 2 + ELASTIC * slack),
+            np.append(model.slope + curvature @ d, ELASTIC),
+        )
+
+    jacobian = np.hstack([-model.slopes, np.ones((len(model.violations), 1))])
+    worst = max(0.0, float(model.violations.max(initial=0.0)))
+    found = minimize(
+        value,
+        np.append(np.zeros(len(centre)), worst),
+        jac=True,
+        bounds=[*zip(lower, upper, strict=True), (0, None)],
+        constraints={"type": "ineq", "fun": lambda x: jacobian @ x - model.violations, "jac": lambda _: jacobian},
+        method="SLSQP",
+        options={"maxiter": 200, "ftol": 1e-12},
+    )
+    return np.clip(found.x[:-1], lower, upper)
+
+
+def _box(centre: Floats, size: float) -> tuple[Floats, Floats]:
+    return np.maximum(-size, -centre), np.minimum(size, 1 - centre)
