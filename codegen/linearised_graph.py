@@ -25,7 +25,12 @@ class LinearisedGraph:
     """
 
     def __init__(
-        self, function: ca.Function, symbols: dict[str, ca.SX], active: Collection[Vertex], outputs: Collection[str]
+        self,
+        function: ca.Function,
+        symbols: dict[str, ca.SX],
+        active: Collection[Vertex],
+        outputs: Collection[str],
+        fixed: Collection[str] = (),
     ) -> None:
         """Build the graph.
 
@@ -34,9 +39,12 @@ class LinearisedGraph:
             symbols: of its inputs; the derivatives are expressions of these.
             active: elements of inputs, ``(name, element)``, to differentiate by.
             outputs: names of the outputs to differentiate.
+            fixed: names of inputs that stay the same from call to call; partial derivatives of what depends on these
+                alone cost nothing, and so does their product.
         """
         self.into: dict[Vertex, dict[Vertex, ca.SX]] = {}
         self._out_of: dict[Vertex, set[Vertex]] = {}
+        self._fixed: set[int] = set()
         names_in, names_out = function.name_in(), function.name_out()
         vertices: dict[int, Vertex | None] = {}
         values: dict[int, ca.SX] = {}
@@ -48,8 +56,11 @@ class LinearisedGraph:
                 source = names_in[vector], element
                 values[step] = symbols[source[0]][element]
                 vertices[step] = source if source in active else None
+                if source[0] in fixed:
+                    self._fixed.add(step)
             elif operation == ca.OP_CONST:
                 values[step], vertices[step] = ca.SX(function.instruction_constant(step)), None
+                self._fixed.add(step)
             elif operation == ca.OP_OUTPUT:
                 vector, element = function.instruction_output(step)
                 target, source = (names_out[vector], element), vertices[made_of[0]]
@@ -59,6 +70,8 @@ class LinearisedGraph:
                 given = [values[place] for place in made_of]
                 build = ca.SX.unary if len(given) == 1 else ca.SX.binary
                 values[step], vertices[step] = build(operation, *given), None
+                if self._fixed.issuperset(made_of):
+                    self._fixed.add(step)
                 for place, slope in zip(made_of, _partials(operation, len(given)).call(given), strict=True):
                     source = vertices[place]
                     if source is not None and not slope.is_zero():
@@ -93,25 +106,36 @@ class LinearisedGraph:
         return new - len(sources) - len(targets), len(sources) * len(targets)
 
     def eliminate(self) -> None:
-        """Take vertices out one by one as long as that leaves no more edges, those first that leave fewest."""
+        """Take vertices out one by one as long as that leaves no more edges, those first that leave fewest.
+
+        What is fixed, and leads to fixed values only, goes first whatever that leaves.
+        """
+        for vertex in self._inner():
+            if vertex in self._fixed and self._fixed.issuperset(self._out_of[vertex]):
+                self._take_out(vertex)
         heap = [(*self._growth(vertex), vertex) for vertex in self._inner()]
         heapq.heapify(heap)
         while heap and heap[0][0] <= 0:
             growth, products, vertex = heapq.heappop(heap)
             if vertex not in self.into or (growth, products) != self._growth(vertex):
                 continue  # there is a newer entry, or none is needed any more
-            into, out_of = self.into[vertex], self._out_of[vertex]
-            slopes = {target: self.into[target][vertex] for target in out_of}
-            self._remove(vertex)
-            for target, slope in slopes.items():
-                for source, before in into.items():
-                    self._connect(source, target, slope * before)
+            into, slopes = self._take_out(vertex)
             near = {*into, *slopes}
             near |= {target for source in into for target in self._out_of[source]}
             near |= {source for target in slopes for source in self.into[target]}
             for other in near:
                 if isinstance(other, int):
                     heapq.heappush(heap, (*self._growth(other), other))
+
+    def _take_out(self, vertex: int) -> tuple[dict[Vertex, ca.SX], dict[Vertex, ca.SX]]:
+        """Connect what a vertex depends on with what depends on it, without it; both, and the partial derivatives."""
+        into = self.into[vertex]
+        slopes = {target: self.into[target][vertex] for target in self._out_of[vertex]}
+        self._remove(vertex)
+        for target, slope in slopes.items():
+            for source, before in into.items():
+                self._connect(source, target, slope * before)
+        return into, slopes
 
 
 @cache

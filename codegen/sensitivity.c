@@ -64,14 +64,15 @@ IN_LANES along_move_lanes(const double *restrict motion, const double *restrict 
 }
 
 /* One rollout with its sensitivities.
+   for_sample_slopes and for_leap_slopes hold what the slopes take that depends on the parameters alone.
    direction (GAINS, DIRECTIONS) holds the directions; state (STATES) and its tangent (STATES, DIRECTIONS) those at the start,
    and then at the end. Every stride-th sample writes state TRACKED to values and its tangent to tangents (kept, DIRECTIONS);
    both may be null. Returns the outcome as in rollout.c; *done is the number of samples stepped. A tangent that is not
    finite makes no outcome. */
-EXPORT int sensitivity(const double *parameters, const double *direction, const double *exogenous, double *state,
-                       double *tangent, int64_t samples, int64_t stride, double *values, double *tangents,
-                       int64_t *done) {
-  double for_sample[SAMPLE_DERIVED + 1], for_move[MOVE_DERIVED + 1], for_sample_slopes[SAMPLE_SLOPES_DERIVED + 1];
+EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes, const double *for_leap_slopes,
+                       const double *direction, const double *exogenous, double *state, double *tangent,
+                       int64_t samples, int64_t stride, double *values, double *tangents, int64_t *done) {
+  double for_sample[SAMPLE_DERIVED + 1], for_move[MOVE_DERIVED + 1];
   double held[HELD], now[STATES], next[STATES], moved[MOTION], margin = 0;
   LANE_ARRAY seeds[GAINS * DIRECTIONS], ours[STATES * DIRECTIONS], theirs[STATES * DIRECTIONS];
   LANE_ARRAY held_tangent[HELD * DIRECTIONS];
@@ -85,11 +86,10 @@ EXPORT int sensitivity(const double *parameters, const double *direction, const 
   memcpy(now_tangent, tangent, sizeof ours);
   derive_sample(parameters, for_sample);
   derive_move(parameters, for_move);
-  derive_sample_slopes(parameters, for_sample_slopes);
+  (void)for_leap_slopes;
 #if HAS_LEAP
-  double for_leap[LEAP_DERIVED + 1], for_leap_slopes[LEAP_SLOPES_DERIVED + 1], valid = 0;
+  double for_leap[LEAP_DERIVED + 1], valid = 0;
   derive_leap(parameters, for_leap);
-  derive_leap_slopes(parameters, for_leap_slopes);
 #endif
   while (k < samples && outcome == COMPLETED) {
     int stepped = 0;

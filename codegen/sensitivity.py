@@ -1,6 +1,7 @@
 """A rollout with its exact sensitivities in compiled C: the run once, its slopes and their products in lanes."""
 
 import ctypes
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
+from codegen.hoist import hoisted
 from codegen.lanes import LANES, in_lanes, lane_flags, lane_sizes
 from codegen.sampled import Sampled
-from codegen.spread import Tangents, spread
+from codegen.spread import Spread, Tangents, spread
 from codegen.unit import hoisted_all, unit
 
 Floats = NDArray[np.float64]
@@ -37,28 +39,36 @@ def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) ->
     return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})
 
 
-def sensitivity_source(system: Sampled, smooth: Sampled, gains: tuple[int, ...], compiler: Compiler) -> str:
-    """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`."""
+def spreads_of(smooth: Sampled, gains: tuple[int, ...]) -> dict[str, Spread]:
+    """The derivatives of a system's functions: of ``sample``, and of ``leap`` where it has one."""
     by_gains = {"state": Tangents("state_tangent"), "parameters": Tangents("direction", gains)}
-    at_sample = spread(smooth.sample, by_gains, ["discrete", "held"])
-    spreads = {"SPREAD_SAMPLE": at_sample}
-    if system.leap and smooth.leap:
-        moving = [place for place in range(smooth.leap.size1_in("held")) if ("held", place) not in at_sample.still]
+    found = {"SPREAD_SAMPLE": spread(smooth.sample, by_gains, ["discrete", "held"])}
+    if smooth.leap:
+        still = found["SPREAD_SAMPLE"].still
+        moving = [place for place in range(smooth.leap.size1_in("held")) if ("held", place) not in still]
         between = {"motion": Tangents("motion_tangent"), "held": Tangents("held_tangent", moving)}
-        spreads["SPREAD_LEAP"] = spread(smooth.leap, between, ["next_motion"])
-    along = _along(smooth.move)
-    run = (system.sample, system.move, *((system.leap,) if system.leap else ()))
-    functions = hoisted_all((*run, *(one.slopes for one in spreads.values())))
-    slopes = {one.slopes.name(): {*one.slopes.name_in(), "slopes"} - {"parameters"} for one in spreads.values()}
+        found["SPREAD_LEAP"] = spread(smooth.leap, between, ["next_motion"])
+    return found
+
+
+def sensitivity_source(
+    system: Sampled, smooth: Sampled, spreads: Mapping[str, Spread], gains: tuple[int, ...], compiler: Compiler
+) -> str:
+    """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`.
+
+    What slopes take that depends on the parameters alone is left to the caller: long code for once a run.
+    """
+    run = hoisted_all((system.sample, system.move, *((system.leap,) if system.leap else ())))
+    sloped = [hoisted(one.slopes)[1] for one in spreads.values()]
+    slopes = {one.name(): {*one.name_in(), "slopes"} - {"parameters", "derived"} for one in sloped}
     tangents = {"along_move": {"motion_tangent", "held_tangent", "next_motion_tangent"}}
-    definitions = in_lanes(c_source([*functions, along]), slopes, compiler)
+    definitions = in_lanes(c_source([*run, *sloped, _along(smooth.move)]), slopes, compiler)
     definitions = in_lanes(definitions, tangents, compiler, lanes="DIRECTIONS")
     products = [f"#define {name} {' '.join(one.statements)}" for name, one in spreads.items()]
-    sizes = (
-        system.sizes | lane_sizes(compiler) | {"GAINS": len(gains), "DIRECTIONS": directions_for(gains), "TRACKED": 0}
-    )
-    sizes |= {one.slopes.name().upper(): one.slopes.numel_out("slopes") for one in spreads.values()}
-    return unit(sizes, functions, "elementary.h", "lanes.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
+    sizes = system.sizes | lane_sizes(compiler)
+    sizes |= {"GAINS": len(gains), "DIRECTIONS": directions_for(gains), "TRACKED": 0}
+    sizes |= {one.name().upper(): one.numel_out("slopes") for one in sloped}
+    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
 
 
 @dataclass(frozen=True)
@@ -70,6 +80,7 @@ class Sensitivity:
     """
 
     directions: int
+    _derive: tuple[ca.Function, ...]
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
@@ -97,8 +108,12 @@ class Sensitivity:
         samples = exogenous.shape[0]
         kept = -(-samples // stride) if stride else 0
         values, tangents, done = np.empty(kept), np.empty((kept, self.directions)), ctypes.c_int64()
+        derived = [np.array(derive(parameters), order="C") for derive in self._derive]
+        for_sample, for_leap = (*derived, None) if len(derived) == 1 else derived
         outcome = self._call(
             parameters.ctypes.data,
+            for_sample.ctypes.data,
+            None if for_leap is None else for_leap.ctypes.data,
             directions.ctypes.data,
             exogenous.ctypes.data,
             state.ctypes.data,
@@ -130,9 +145,10 @@ def compile_sensitivity(
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    path = library(sensitivity_source(system, smooth, gains, chosen), chosen, lane_flags(chosen))
+    spreads = spreads_of(smooth, gains)
+    path = library(sensitivity_source(system, smooth, spreads, gains, chosen), chosen, lane_flags(chosen))
     call = ctypes.CDLL(str(path)).sensitivity
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64
-    call.argtypes = [pointer] * 5 + [count, count, pointer, pointer, ctypes.POINTER(count)]
-    return Sensitivity(directions_for(gains), call)
+    call.argtypes = [pointer] * 7 + [count, count, pointer, pointer, ctypes.POINTER(count)]
+    return Sensitivity(directions_for(gains), tuple(hoisted(one.slopes)[0] for one in spreads.values()), call)

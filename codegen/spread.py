@@ -45,7 +45,7 @@ def spread(function: ca.Function, along: Mapping[str, Tangents], outputs: Sequen
     for name, tangents in along.items():
         elements = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
         sources |= {(name, element): f"{tangents.array}[{k}*DIRECTIONS]" for k, element in enumerate(elements)}
-    graph = LinearisedGraph(function, symbols, sources, outputs)
+    graph = LinearisedGraph(function, symbols, sources, outputs, ["parameters"])
     graph.eliminate()
 
     inner = sorted(vertex for vertex in graph.into if isinstance(vertex, int))

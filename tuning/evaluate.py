@@ -20,6 +20,9 @@ FAILED = "scenarios not completed <= 0"
 FIRST_SHARE, KEPT_SHARE = 0.5, 0.5
 """Share of the scenarios that all candidates see, and share of the candidates that see the rest."""
 
+FEW = 4
+"""So many candidates are not worth pruning: their scenarios fill few vector lanes."""
+
 LEADERS = 2
 """Candidates of a call, the best of it, that have to hold in the stress scenarios as well."""
 
@@ -59,10 +62,26 @@ class Evaluator:
         Raises:
             KeyboardInterrupt: interrupted; nothing of this batch is kept.
         """
-        scenarios = self.problem.tuning_scenarios
-        if not self._first or len(candidates) < 2:
+        scenarios, stress = self.problem.tuning_scenarios, self.problem.stress_scenarios
+        if not self._first:
+            return self.over(candidates, scenarios, tuning=True)
+        judged, whole = self._tried(candidates, scenarios)
+        leaders = [place for place in best_first(judged)[:LEADERS] if judged[place].feasible]
+        if leaders and stress:
+            more = self._run([candidates[place] for place in leaders], stress)
+            for row, place in enumerate(leaders):
+                result = _joined(whole[place], more, row)
+                judged[place] = self.judged(candidates[place], result, [*scenarios, *stress], tuning=True)
+        return judged
+
+    def _tried(
+        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
+    ) -> tuple[list[Evaluation], dict[int, BatchResult]]:
+        """Evaluations, hopeless candidates given up after the first scenarios; and the results of the others."""
+        if len(candidates) <= FEW:
             result = self._run(candidates, scenarios)
-            return [self.judged(one, result, scenarios, place, tuning=True) for place, one in enumerate(candidates)]
+            judged = [self.judged(one, result, scenarios, place, tuning=True) for place, one in enumerate(candidates)]
+            return judged, {place: _row(result, place) for place in range(len(candidates))}
         early = self._run(candidates, scenarios[: self._first])
         judged = [
             self.judged(one, early, scenarios[: self._first], place, tuning=True, pruned=True)
@@ -75,23 +94,18 @@ class Evaluator:
         late = self._run([candidates[place] for place in places], scenarios[self._first :])
         whole: dict[int, BatchResult] = {}
         for row, place in enumerate(places):
-            whole[place] = _joined(early, place, late, row)
+            whole[place] = _joined(_row(early, place), late, row)
             judged[place] = self.judged(candidates[place], whole[place], scenarios, tuning=True)
-        leaders = [place for place in best_first(judged)[:LEADERS] if judged[place].feasible]
-        stress = self.problem.stress_scenarios
-        if leaders and stress:
-            more = self._run([candidates[place] for place in leaders], stress)
-            for row, place in enumerate(leaders):
-                result = _joined(whole[place], 0, more, row)
-                judged[place] = self.judged(candidates[place], result, [*scenarios, *stress], tuning=True)
-        return judged
+        return judged, whole
 
-    def over(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> list[Evaluation]:
-        """Evaluate candidates in all of some scenarios."""
+    def over(
+        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario], *, tuning: bool = False
+    ) -> list[Evaluation]:
+        """Evaluate candidates in all of some scenarios; in tuning with a margin (`Problem.margin`)."""
         if not candidates:
             return []
         result = self._run(candidates, scenarios)
-        return [self.judged(one, result, scenarios, place) for place, one in enumerate(candidates)]
+        return [self.judged(one, result, scenarios, place, tuning=tuning) for place, one in enumerate(candidates)]
 
     def _run(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
         space = self.problem.space
@@ -132,13 +146,19 @@ class Evaluator:
         )
 
 
-def _joined(early: BatchResult, place: int, late: BatchResult, row: int) -> BatchResult:
-    """One candidate's results in the first scenarios and in the others, as one result of one row."""
+def _row(result: BatchResult, row: int) -> BatchResult:
+    """One candidate's results as a result of one row."""
+    metrics = {name: table[row : row + 1] for name, table in result.metrics.items()}
+    return BatchResult(result.outcomes[row : row + 1], result.end_times[row : row + 1], metrics, {})
+
+
+def _joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
+    """One candidate's results in the first scenarios, and a row of those in others, as one result of one row."""
+    more = _row(late, row)
+    metrics = {name: np.hstack([early.metrics[name], more.metrics[name]]) for name in early.metrics}
     return BatchResult(
-        outcomes=np.concatenate([early.outcomes[place], late.outcomes[row]])[None],
-        end_times=np.concatenate([early.end_times[place], late.end_times[row]])[None],
-        metrics={
-            name: np.concatenate([early.metrics[name][place], late.metrics[name][row]])[None] for name in early.metrics
-        },
+        outcomes=np.hstack([early.outcomes, more.outcomes]),
+        end_times=np.hstack([early.end_times, more.end_times]),
+        metrics=metrics,
         columns={},
     )

@@ -54,7 +54,7 @@ def tune(
     method: Annotated[
         str | None,
         Parameter(
-            help="cmaes (default), gradient, hybrid, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
+            help="hybrid (default), cmaes, gradient, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
         ),
     ] = None,
     trials: Annotated[int | None, Parameter(help="Trials (default 1000 without --time).")] = None,

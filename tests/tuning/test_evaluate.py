@@ -37,7 +37,7 @@ def test_the_front_is_what_no_other_feasible_one_beats() -> None:
 def test_an_evaluation_is_that_of_the_tuned_experiments(make_problem: MakeProblem) -> None:
     problem = make_problem()
     point = problem.start | {BETA: 0.3}
-    found = Evaluator(problem).evaluate([Candidate(point, "")])[0]
+    found = Evaluator(problem, prune=False).evaluate([Candidate(point, "")])[0]
     scenarios = [one for one in problem.tuning_scenarios if isinstance(one, Scenario)]
     tuned = [replace(one, experiment=with_leaves(one.experiment, problem.space.settings(point))) for one in scenarios]
     singles = rollout([], [[]], tuned).metrics
@@ -67,6 +67,8 @@ def test_hopeless_candidates_stop_after_the_first_scenarios_and_the_paper_never(
     assert len(leaders) == LEADERS
     assert not found[-1].pruned
     assert {one.scenarios for one in found if one.pruned} == {2}
+    few = Evaluator(problem).evaluate(candidates[:3])
+    assert sorted(one.scenarios for one in few) == [4, 4 + STRESS, 4 + STRESS]  # too few to be worth it
     whole = Evaluator(problem, prune=False).evaluate(candidates)
     assert not any(one.pruned for one in whole)
     for early, late in zip(found, whole, strict=True):

@@ -9,12 +9,13 @@ from tests.tuning.conftest import MakeProblem
 from tuning.constraint import Constraint
 from tuning.evaluate import FAILED, Evaluator
 from tuning.evaluation import Candidate, Evaluation
+from tuning.optimisers.gradient import Gradient
 from tuning.optimisers.local_model import Model, closeness, level, linear_step, merit, quadratic_step
 from tuning.problem import Problem
 from tuning.statistic import statistic_from
 from tuning.tune import tune
 
-BOWL = Model(np.array([-1.0, 0.0]), np.diag([2.0, 2.0]), np.empty(0), np.empty((0, 2)))
+BOWL = Model(np.array([-1.0, 0.0]), np.diag([2.0, 2.0]), np.empty(0), np.empty((0, 2)), np.empty(0, int))
 """x² − x + y²: the minimum lies at (0.5, 0)."""
 
 
@@ -27,9 +28,9 @@ def test_the_step_is_the_models_minimum_within_box_and_cube() -> None:
 
 def test_a_constraint_is_kept_to_and_one_out_of_reach_is_violated_least() -> None:
     centre = np.array([0.3, 0.5])
-    wall = Model(BOWL.slope, BOWL.curvature, np.array([-0.2]), np.array([[1.0, 0.0]]))
+    wall = Model(BOWL.slope, BOWL.curvature, np.array([-0.2]), np.array([[1.0, 0.0]]), np.zeros(1, int))
     assert quadratic_step(wall, centre, 0.6) == pytest.approx([0.2, 0], abs=1e-6)
-    beyond = Model(BOWL.slope, BOWL.curvature, np.array([1.0]), np.array([[0.0, 1.0]]))
+    beyond = Model(BOWL.slope, BOWL.curvature, np.array([1.0]), np.array([[0.0, 1.0]]), np.zeros(1, int))
     assert quadratic_step(beyond, centre, 0.1) == pytest.approx([0.1, -0.1], abs=1e-6)
 
 
@@ -61,7 +62,7 @@ def test_after_a_minimum_others_are_looked_for(gentle: Problem) -> None:
 
 def test_linear_steps_end_in_a_corner_and_keep_what_constraints_they_can() -> None:
     centre = np.array([0.3, 0.5])
-    slope = Model(np.array([-1.0, -0.1]), np.zeros((2, 2)), np.empty(0), np.empty((0, 2)))
+    slope = Model(np.array([-1.0, -0.1]), np.zeros((2, 2)), np.empty(0), np.empty((0, 2)), np.empty(0, int))
     assert linear_step(slope, centre, 0.2) == pytest.approx([0.2, 0.2])
     assert linear_step(slope, np.array([0.9, 0.5]), 0.2) == pytest.approx([0.1, 0.2])
     wall = replace(slope, violations=np.array([-0.3]), slopes=np.array([[1.0, 1.0]]))
@@ -105,3 +106,18 @@ def test_the_merit_weighs_error_and_violation_and_knows_failures() -> None:
     assert merit(evaluated(0.01), (bound,), 100.0) == pytest.approx(np.log(1e-8) + 100 * np.log(1.01))
     assert merit(evaluated(-0.5, failed=0.25), (bound,), 100.0) == np.inf
     assert level(-np.e) == pytest.approx(-1.0)
+
+
+def test_where_a_start_fails_scouts_are_sent_out(gentle: Problem) -> None:
+    method = Gradient(gentle, 0)
+    (start,) = method.ask(16)
+    violations = {FAILED: 1.0} | {one.label: 0.0 for one in gentle.bounded}
+    method.tell([Evaluation(Candidate(start, ""), (1e9,), violations, {}, {"diverged": 1}, 1)])
+    assert len(method.ask(16)) == 16
+    assert method.gradients == 0
+
+
+def test_the_default_method_takes_gradient_steps_first_in_one_scenario(gentle: Problem) -> None:
+    best = tune(gentle, trials=24).verdict.best
+    assert best.candidate.origin == "hybrid"
+    assert best.objectives == tune(gentle, method="gradient", trials=24).verdict.best.objectives

@@ -48,7 +48,7 @@ ONE_OBJECTIVE = ("cmaes", "gradient", "hybrid")
 
 def default_method(objectives: int) -> str:
     """The method where nobody asks for one."""
-    return "cmaes" if objectives == 1 else "nsga2"
+    return "hybrid" if objectives == 1 else "nsga2"
 
 
 def optimiser(method: str, problem: Problem, seed: int) -> Optimiser:

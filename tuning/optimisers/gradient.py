@@ -28,14 +28,15 @@ SCOUTS = 16
 SIDE_BY_SIDE = 4
 """Steps tried at once where there are many scenarios: in a single one each costs as much as the gradient is worth."""
 
-FIRST, LARGEST, SMALLEST = 0.15, 0.5, 1e-4
-"""Half widths of the first, the largest and the smallest box, in shares of each range."""
+FIRST, LARGEST = 0.15, 0.5
+"""Half widths of the first and the largest box, in shares of each range."""
+
+EVEN, UNEVEN = (1e-4, 1e-3), (1e-3, 1e-2)
+"""Half width of the smallest box, and least improvement of the merit that a step is taken for: in a single scenario,
+and in many, where noise and the moments at which ropes go slack make the ground uneven."""
 
 PENALTY = 100.0
 """What a violation of 1 counts in the merit, beside the logarithm of the objective; ten times that if it has to."""
-
-ENOUGH = 1e-3
-"""Least improvement of the merit that a step is taken for."""
 
 KEPT = 5e-4
 """Distance that steps keep from the constraints."""
@@ -64,6 +65,7 @@ class Gradient:
         self._problem, self._space = problem, problem.space
         self._smooth = [place for place, one in enumerate(self._space.dimensions) if isinstance(one, Interval)]
         self.gradients = 0
+        self._smallest, self._enough = EVEN if problem.ensemble is None else UNEVEN
         self._abreast = SIDE_BY_SIDE if problem.ensemble else 1
         self._centre: Evaluation | None = None
         self._scouting: list[Evaluation] | None = None
@@ -74,7 +76,7 @@ class Gradient:
         self._centre, self._size, self._penalty = centre, size, penalty
         self._model: Model | None = None
         self._bend = np.zeros(len(self._problem.bounded))
-        self._attempt = 0
+        self._attempt, self._asked = 0, list[Point]()
 
     @property
     def _box(self) -> float:
@@ -83,12 +85,16 @@ class Gradient:
     @property
     def converged(self) -> bool:
         """Whether no step that is still tried makes anything better."""
-        return self._box < SMALLEST
+        return self._box < self._smallest
 
     def restart(self, evaluation: Evaluation) -> None:
         """Try large steps, from a point that was evaluated."""
-        self._scouting = None
-        self._begin(evaluation)
+        self._set_out(evaluation)
+
+    def _set_out(self, centre: Evaluation) -> None:
+        """Begin at a point; at the best of some scouts where it failed, for such a point has no slope."""
+        self._begin(centre)
+        self._scouting = None if np.isfinite(self._merit(centre)) else []
 
     def ask(self, count: int) -> list[Point]:
         """The start, or scouts, or steps from the best point."""
@@ -103,7 +109,9 @@ class Gradient:
             self._model = linearise(self._problem, self._centre.point)
             self.gradients += 1
         attempts = ATTEMPTS[self._attempt : self._attempt + min(count, self._abreast)]
-        return [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]
+        points = [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]
+        self._asked += points
+        return points
 
     def _stepped(self, point: Point, model: Model, kind: str, share: float) -> Point:
         centre, size = self._space.encoded(point), self._size * share
@@ -114,27 +122,26 @@ class Gradient:
         return stepped | {name: point[name] for name in fixed}
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Go to the best, and try larger steps next; where none is better, smaller ones or another kind."""
+        """Go to the best, whoever asked for it, and try larger steps next; else smaller ones or another kind."""
         if not evaluations:
             return
         if self._scouting is not None:
             self._scouting += evaluations
             if len(self._scouting) >= SCOUTS:
-                self._begin(min(self._scouting, key=self._merit))
-                self._scouting = None
+                self._set_out(min(self._scouting, key=self._merit))
             return
         leader = min(evaluations, key=self._merit)
         if self._centre is None:
-            self._begin(leader)
+            self._set_out(leader)
             return
         self._learn_bend(evaluations)
-        if self._merit(leader) < self._merit(self._centre) - ENOUGH:
+        if self._merit(leader) < self._merit(self._centre) - self._enough:
             moved = np.abs(self._encoded(leader) - self._encoded(self._centre)).max(initial=0.0)
             bend = self._bend
-            self._begin(leader, float(np.clip(2 * moved, 10 * SMALLEST, LARGEST)), self._penalty)
+            self._begin(leader, float(np.clip(2 * moved, 10 * self._smallest, LARGEST)), self._penalty)
             self._bend = bend
         else:
-            self._attempt += len(evaluations)
+            self._attempt += sum(one.point in self._asked for one in evaluations)
         if self.converged and not self._centre.feasible and self._penalty == PENALTY:
             self._begin(self._centre, penalty=10 * PENALTY)
         elif self.converged:
@@ -159,7 +166,7 @@ class Gradient:
             beyond = [
                 closeness(constraint, one.violations[constraint.label])[0] for constraint in self._problem.bounded
             ]
-            excess = np.array(beyond) - (self._model.violations + self._model.slopes @ moved)
+            excess = np.array(beyond) - self._model.predicted(moved, len(beyond))
             found.append(np.maximum(excess / size**2, 0.0))
         if found:
             self._bend = np.min(found, axis=0)

@@ -1,4 +1,4 @@
-"""Global search, then gradient polish, in turns."""
+"""Global search and gradient steps, in turns."""
 
 from collections.abc import Sequence
 
@@ -16,14 +16,15 @@ PATIENCE = 160
 class Hybrid:
     """CMA-ES until it gets no better, gradient steps from its best until they get no better, and so on.
 
-    CMA-ES learns from every evaluation, whoever asked for it.
+    In a single scenario gradient steps come first: few of them lead to a minimum. CMA-ES learns from every evaluation,
+    whoever asked for it.
     """
 
     def __init__(self, problem: Problem, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
         self._search, self._polish = Cma(problem, seed), Gradient(problem, seed)
         self._best: Evaluation | None = None
-        self._idle, self._polishing = 0, False
+        self._idle, self._polishing = 0, problem.ensemble is None
 
     def ask(self, count: int) -> list[Point]:
         """Candidates of the optimiser whose turn it is."""

@@ -43,18 +43,31 @@ def linearise(problem: Problem, point: Point) -> Model:
     errors = run.slopes[0, counted(objective)].reshape(-1, len(keys)) @ scales
     errors = errors[np.isfinite(errors).all(axis=1)]
     square = float(np.nanmean(run.errors[0, counted(objective)] ** 2))
-    violations, slopes = [], []
-    for one in problem.bounded:
-        beyond, rate = closeness(one, one.violation(value(one.statistic), problem.margin(one)))
-        violations.append(beyond)
+    violations, slopes, belongs = [], [], []
+    for place, one in enumerate(problem.bounded):
+        metric, kept = one.statistic.metric, counted(one.statistic)
         share = (-1 if one.at_least else 1) / (abs(one.bound) or 1.0)
-        slopes.append(rate * share * _slope(one.statistic, run, counted(one.statistic)) @ scales)
+        if one.statistic.kind == "worst" and kept.any():
+            rows = zip(run.metrics[metric][0, kept], run.gradients[metric][0, kept], strict=True)
+        else:
+            rows = [(value(one.statistic), _slope(one.statistic, run, kept))]
+        for reached, slope in rows:
+            beyond, rate = closeness(one, one.violation(float(reached), problem.margin(one)))
+            violations.append(beyond)
+            slopes.append(_finite(rate * share * slope @ scales))
+            belongs.append(place)
     return Model(
-        slope=_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0),
+        slope=_finite(_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0)),
         curvature=2 * errors.T @ errors / len(errors) / square,
         violations=np.array(violations),
         slopes=np.array(slopes).reshape(-1, len(dimensions)),
+        belongs=np.array(belongs, dtype=np.intp),
     )
+
+
+def _finite(slopes: Floats) -> Floats:
+    """Slopes, those set to 0 that grew beyond all numbers in an unstable run."""
+    return np.where(np.isfinite(slopes), slopes, 0.0)
 
 
 def _with(scenario: Experiment | Scenario, problem: Problem, point: Point) -> Experiment | Scenario:

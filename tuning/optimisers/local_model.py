@@ -31,17 +31,25 @@ class Model:
     Attributes:
         slope: (d,) of the objective's logarithm.
         curvature: (d, d) of the objective as a share of its value, by Gauss–Newton.
-        violations, slopes: (c,), (c, d) of the constraints (`closeness`), positive where violated.
+        violations, slopes: (r,), (r, d) of the constraints (`closeness`), positive where violated. One about the worst
+            of many scenarios has a row for each of them: which is the worst changes within a step.
+        belongs: (r,) places of the constraints that the rows belong to.
     """
 
     slope: Floats
     curvature: Floats
     violations: Floats
     slopes: Floats
+    belongs: NDArray[np.intp]
 
-    def closer(self, distance: Floats | float) -> "Model":
-        """The model with constraints that are closer by a distance, each by its own (c,) or all by one."""
-        return replace(self, violations=self.violations + distance)
+    def closer(self, distances: Floats) -> "Model":
+        """The model with constraints that are closer by a distance each, (c,)."""
+        return replace(self, violations=self.violations + distances[self.belongs])
+
+    def predicted(self, step: Floats, constraints: int) -> Floats:
+        """The violations (c,) after a step, by the linear model."""
+        rows = self.violations + self.slopes @ step
+        return np.array([rows[self.belongs == place].max() for place in range(constraints)])
 
 
 def level(value: float) -> float:
