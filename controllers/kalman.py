@@ -58,7 +58,7 @@ class KalmanGains:
         float,
         at.Gt(0),
         Quantity("m", "believed standard deviation of a position from encoder and stretch", "assumption"),
-        Tunable(1e-5, 1e-2),
+        Tunable(1e-6, 1e-2),
     ] = 1e-4
     bandwidth: Annotated[
         float, at.Gt(0), Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)

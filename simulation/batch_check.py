@@ -90,7 +90,8 @@ def _check_noise(names: Iterable[str], experiment: Experiment) -> None:
 def _check_together(columns: Mapping[str, Floats], experiments: Sequence[Experiment]) -> None:
     """Rules between values: rows that may break one are looked at by `check`, which has the words for it."""
     rows = len(next(iter(columns.values())))
-    bound = (NFTSM + "p", NFTSM + "q", *(COORDINATION + name for name in ("tension_min", "tension_max", "preload")))
+    limits = ("tension_min", "tension_max", "reserve", "preload")
+    bound = (NFTSM + "p", NFTSM + "q", *(COORDINATION + name for name in limits))
     of_the_plant = any(name.startswith("plant.") for name in columns)
     seen: set[tuple[float, ...]] = set()
     for number, experiment in enumerate(experiments):
@@ -99,9 +100,9 @@ def _check_together(columns: Mapping[str, Floats], experiments: Sequence[Experim
         if own in seen and not of_the_plant:
             continue
         seen.add(own)
-        p, q, least, most, preload = (columns.get(name, np.full(rows, given[name])) for name in bound)
-        suspect = (p % 2 == 0) | (q % 2 == 0) | (p <= q) | ~(least < most)
-        suspect |= ~((2 * least < preload) & (preload < 2 * most)) | of_the_plant
+        p, q, least, most, reserve, preload = (columns.get(name, np.full(rows, given[name])) for name in bound)
+        suspect = (p % 2 == 0) | (q % 2 == 0) | (p <= q) | ~(least < most - reserve)
+        suspect |= ~((2 * least < preload) & (preload < 2 * (most - reserve))) | of_the_plant
         for row in np.flatnonzero(suspect):
             changes = {name: _typed(name, column[row]) for name, column in columns.items()}
             try:

@@ -47,10 +47,15 @@ def _check_coordination(experiment: Experiment) -> None:
             f"controller.coordination.tension_min = {values.tension_min:g}: "
             f"must be < controller.coordination.tension_max = {values.tension_max:g} N"
         )
-    if not 2 * values.tension_min < values.preload < 2 * values.tension_max:
+    if not values.tension_min < values.command_max:
+        raise ConfigurationError(
+            f"controller.coordination.reserve = {values.reserve:g}: "
+            f"must be < {values.tension_max - values.tension_min:g} N (tension_max - tension_min)"
+        )
+    if not 2 * values.tension_min < values.preload < 2 * values.command_max:
         raise ConfigurationError(
             f"controller.coordination.preload = {values.preload:g}: must be > {2 * values.tension_min:g} "
-            f"and < {2 * values.tension_max:g} N (twice tension_min and twice tension_max)"
+            f"and < {2 * values.command_max:g} N (twice tension_min and twice tension_max - reserve)"
         )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.errors import DualwinchError
-from controllers.coordination import force_limit
+from controllers.coordination import strength
 from simulation.experiment import Experiment
 from simulation.required_force import force_law, force_parameters, outside_at
 
@@ -39,7 +39,7 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False) -> float:
     Raises:
         DualwinchError: the solver found no optimum.
     """
-    limit = force_limit(experiment.controller.coordination)
+    limit = strength(experiment.controller.coordination)
     outside, parameters = outside_at(experiment, EVERY), force_parameters(experiment)
     beyond = np.abs(np.asarray(force_law()(outside, parameters), float).ravel()) > limit
     if not beyond.any():

@@ -144,7 +144,7 @@ def _check(experiment: Experiment, v: float) -> None:
     if not abs(needed) < limit:
         raise ConfigurationError(
             f"v = {v:g}: cruise needs a force of {needed:.4g} N, must be within ±{limit:g} N "
-            "(tension_max - tension_min)"
+            "(tension_max - reserve - tension_min)"
         )
 
 
@@ -162,7 +162,7 @@ def _check_solution(experiment: Experiment, row: dict[str, float], residual: flo
 def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -> tuple[Floats, Floats]:
     """The steady cruise of a perfect controller: no errors, tensions as commanded."""
     plant, limits = experiment.plant, experiment.controller.coordination
-    point = operating_point(x, v, limits.preload, plant, tension_min=limits.tension_min, tension_max=limits.tension_max)
+    point = operating_point(x, v, limits.preload, plant, tension_min=limits.tension_min, tension_max=limits.command_max)
     guess = dict.fromkeys(loop.states, 0.0) | initial_state_of(experiment) | leaves(point.state, "motion.plant.")
     guess |= _pressed_integrals(guess, point.F1 - point.F2, experiment)
     known = {"x": x, "v": v, "primed": 1.0}
@@ -184,7 +184,7 @@ def _pressed_integrals(guess: dict[str, float], force: float, experiment: Experi
     found = {}
     for winch, command in wanted.items():
         key = f"controller.coordination.{winch}.integral"
-        if key in guess and not limits.tension_min < command < limits.tension_max:
+        if key in guess and not limits.tension_min < command < limits.command_max:
             found[key] = -PRESSED if command <= limits.tension_min else PRESSED
     return found
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.coordination import force_limit
+from controllers.coordination import strength
 from model.disturbance import Disturbance, vortex_force, vortex_frequency
 from model.plant import Environment, symbolic_plant, vehicle_acceleration
 from model.quantity import numbers, with_leaves
@@ -45,7 +45,7 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
 
 def within_reach(experiment: Experiment) -> bool:
     """Whether a run asks for no more force than the motors can give."""
-    limit = force_limit(experiment.controller.coordination)
+    limit = strength(experiment.controller.coordination)
     return bool(np.abs(required_force(experiment)).max() <= limit)
 
 
@@ -54,7 +54,7 @@ def shortfall(experiment: Experiment) -> float:
 
     From the force alone: that a slower vehicle has less drag is left out.
     """
-    limit = force_limit(experiment.controller.coordination)
+    limit = strength(experiment.controller.coordination)
     step, mass = EVERY * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
     furthest = behind = rate = 0.0
     way = 1.0

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from controllers.coordination import force_limit
 from simulation.plots.motion import length_unit
 from simulation.plots.ropes import KILO, draw_limits
 from simulation.plots.style import (
@@ -95,7 +96,7 @@ def _tensions(axes: Axes, result: Result) -> None:
 
 def _force(axes: Axes, result: Result) -> None:
     limits = result.experiment.controller.coordination
-    limit = (limits.tension_max - limits.tension_min) / KILO
+    limit = float(force_limit(limits)) / KILO
     u, u_sat = result["u"] / KILO, result["u_sat"] / KILO
     axes.plot(*thin(result["t"], u), color=GREY, linestyle="--", linewidth=1.0, label="asked for, $u$")
     axes.plot(*thin(result["t"], u_sat), color=_colour(result), label="given, sat $u$")
