@@ -32,13 +32,18 @@ PATIENCE, GAIN = 25, 0.02
 
 
 class Cma:
-    """CMA-ES that starts again and again, each time at the best of some random candidates."""
+    """CMA-ES that starts again and again, each time at the best of some random candidates.
+
+    Attributes:
+        finished: how many times it got no further.
+    """
 
     def __init__(self, problem: Problem, seed: int) -> None:
         """The strategy of a problem; the same seed gives the same candidates."""
         self._space = problem.space
         self._random = np.random.default_rng(seed)
         self._waiting: list[Evaluation] = []
+        self.finished = 0
         self._begin(problem.start)
         self._scouts: list[Evaluation] | None = []
 
@@ -85,7 +90,7 @@ class Cma:
         self._strategy.tell([(place, float(rank)) for rank, place in enumerate(places)])
         self._leaders.append(generation[order[0]])
         if self._strategy.should_stop() or self._stands_still():
-            self._scouts = []
+            self._scouts, self.finished = [], self.finished + 1
 
     def _stands_still(self) -> bool:
         """Whether the last generations got hardly any further than those before."""

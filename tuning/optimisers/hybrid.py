@@ -9,12 +9,9 @@ from tuning.problem import Problem
 from tuning.ranking import best_first
 from tuning.space import Point
 
-PATIENCE = 160
-"""Evaluations without a better one after which the other optimiser has its turn."""
-
 
 class Hybrid:
-    """CMA-ES until it gets no better, gradient steps from its best until they get no better, and so on.
+    """CMA-ES until it gets no further, gradient steps from the best until they get no further, and so on.
 
     In a single scenario gradient steps come first: few of them lead to a minimum. CMA-ES learns from every evaluation,
     whoever asked for it.
@@ -24,7 +21,7 @@ class Hybrid:
         """The optimiser of a problem; the same seed gives the same candidates."""
         self._search, self._polish = Cma(problem, seed), Gradient(problem, seed)
         self._best: Evaluation | None = None
-        self._idle, self._polishing = 0, problem.ensemble is None
+        self._searched, self._polishing = 0, problem.ensemble is None
 
     def ask(self, count: int) -> list[Point]:
         """Candidates of the optimiser whose turn it is."""
@@ -39,11 +36,10 @@ class Hybrid:
             self._polish.tell(evaluations)
         leader = evaluations[best_first(evaluations)[0]]
         if self._best is None or best_first([self._best, leader])[0]:
-            self._best, self._idle = leader, 0
-        else:
-            self._idle += len(evaluations)
-        if self._polishing and self._polish.converged:
-            self._polishing, self._idle = False, 0
-        elif not self._polishing and self._idle >= PATIENCE:
+            self._best = leader
+        if self._polishing:
+            self._polishing = not self._polish.converged
+        elif self._search.finished > self._searched:
             self._polishing = True
             self._polish.restart(self._best)
+        self._searched = self._search.finished
