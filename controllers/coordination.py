@@ -26,7 +26,7 @@ class Coordination:
         float,
         at.Ge(0),
         Quantity("N", "distance that tension commands keep from tension_max, for overshoot and noise", "assumption"),
-        Tunable(0, 700, log=False),
+        Tunable(0, 700, log=False, standard=False),
     ] = 0.0
     kind: Annotated[
         Literal["differential-tension", "master-slave", "force-position"],

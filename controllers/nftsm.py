@@ -28,9 +28,7 @@ class NftsmGains:
     eta: Annotated[
         float, at.Ge(0), Quantity("1/s^2", "rate of the exponential reaching law", "paper 4.1"), Tunable(0.005, 50)
     ] = 0.05
-    k: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the switching term", "paper 4.1"), Tunable(0.01, 100)] = (
-        0.5
-    )
+    k: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the switching term", "paper 4.1"), Tunable(0.01, 20)] = 0.5
     phi: Annotated[
         float, at.Gt(0), Quantity("m", "thickness of the boundary layer", "paper 4.1"), Tunable(0.005, 5)
     ] = 0.5

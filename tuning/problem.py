@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 from controllers.controller import Controller
 from model.errors import ConfigurationError
@@ -14,11 +15,14 @@ from simulation.experiment import Experiment
 from tuning.constraint import Constraint, constraints_from
 from tuning.objective import objectives_from
 from tuning.scenarios import PROMISED, Pick, corners, pick, promised
-from tuning.space import Point, Space
+from tuning.space import Interval, Point, Space
 from tuning.statistic import Statistic, statistic_from
 
 SELECTION, HELD_OUT = 1_000_000, 2_000_000
 """Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
+
+LIMITS = "controller.coordination."
+"""Gains that have to fit together."""
 
 MARGIN = 0.01
 """Distance that what is the worst keeps from its bound in the few scenarios of tuning, as a share: others are worse."""
@@ -64,7 +68,8 @@ class Problem:
         """Find out now whether the start makes sense.
 
         Raises:
-            ConfigurationError: values that do not fit together, or a start outside of the bounds.
+            ConfigurationError: values that do not fit together, a start outside of the bounds, or bounds that do
+                not fit together.
         """
         check(self.experiment)
         for dimension in self.space.dimensions:
@@ -76,6 +81,13 @@ class Problem:
                     f"infeasible start: {keys} = {shown} is outside of the space, {dimension.allowed}; "
                     "widen the bounds, or start elsewhere with --set"
                 )
+        limits = [one for one in self.space.dimensions if one.name.startswith(LIMITS) and isinstance(one, Interval)]
+        for ends in product(*((one.lower, one.upper) for one in limits)):
+            settings = self.space.settings(self.start | {one.name: end for one, end in zip(limits, ends, strict=True)})
+            try:
+                check(with_leaves(self.experiment, settings))
+            except ConfigurationError as error:
+                raise ConfigurationError(f"space: bounds that do not go together: {error}") from error
 
     @property
     def start(self) -> Point:

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.coordination import Coordination, force_limit
+from controllers.coordination import Coordination, force_limit, strength
 from controllers.differential_tension import tension_commands
 from tests.oracle.laws import tension_commands as oracle_commands
 
@@ -50,3 +50,15 @@ def test_rope_1_takes_over_what_rope_2_cannot_slacken() -> None:
     """At 3 kN the rule of halves would ask rope 2 for -500 N."""
     assert tension_commands(3000.0, Coordination()) == (3200, 200)
     assert tension_commands(-3000.0, Coordination()) == (200, 3200)
+
+
+@given(st.floats(0, 3000), st.floats(-3, 3))
+def test_a_reserve_is_kept_below_the_upper_limit(reserve: float, share: float) -> None:
+    """The commands are those of a winch that is so much weaker."""
+    kept = Coordination(preload=4000.0, reserve=reserve)
+    weaker = Coordination(preload=4000.0, tension_max=6000.0 - reserve)
+    u_sat = share * force_limit(kept)
+    assert force_limit(kept) == pytest.approx(5800 - reserve)
+    assert strength(kept) == 5800
+    assert tension_commands(u_sat, kept) == pytest.approx(tension_commands(u_sat, weaker))
+    assert max(tension_commands(u_sat, kept)) <= 6000 - reserve

@@ -28,6 +28,8 @@ COORDINATION = "controller.coordination."
         (["controller.nftsm.p", "controller.nftsm.q"], [7.0, 9.0], "controller.nftsm.p = 7: must be > .* = 9"),
         ([COORDINATION + "preload"], [300.0], "preload = 300: must be > 400 and < 12000 N"),
         ([COORDINATION + "tension_min"], [7000.0], "tension_min = 7000: must be < .*tension_max = 6000 N"),
+        ([COORDINATION + "reserve"], [5900.0], r"reserve = 5900: must be < 5800 N \(tension_max - tension_min\)"),
+        ([COORDINATION + "reserve"], [5100.0], "preload = 2000: must be > 400 and < 1800 N"),
         (
             [COORDINATION + name for name in ("tension_min", "preload")],
             [600.0, 1100.0],

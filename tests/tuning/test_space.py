@@ -151,3 +151,12 @@ def test_a_start_outside_of_the_space_is_refused(make_problem: MakeProblem) -> N
     assert moved.start == {BETA: 0.2}
     assert moved.paper_point == {BETA: 0.1}  # the paper's 0.05, as near as the space allows
     assert np.isclose(moved.space.encoded(moved.paper_point)[0], 0)
+
+
+def test_bounds_that_do_not_go_together_are_refused_before_the_search(make_problem: MakeProblem) -> None:
+    space = ["controller.coordination.preload=800:10000", "controller.coordination.tension_min=100:500"]
+    with pytest.raises(
+        ConfigurationError, match=r"space: bounds that do not go together: .*preload = 800: must be > 1000"
+    ):
+        make_problem(space=space).check()
+    make_problem(space=[space[0], "controller.coordination.tension_min=100:399"]).check()

@@ -2,8 +2,8 @@
 
 The strategy sees nothing but who is better than whom (`tuning.ranking`): a constraint needs no penalty, no weight.
 
-There is more than one valley: much preload or little, a slow winch or a fast one. So a strategy starts at the best of
-some random candidates, and once it gets no further, the next one does elsewhere.
+There is more than one valley: much preload or little, a slow winch or a fast one. So once a strategy gets no further,
+the next one starts elsewhere, at the best of some random candidates.
 """
 
 from collections.abc import Sequence
@@ -25,14 +25,14 @@ EDGE = 0.02
 """Nearest to a bound that the first mean lies."""
 
 SCOUTS = 64
-"""Candidates, the best of which is where a strategy starts: random ones, and what was evaluated before the first."""
+"""Random candidates, the best of which is where the next strategy starts."""
 
 PATIENCE, GAIN = 25, 0.02
 """Generations in which a strategy has to get better by this share; else the next one starts."""
 
 
 class Cma:
-    """CMA-ES that starts again and again, each time at the best of some random candidates.
+    """CMA-ES that starts at the experiment's own gains, and then again and again elsewhere.
 
     Attributes:
         finished: how many times it got no further.
@@ -44,8 +44,8 @@ class Cma:
         self._random = np.random.default_rng(seed)
         self._waiting: list[Evaluation] = []
         self.finished = 0
+        self._scouts: list[Evaluation] | None = None
         self._begin(problem.start)
-        self._scouts: list[Evaluation] | None = []
 
     def _begin(self, start: Point) -> None:
         import cmaes

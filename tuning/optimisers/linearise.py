@@ -42,10 +42,11 @@ def linearise(problem: Problem, point: Point) -> Model:
     objective = problem.minimised[0]
     errors = run.slopes[0, counted(objective)].reshape(-1, len(keys)) @ scales
     errors = errors[np.isfinite(errors).all(axis=1)]
-    square = float(np.nanmean(run.errors[0, counted(objective)] ** 2))
+    square = float(np.nanmean(run.errors[0, counted(objective)] ** 2)) * max(len(errors), 1)
     violations, slopes, belongs = [], [], []
     for place, one in enumerate(problem.bounded):
-        metric, kept = one.statistic.metric, counted(one.statistic)
+        metric = one.statistic.metric
+        kept = counted(one.statistic) & np.isfinite(run.metrics[metric][0])
         share = (-1 if one.at_least else 1) / (abs(one.bound) or 1.0)
         if one.statistic.kind == "worst" and kept.any():
             rows = zip(run.metrics[metric][0, kept], run.gradients[metric][0, kept], strict=True)
@@ -58,7 +59,7 @@ def linearise(problem: Problem, point: Point) -> Model:
             belongs.append(place)
     return Model(
         slope=_finite(_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0)),
-        curvature=2 * errors.T @ errors / len(errors) / square,
+        curvature=2 * errors.T @ errors / square,
         violations=np.array(violations),
         slopes=np.array(slopes).reshape(-1, len(dimensions)),
         belongs=np.array(belongs, dtype=np.intp),
