@@ -1,6 +1,14 @@
 """The instructions a CasADi function of SX expressions is made of."""
 
+from collections.abc import Sequence
+
 import casadi as ca
+
+
+def applied(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
+    """An operation of one or two operands as an expression."""
+    build = ca.SX.unary if len(operands) == 1 else ca.SX.binary
+    return build(operation, *operands)
 
 
 def operands_of(function: ca.Function) -> dict[int, tuple[int, ...]]:

@@ -11,7 +11,7 @@ from functools import cache
 
 import casadi as ca
 
-from codegen.instructions import operands_of
+from codegen.instructions import applied, operands_of
 
 Vertex = Hashable
 
@@ -68,8 +68,7 @@ class LinearisedGraph:
                     self._connect(source, target, ca.SX(1))
             else:
                 given = [values[place] for place in made_of]
-                build = ca.SX.unary if len(given) == 1 else ca.SX.binary
-                values[step], vertices[step] = build(operation, *given), None
+                values[step], vertices[step] = applied(operation, given), None
                 if self._fixed.issuperset(made_of):
                     self._fixed.add(step)
                 for place, slope in zip(made_of, _partials(operation, len(given)).call(given), strict=True):
@@ -142,5 +141,5 @@ class LinearisedGraph:
 def _partials(operation: int, count: int) -> ca.Function:
     """The derivatives of an operation by its operands."""
     operands = [ca.SX.sym(f"operand_{place}") for place in range(count)]
-    value = (ca.SX.unary if count == 1 else ca.SX.binary)(operation, *operands)
+    value = applied(operation, operands)
     return ca.Function("partials", operands, [ca.jacobian(value, operand) for operand in operands])

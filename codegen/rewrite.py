@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from codegen.instructions import operands_of
+from codegen.instructions import applied, operands_of
 
 SCALINGS = {ca.OP_NEG: -1.0, ca.OP_TWICE: 2.0}
 """Operations that are products with a constant."""
@@ -101,8 +101,7 @@ class Rewriting:
                 return self._quotient(step, *made)
             if operation in SCALINGS and made[0].rest is not None:
                 return made[0].times(ca.SX(SCALINGS[operation]))
-        build = ca.SX.unary if len(made) == 1 else ca.SX.binary
-        return _Value(build(operation, *(value.whole for value in made)), all(value.fixed for value in made))
+        return _Value(applied(operation, [value.whole for value in made]), all(value.fixed for value in made))
 
     def _product(self, step: int, left: _Value, right: _Value) -> _Value:
         if left.fixed or right.fixed:

@@ -32,11 +32,9 @@ def _along(move: ca.Function) -> ca.Function:
     seeds = {f"{name}_tangent": ca.SX.sym(f"{name}_tangent", inputs[name].numel()) for name in ("motion", "held")}
     moved = move.call(inputs)["next_motion"]
     tangent = ca.jtimes(moved, ca.vertcat(inputs["motion"], inputs["held"]), ca.vertcat(*seeds.values()))
-    return _function("along_move", inputs | seeds, {"next_motion_tangent": ca.densify(tangent)})
-
-
-def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
-    return ca.Function(name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True})
+    inputs |= seeds
+    outputs = [ca.densify(tangent)]
+    return ca.Function("along_move", [*inputs.values()], outputs, [*inputs], ["next_motion_tangent"], {"cse": True})
 
 
 def spreads_of(smooth: Sampled, gains: tuple[int, ...]) -> dict[str, Spread]:

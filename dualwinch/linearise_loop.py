@@ -103,7 +103,7 @@ def _print_closed(
             values["preload"][0],
             experiment.plant,
             tension_min=limits.tension_min,
-            tension_max=limits.tension_max,
+            tension_max=limits.command_max,
         )
         print_point(system, point, experiment.plant)
         radius = np.abs(system.poles()).max()

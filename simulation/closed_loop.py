@@ -9,18 +9,17 @@ import casadi as ca
 from codegen.expressions import BUILDING
 from codegen.sampled import Sampled
 from controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
-from controllers.coordination import Coordination
 from model.plant import Plant, Torques, holding_torques, resting_state, tensions
 from model.quantity import Quantity, leaves, with_leaves
 from model.reference import Setpoint
 from model.scalar import Scalar, absolute
 from simulation.between import Held, between_samples, named_function, problem_of
-from simulation.experiment import Experiment, Simulation
+from simulation.experiment import Experiment
 from simulation.integrators import Motion, Problem
 from simulation.metrics import Accumulators, Sample, accumulate
 from simulation.row import row_of
 from simulation.sensors import EncoderState, Noise, Sensors, measure, read_encoders
-from simulation.structure import Structure, parameters_of
+from simulation.structure import Structure, parameters_of, template_of
 
 CUTS = {"u": "u_sat", "tau_1": "tau1", "tau_2": "tau2"}
 """Where the loop can be cut for analysis: signal → the column of what arrives at the cut."""
@@ -138,15 +137,7 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts:
 
 
 def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
-    template = Experiment(
-        plant=Plant(rope_slack=structure.rope_slack),
-        controller=Controller(
-            kind=structure.kind,  # pyright: ignore[reportArgumentType]
-            estimator=structure.estimator,  # pyright: ignore[reportArgumentType]
-            coordination=Coordination(kind=structure.coordination),  # pyright: ignore[reportArgumentType]
-        ),
-        simulation=Simulation(delay_samples=structure.delay_samples),
-    )
+    template = template_of(structure)
     queued = _queue_names(structure.delay_samples)
     vectors = {
         "state": tuple(initial_state_of(template)),

@@ -23,7 +23,7 @@ class Pairs:
         names: keys of the parameters that vary.
         values: (n, names).
         experiments: of the scenarios.
-        loop: the closed loop of them all.
+        structure, loop: the closed loop of them all.
         zeros: parameters that are zero in all scenarios and do not vary; the loop leaves out what they multiply.
         indices: (set, scenario) of all pairs, a scenario's together.
     """
@@ -42,8 +42,8 @@ class Pairs:
         numbers = [parameters_of(one, nominal) for one, nominal in zip(self.experiments, believed, strict=True)]
         drawn = {key for one in scenarios if isinstance(one, Scenario) for key in one.draws}
         self.zeros = zeros_of(*numbers, varying=[*names, *drawn])
-        self._structure = structure_of(self.experiments[0])
-        self.loop = closed_loop(self._structure, self.zeros)
+        self.structure = structure_of(self.experiments[0])
+        self.loop = closed_loop(self.structure, self.zeros)
         self.places = [self.loop.parameters.index(name) for name in names]
         self.indices = [(i, j) for j in range(len(scenarios)) for i in range(len(self.values))]
         self._vectors = np.array([list(one.values()) for one in numbers])
@@ -72,7 +72,7 @@ class Pairs:
 
     def starts(self, vectors: Floats) -> Floats:
         """States before the first sample (pairs, states) of the parameters (pairs, parameters)."""
-        return starts(self._structure, vectors)
+        return starts(self.structure, vectors)
 
     def signals(self, j: int) -> Floats:
         """What a scenario's runs receive from outside, (samples, exogenous); not to be written to."""

@@ -18,7 +18,6 @@ from simulation.metrics import Metrics, metrics_of
 from simulation.pairs import Pairs
 from simulation.simulate import OUTCOMES
 from simulation.start import start_slopes
-from simulation.structure import Structure, structure_of
 
 Floats = NDArray[np.float64]
 
@@ -84,8 +83,7 @@ def sensitivities(
     """
     pairs = Pairs(names, parameters, scenarios)
     _check_names(pairs.names)
-    structure = structure_of(pairs.experiments[0])
-    smooth = closed_loop(structure, pairs.zeros | STEPS)
+    smooth = closed_loop(pairs.structure, pairs.zeros | STEPS)
     run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.places))
     shape, p = pairs.shape, len(pairs.names)
     kept = -(-pairs.samples // stride) if stride else 0
@@ -102,7 +100,7 @@ def sensitivities(
     def one(i: int, j: int) -> None:
         for first in range(0, p, run.directions):
             gains = range(first, min(first + run.directions, p))
-            outcome, final, tangent, x, slopes = _run(run, structure, pairs, i, j, gains, stride)
+            outcome, final, tangent, x, slopes = _run(run, pairs, i, j, gains, stride)
             result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
             for lane, gain in enumerate(gains):
                 for name, slope in _gradients(pairs.loop.states, final, tangent[:, lane]).items():
@@ -126,14 +124,14 @@ def _check_names(names: tuple[str, ...]) -> None:
 
 
 def _run(
-    run: Sensitivity, structure: Structure, pairs: Pairs, i: int, j: int, gains: range, stride: int
+    run: Sensitivity, pairs: Pairs, i: int, j: int, gains: range, stride: int
 ) -> tuple[int, Floats, Floats, Floats, Floats]:
     """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
     directions = np.zeros((len(pairs.names), run.directions))
     directions[list(gains), range(len(gains))] = 1.0
     vectors = pairs.vectors([(i, j)])
     (vector,), (state,) = vectors, pairs.starts(vectors)
-    by_parameters = np.array(start_slopes(structure)(vector))[:, pairs.places]
+    by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.places]
     tangent = np.ascontiguousarray(by_parameters @ directions)
     outcome, _, x, slopes = run(vector, directions, pairs.signals(j), state, tangent, stride)
     return outcome, state, tangent, x, slopes

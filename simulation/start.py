@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from model.quantity import with_leaves
 from simulation.closed_loop import starting_state
-from simulation.experiment import Experiment
 from simulation.sensors import Sensors
-from simulation.structure import Structure, parameters_of
+from simulation.structure import Structure, parameters_of, template_of
 
 Floats = NDArray[np.float64]
 
@@ -46,14 +45,7 @@ def start_slopes(structure: Structure) -> ca.Function:
 
 
 def _start(structure: Structure, *, steps: bool) -> tuple[ca.SX, ca.SX]:
-    template = with_leaves(
-        Experiment(),
-        {
-            "controller.kind": structure.kind,
-            "controller.estimator": structure.estimator,
-            "controller.coordination.kind": structure.coordination,
-        },
-    )
+    template = template_of(structure)
     symbols = {name: ca.SX.sym(name) for name in parameters_of(template)}
     state = starting_state(
         with_leaves(template.controller, symbols, "controller."),

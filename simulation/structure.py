@@ -4,10 +4,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from controllers.controller import Controller
+from controllers.coordination import Coordination
 from controllers.nominal import nominal_plant
 from model.plant import Plant
 from model.quantity import numbers
-from simulation.experiment import Experiment
+from simulation.experiment import Experiment, Simulation
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,19 @@ class Structure:
     integrator: str
     substeps: int
     delay_samples: int
+
+
+def template_of(structure: Structure) -> Experiment:
+    """An experiment of a structure; its numbers are those of no experiment in particular."""
+    return Experiment(
+        plant=Plant(rope_slack=structure.rope_slack),
+        controller=Controller(
+            kind=structure.kind,  # pyright: ignore[reportArgumentType]
+            estimator=structure.estimator,  # pyright: ignore[reportArgumentType]
+            coordination=Coordination(kind=structure.coordination),  # pyright: ignore[reportArgumentType]
+        ),
+        simulation=Simulation(delay_samples=structure.delay_samples),
+    )
 
 
 KEPT = 64

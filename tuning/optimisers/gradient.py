@@ -87,12 +87,8 @@ class Gradient:
         """Whether no step that is still tried makes anything better."""
         return self._box < self._smallest
 
-    def restart(self, evaluation: Evaluation) -> None:
-        """Try large steps, from a point that was evaluated."""
-        self._set_out(evaluation)
-
-    def _set_out(self, centre: Evaluation) -> None:
-        """Begin at a point; at the best of some scouts where it failed, for such a point has no slope."""
+    def restart(self, centre: Evaluation) -> None:
+        """Try large steps from a point; from the best of some scouts where it failed, for such a point has no slope."""
         self._begin(centre)
         self._scouting = None if np.isfinite(self._merit(centre)) else []
 
@@ -128,11 +124,11 @@ class Gradient:
         if self._scouting is not None:
             self._scouting += evaluations
             if len(self._scouting) >= SCOUTS:
-                self._set_out(min(self._scouting, key=self._merit))
+                self.restart(min(self._scouting, key=self._merit))
             return
         leader = min(evaluations, key=self._merit)
         if self._centre is None:
-            self._set_out(leader)
+            self.restart(leader)
             return
         self._learn_bend(evaluations)
         if self._merit(leader) < self._merit(self._centre) - self._enough:
