@@ -97,6 +97,17 @@ IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
   EACH_LANE finite[l] = !(overflows[l] >> 63);
 }
 
+/* What is read and written at every sample, close together and at the same places of the cache in every call. */
+typedef struct {
+  __attribute__((aligned(4096))) double first[STATES * LANES];
+  double second[STATES * LANES], held[HELD * LANES], w[(EXOGENOUS + 1) * LANES];
+  double p[sizeof((int[])USED_PARAMETERS) / sizeof(int) * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];
+  double margin[LANES];
+#if HAS_LEAP
+  double for_leap[(LEAP_DERIVED + 1) * LANES], valid[LANES];
+#endif
+} Often;
+
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
    exogenous[l] points to lane l's signals (samples, EXOGENOUS). Every stride-th sample writes a row of each lane to
@@ -107,54 +118,57 @@ IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
    at each. */
 EXPORT void batch(const double *parameters, const double *const *exogenous, double *state, int64_t samples,
                   int64_t stride, double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
-  LANE_ARRAY p[PARAMETERS * LANES], w[(EXOGENOUS + 1) * LANES], held[HELD * LANES], row[COLUMNS * LANES];
-  LANE_ARRAY for_sample[(SAMPLE_DERIVED + 1) * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
-  LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES], first[STATES * LANES], second[STATES * LANES], margin[LANES];
+  static const int used[] = USED_PARAMETERS;
+  Often often;
+  LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
+  LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES];
 #if HAS_LEAP
-  LANE_ARRAY for_leap[(LEAP_DERIVED + 1) * LANES], moved[MOTION * LANES], moved_margin[LANES], valid[LANES];
+  LANE_ARRAY moved[MOTION * LANES], moved_margin[LANES];
 #endif
   LANE_ARRAY kept_state[STATES * LANES], between[MOTION * LANES];
   uint64_t finite[LANES];
   int64_t kept_at = 0, watch_until = 0;
-  double *now = first, *next = second;
+  double *now = often.first, *next = often.second;
   int running = LANES, shared = 1;
   EACH_LANE {
     for (int i = 0; i < PARAMETERS; ++i) p[i * LANES + l] = parameters[l * PARAMETERS + i];
+    for (int i = 0; i < (int)(sizeof used / sizeof *used); ++i)
+      often.p[i * LANES + l] = parameters[l * PARAMETERS + used[i]];
     for (int i = 0; i < STATES; ++i) now[i * LANES + l] = state[l * STATES + i];
     outcome[l] = COMPLETED;
     done[l] = samples;
     shared = shared && exogenous[l] == exogenous[0];
   }
   memcpy(kept_state, now, sizeof kept_state);
-  derive_lanes(p, for_sample, for_observe, for_move);
+  derive_lanes(p, often.for_sample, for_observe, for_move);
 #if HAS_LEAP
-  derive_leap_lanes(p, for_leap);
+  derive_leap_lanes(p, often.for_leap);
 #endif
   for (int64_t k = 0; k < samples && running > 0; ++k) {
-    if (shared) share(exogenous[0] + k * EXOGENOUS, w);
-    else gather(exogenous, k * EXOGENOUS, w);
+    if (shared) share(exogenous[0] + k * EXOGENOUS, often.w);
+    else gather(exogenous, k * EXOGENOUS, often.w);
     if (rows && k % stride == 0) {
-      observe_lanes(now, w, p, for_observe, row);
+      observe_lanes(now, often.w, p, for_observe, row);
       EACH_LANE
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
     }
 #if HAS_LEAP
-    sample_and_leap_lanes(now, w, p, for_sample, for_leap, next + MOTION * LANES, held, next, margin, valid);
-    int doubtful = any_at_most_zero(valid, margin);
+    sample_and_leap_lanes(now, often.w, often.p, often.for_sample, often.for_leap, next + MOTION * LANES, often.held, next, often.margin, often.valid);
+    int doubtful = any_at_most_zero(often.valid, often.margin);
     if (doubtful) {
       int missing = 0;
-      EACH_LANE missing += !(valid[l] > 0) && done[l] == samples;
+      EACH_LANE missing += !(often.valid[l] > 0) && done[l] == samples;
       if (missing) {
-        move_on(now, held, p, for_move, between, moved, moved_margin);
-        take_over(valid, next, moved, MOTION);
-        take_over(valid, margin, moved_margin, 1);
+        move_on(now, often.held, p, for_move, between, moved, moved_margin);
+        take_over(often.valid, next, moved, MOTION);
+        take_over(often.valid, often.margin, moved_margin, 1);
       }
     }
 #else
-    sample_lanes(now, w, p, for_sample, next + MOTION * LANES, held);
-    move_on(now, held, p, for_move, between, next, margin);
-    int doubtful = any_at_most_zero(margin, margin);
+    sample_lanes(now, often.w, often.p, often.for_sample, next + MOTION * LANES, often.held);
+    move_on(now, often.held, p, for_move, between, next, often.margin);
+    int doubtful = any_at_most_zero(often.margin, often.margin);
 #endif
     int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;
     if (look || k < watch_until || doubtful) {
@@ -168,7 +182,7 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
         continue;
       }
       EACH_LANE {
-        if (done[l] < samples || (finite[l] && !(margin[l] < 0))) continue;
+        if (done[l] < samples || (finite[l] && !(often.margin[l] < 0))) continue;
         outcome[l] = finite[l] ? LEFT : DIVERGED;
         done[l] = k + 1;
         --running;

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from codegen.c_source import c_source
 from codegen.cache import library
 from codegen.compiler import Compiler, find_compiler
-from codegen.lanes import LANES, in_lanes, lane_flags, lane_sizes
+from codegen.lanes import DEFINITION, LANES, in_lanes, lane_flags, lane_sizes
 from codegen.rollout import COMPLETED
 from codegen.sampled import Sampled
 from codegen.unit import hoisted_all, unit
@@ -20,6 +20,25 @@ Floats = NDArray[np.float64]
 
 EXOGENOUS = re.compile(r"\bexogenous\[(\d+)\*LANES")
 """An element of the exogenous signals that a function in lanes reads."""
+
+PARAMETER = re.compile(r"\bparameters\[(\d+)\*LANES")
+"""A parameter that a function in lanes reads."""
+
+EVERY_SAMPLE = ("sample", "leap")
+"""Functions that are called at every sample."""
+
+
+def _compacted(source: str) -> tuple[str, list[int]]:
+    """The source with ``sample`` and ``leap`` over the parameters they use, without gaps; and which these are.
+
+    What a sample takes lies close together then, and stays in the fastest cache.
+    """
+    definitions = {one.group(1): one.group() for one in DEFINITION.finditer(source) if one.group(1) in EVERY_SAMPLE}
+    used = sorted({int(place) for text in definitions.values() for place in PARAMETER.findall(text)}) or [0]
+    for text in definitions.values():
+        closer = PARAMETER.sub(lambda found: f"parameters[{used.index(int(found.group(1)))}*LANES", text)
+        source = source.replace(text, closer)
+    return source, used
 
 
 def batch_source(system: Sampled, compiler: Compiler) -> str:
@@ -30,9 +49,10 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
         for function in functions
     }
     sizes = system.sizes | lane_sizes(compiler)
-    source = in_lanes(c_source(functions), arrays, compiler)
+    source, used = _compacted(in_lanes(c_source(functions), arrays, compiler))
     read = sorted({int(place) for place in EXOGENOUS.findall(source)}) or [0]
     listed = f"#define READ_EXOGENOUS {{{', '.join(map(str, read))}}}\n"
+    listed += f"#define USED_PARAMETERS {{{', '.join(map(str, used))}}}\n"
     return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "batch.c")
 
 

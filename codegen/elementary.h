@@ -23,34 +23,37 @@ static inline double inline_fmax(double x, double y) { return x > y ? x : y; }
 /* 2^n for an integer n in [-1022, 1023], given as ROUNDER + n */
 static inline double power_of_two(double shifted) { return from_bits((to_bits(shifted) + 1023) << 52); }
 
-/* (exp(r) - 1)/r for |r| <= ln(2)/2 */
+/* (2^r - 1)/r for |r| <= 1/2 */
 static inline double growth(double r) {
-  double p = 1.9841267984067193e-04;
-  p = p * r + 1.394100482521007e-03;
-  p = p * r + 8.333402868620271e-03;
-  p = p * r + 4.1666354452213866e-02;
-  p = p * r + 1.6666666249748063e-01;
-  p = p * r + 5.000000046650894e-01;
-  return p * r + 1.0000000000311897;
+  double p = 1.5252732376357989e-05;
+  p = p * r + 0.00015461329790837012;
+  p = p * r + 0.0013333669404763436;
+  p = p * r + 0.009618057037574484;
+  p = p * r + 0.05550410727637985;
+  p = p * r + 0.24022650920045696;
+  return p * r + 0.6931471805815643;
 }
 
 #define LOG2_E 1.44269504088896340736
 #define LN_2 6.93147180559945309417e-01
+#define SIGN UINT64_C(0x8000000000000000)
 
-/* exp(x); below -708 it gives exp(-708), above 709 exp(709) */
+/* exp(x), between 2^-1022 and 2^1023 */
 static inline double inline_exp(double x) {
-  x = limited(x, -708.0, 709.0);
-  double shifted = x * LOG2_E + ROUNDER, r = x - (shifted - ROUNDER) * LN_2;
+  double y = limited(x * LOG2_E, -1022.0, 1023.0);
+  double shifted = y + ROUNDER, r = y - (shifted - ROUNDER);
   return power_of_two(shifted) * (1.0 + r * growth(r));
 }
 
-/* tanh(x) */
+/* tanh(x), from |x| */
 static inline double inline_tanh(double x) {
-  double y = 2.0 * limited(x, -20.0, 20.0);
-  double shifted = y * LOG2_E + ROUNDER, r = y - (shifted - ROUNDER) * LN_2;
+  uint64_t sign = to_bits(x) & SIGN;
+  double y = from_bits(to_bits(x) ^ sign) * (2.0 * LOG2_E);
+  y = y < 60.0 ? y : 60.0;
+  double shifted = y + ROUNDER, r = y - (shifted - ROUNDER);
   double scale = power_of_two(shifted);
-  double grown = scale * (r * growth(r)) + (scale - 1.0); /* exp(2 x) - 1 */
-  return grown / (grown + 2.0);
+  double grown = scale * (r * growth(r)) + (scale - 1.0); /* exp(2 |x|) - 1 */
+  return from_bits(to_bits(grown / (grown + 2.0)) | sign);
 }
 
 /* sin(x) for |x| < 1e8, its absolute error grows with x like the spacing of numbers there; bounded beyond */

@@ -21,7 +21,7 @@ GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps")
 Else it makes branches of choices, threads those through each other, and turns what comes of it into several masks each.
 """
 
-DEFINITION = re.compile(r"^static inline void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
+DEFINITION = re.compile(r"^static inline (?:\S+ )?void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
 """A generated function (`codegen.c_source`)."""
 
 CALL = re.compile(r"(?<=[=(\-])(tanh|sin|cos|exp|log|pow)\(")

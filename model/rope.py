@@ -6,7 +6,7 @@ from typing import Annotated
 import annotated_types as at
 
 from model.quantity import Quantity
-from model.scalar import Scalar, both, maximum, where
+from model.scalar import Scalar, maximum, minimum, where
 
 
 @dataclass(frozen=True)
@@ -67,4 +67,4 @@ def spring_tension(stretch: Scalar, stretch_rate: Scalar, spring: Scalar, rope: 
     pull = spring * stretch + rope.damping * stretch_rate
     if not slack:
         return pull
-    return where(both(stretch > 0, pull > 0), pull, 0.0)
+    return where(minimum(stretch, pull) > 0, pull, 0.0)

@@ -1,7 +1,7 @@
 """Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +10,7 @@ from codegen.batch import LANES, compile_batch
 from simulation.ensemble import Scenario
 from simulation.experiment import Experiment
 from simulation.jobs import run_all
-from simulation.metrics import Metrics, metrics_of
+from simulation.metrics import FINAL, metrics_of
 from simulation.pairs import Pairs
 from simulation.simulate import OUTCOMES
 
@@ -74,29 +74,25 @@ def rollout(
     loop, samples = pairs.loop, pairs.samples
     run = compile_batch(loop)
     shape, kept = pairs.shape, -(-samples // stride) if stride else 0
-    result = BatchResult(
-        outcomes=np.full(shape, NOT_RUN, dtype="U10"),
-        end_times=np.full(shape, np.nan),
-        metrics={field.name: np.full(shape, np.nan) for field in fields(Metrics)},
-        columns={name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {},
-    )
+    outcomes, end_times = np.full(shape, NOT_RUN, dtype="U10"), np.full(shape, np.nan)
+    columns = {name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {}
+    final = np.full((len(FINAL), *shape), np.nan)
+    places = [loop.states.index(name) for name in FINAL]
 
-    def block(chosen: list[tuple[int, int]]) -> None:
-        filled = (chosen * LANES)[:LANES]  # idle lanes repeat the block's pairs
+    def block(chosen: NDArray[np.int64]) -> None:
+        filled = np.resize(chosen, (LANES, 2))  # idle lanes repeat the block's pairs
         vectors = pairs.vectors(filled)
         state = pairs.starts(vectors)
-        tables = {j: pairs.signals(j) for j in {j for _, j in filled}}
-        outcome, done, rows = run(vectors, [tables[j] for _, j in filled], state, stride)
-        for lane, (i, j) in enumerate(chosen):
-            final = dict(zip(loop.states, state[lane].tolist(), strict=True))
-            metrics = metrics_of(final)
-            for name, table in result.metrics.items():
-                table[i, j] = getattr(metrics, name)
-            for place, name in enumerate(loop.columns if stride else ()):
-                result.columns[name][i, j] = rows[lane, :, place]
-            result.end_times[i, j] = done[lane] * pairs.sample_time
-            result.outcomes[i, j] = OUTCOMES[outcome[lane]]
+        tables = [pairs.signals(j) for j in filled[:, 1].tolist()]
+        outcome, done, rows = run(vectors, tables, state, stride)
+        busy, (sets, scenes) = slice(len(chosen)), chosen.T
+        final[:, sets, scenes] = state[busy, places].T
+        for place, name in enumerate(columns):
+            columns[name][sets, scenes] = rows[busy, :, place]
+        end_times[sets, scenes] = done[busy] * pairs.sample_time
+        outcomes[sets, scenes] = np.array(OUTCOMES)[outcome[busy]]
 
     blocks = [pairs.indices[first : first + LANES] for first in range(0, len(pairs.indices), LANES)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
-    return replace(result, interrupted=not whole)
+    metrics = vars(metrics_of(dict(zip(FINAL, final, strict=True))))
+    return BatchResult(outcomes, end_times, metrics, columns, interrupted=not whole)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -107,15 +107,20 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
     )
 
 
-def finish(sums: Mapping[str, float], samples: float) -> Metrics:
-    """The metrics from the final `Accumulators`, given by field name, after so many samples."""
+def finish(sums: Mapping[str, Any], samples: Any) -> Metrics:
+    """The metrics from the final `Accumulators`, given by field name, after so many samples.
+
+    Each may be an array, of many runs; then the metrics are arrays.
+    """
     steady = sums["steady_samples"]
 
-    def mean(total: float, count: float) -> float:
-        return total / count if count > 0 else np.nan
+    def measured(value: Any, count: Any) -> Any:
+        if np.ndim(count):
+            return np.where(np.real(count) > 0, value, np.nan)
+        return value if np.real(count) > 0 else np.nan
 
-    def measured(value: float, count: float) -> float:
-        return value if count > 0 else np.nan
+    def mean(total: Any, count: Any) -> Any:
+        return measured(total / np.maximum(np.real(count), 1), count)
 
     return Metrics(
         mae=mean(sums["sum_abs"], samples),
@@ -140,7 +145,14 @@ KEYS = {field.name: f"metrics.{field.name}" for field in fields(Accumulators)}
 """Accumulator → its name in the state of a closed loop."""
 
 
-def metrics_of(final_state: Mapping[str, float]) -> Metrics:
-    """The metrics from the final state of a closed loop, given by name, whose ``metrics.*`` are the accumulators."""
+FINAL = (*KEYS.values(), "sample")
+"""States of a closed loop that the metrics follow from."""
+
+
+def metrics_of(final_state: Mapping[str, Any]) -> Metrics:
+    """The metrics from the final state of a closed loop, given by name, whose ``metrics.*`` are the accumulators.
+
+    Each may be an array, of many runs; then the metrics are arrays.
+    """
     sums = {name: final_state[key] for name, key in KEYS.items()}
     return finish(sums, final_state["sample"])

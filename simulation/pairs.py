@@ -1,6 +1,7 @@
 """Sets of parameters in scenarios: what a compiled rollout needs of each pair."""
 
 from collections.abc import Sequence
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +26,7 @@ class Pairs:
         experiments: of the scenarios.
         structure, loop: the closed loop of them all.
         zeros: parameters that are zero in all scenarios and do not vary; the loop leaves out what they multiply.
-        indices: (set, scenario) of all pairs, a scenario's together.
+        indices: (set, scenario) of all pairs, a scenario's together; (pairs, 2).
     """
 
     def __init__(self, names: Sequence[str], parameters: ArrayLike, scenarios: Sequence[Experiment | Scenario]) -> None:
@@ -45,8 +46,9 @@ class Pairs:
         self.structure = structure_of(self.experiments[0])
         self.loop = closed_loop(self.structure, self.zeros)
         self.places = [self.loop.parameters.index(name) for name in names]
-        self.indices = [(i, j) for j in range(len(scenarios)) for i in range(len(self.values))]
+        self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
         self._vectors = np.array([list(one.values()) for one in numbers])
+        self._tables: WeakValueDictionary[int, Floats] = WeakValueDictionary()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -63,9 +65,9 @@ class Pairs:
         """Sampling period in s."""
         return self.experiments[0].simulation.sample_time
 
-    def vectors(self, indices: Sequence[tuple[int, int]]) -> Floats:
+    def vectors(self, indices: NDArray[np.int64]) -> Floats:
         """All parameters of some pairs as the loop takes them, (pairs, parameters)."""
-        sets, scenarios = np.array(indices).T
+        sets, scenarios = indices.T
         vectors = self._vectors[scenarios]
         vectors[:, self.places] = self.values[sets]
         return vectors
@@ -76,4 +78,7 @@ class Pairs:
 
     def signals(self, j: int) -> Floats:
         """What a scenario's runs receive from outside, (samples, exogenous); not to be written to."""
-        return signals(self.experiments[j])
+        table = self._tables.get(j)
+        if table is None:
+            table = self._tables[j] = signals(self.experiments[j])
+        return table

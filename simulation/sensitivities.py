@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,16 +101,15 @@ def sensitivities(
             gains = range(first, min(first + run.directions, p))
             outcome, final, tangent, x, slopes = _run(run, pairs, i, j, gains, stride)
             result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
-            for lane, gain in enumerate(gains):
-                for name, slope in _gradients(pairs.loop.states, final, tangent[:, lane]).items():
-                    result.gradients[name][i, j, gain] = slope
+            for name, gradient in _gradients(pairs.loop.states, final, tangent).items():
+                result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
             result.errors[i, j, : len(x)] = x - pairs.signals(j)[:: max(stride, 1), wanted][: len(x)]
             metrics = metrics_of(dict(zip(pairs.loop.states, final.tolist(), strict=True)))
             for name, table in result.metrics.items():
                 table[i, j] = getattr(metrics, name)
             result.outcomes[i, j] = OUTCOMES[outcome]
 
-    whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices], threads, progress)
+    whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices.tolist()], threads, progress)
     return replace(result, interrupted=not whole)
 
 
@@ -129,7 +127,7 @@ def _run(
     """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
     directions = np.zeros((len(pairs.names), run.directions))
     directions[list(gains), range(len(gains))] = 1.0
-    vectors = pairs.vectors([(i, j)])
+    vectors = pairs.vectors(np.array([[i, j]]))
     (vector,), (state,) = vectors, pairs.starts(vectors)
     by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.places]
     tangent = np.ascontiguousarray(by_parameters @ directions)
@@ -137,10 +135,10 @@ def _run(
     return outcome, state, tangent, x, slopes
 
 
-def _gradients(names: tuple[str, ...], final: Floats, tangent: Floats) -> dict[str, float]:
-    """Derivatives of the metrics along a tangent of the final state, by a complex step."""
-    moved: dict[str, Any] = {
-        name: complex(value, TINY * slope) if slope else value
-        for name, value, slope in zip(names, final.tolist(), tangent.tolist(), strict=True)
-    }
-    return {name: float(np.imag(value)) / TINY for name, value in vars(metrics_of(moved)).items()}
+def _gradients(names: tuple[str, ...], final: Floats, tangents: Floats) -> dict[str, Floats]:
+    """Derivatives of the metrics along tangents of the final state (states, directions), by a complex step."""
+    moved = np.empty(tangents.shape, complex)
+    moved.real, moved.imag = final[:, np.newaxis], TINY * tangents
+    with np.errstate(invalid="ignore"):  # a run that diverged
+        metrics = metrics_of(dict(zip(names, moved, strict=True)))
+    return {name: np.imag(value) / TINY for name, value in vars(metrics).items()}

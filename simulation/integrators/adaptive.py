@@ -4,8 +4,6 @@ It is where neither rope can go slack within the sample and no dry friction bend
 time; start-up, slack and the first centimetres of a hard start get the careful steps.
 """
 
-from functools import reduce
-
 from model.scalar import Scalar, absolute, maximum, minimum, where
 from model.winch import FRICTION_SPEED
 from simulation.integrators.exponential import exponential_step
@@ -25,15 +23,14 @@ def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
     """
     moved, clearance = exponential_step(problem, motion, problem.t, problem.duration, slack=False)
     before, after, plant = motion.plant, moved.plant, problem.plant
-    margins = [_straightness(before.v, after.v, plant.vehicle.friction_velocity, RAIL_STEP)]
+    least = _straightness(before.v, after.v, plant.vehicle.friction_velocity, RAIL_STEP)
     for winch, start, end in (
         (plant.winch_1, before.omega_1, after.omega_1),
         (plant.winch_2, before.omega_2, after.omega_2),
     ):
-        margins.append(where(winch.coulomb_friction > 0, _straightness(start, end, FRICTION_SPEED, WINCH_STEP), 1.0))
-    if plant.rope_slack:
-        margins.append(clearance)
-    return moved, reduce(minimum, margins)
+        with_winch = minimum(least, _straightness(start, end, FRICTION_SPEED, WINCH_STEP))
+        least = where(winch.coulomb_friction > 0, with_winch, least)
+    return moved, minimum(least, clearance) if plant.rope_slack else least
 
 
 def _straightness(start: Scalar, end: Scalar, scale: Scalar, step: float) -> Scalar:

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from model.scalar import Scalar, absolute, both, clip, exp, maximum, minimum, reciprocals, sqrt, where
+from model.scalar import Scalar, absolute, clip, exp, maximum, minimum, reciprocals, sqrt, where
 
 SERIES_ORDER = 8
 """Order of the power series that carries a taut rope over a part of a sub-step."""
@@ -176,7 +176,7 @@ class Oscillator:
 
     @cached_property
     def _taut(self) -> Scalar:
-        return both(self.stretch > 0, self._pull(self.stretch, self.rate) > 0)
+        return minimum(self.stretch, self._pull(self.stretch, self.rate)) > 0
 
     def clearance(self, a: Scalar) -> Scalar:
         """Positive only if a taut rope stays taut all through the sub-step, with the vehicle's acceleration a.
@@ -190,7 +190,7 @@ class Oscillator:
         amplitude_square = (kappa * self.stretch - g) ** 2 + kappa * self.rate**2
         amplitude_square += 10.0 * ramp**2  # times 1.1
         share = self.damper**2 * self.mobility * self.compliance  # (damper √kappa / spring)²
-        return minimum(g, g * absolute(g) - (1.375 + 5.5 * share) * amplitude_square)
+        return g * absolute(g) - (1.375 + 5.5 * share) * amplitude_square
 
     def _mean_pull(self, g: Scalar, ramp: Scalar, stretch: Scalar, rate: Scalar) -> Scalar:
         """Mean tension, from stretch and rate at the end."""
@@ -229,7 +229,7 @@ class Oscillator:
         taut = self._taut
         free_stretch, free_rate = free_flight(self.stretch, self.rate, g, ramp, self.drag, 1.0)
         stretch, rate = where(taut, taut_stretch, free_stretch), where(taut, taut_rate, free_rate)
-        taut_at_end = both(stretch > 0, self._pull(stretch, rate) > 0)
+        taut_at_end = minimum(stretch, self._pull(stretch, rate)) > 0
         switched_stretch, switched_rate = self._switched(g, ramp, stretch, rate)
         switches = taut != taut_at_end
         return where(switches, switched_stretch, stretch), where(switches, switched_rate, rate)
