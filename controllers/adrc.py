@@ -17,7 +17,7 @@ import annotated_types as at
 
 from controllers.coordination import force_limit
 from controllers.nftsm import nominal_forces
-from controllers.signals import Measurement, PositionOutput
+from controllers.signals import PositionOutput, Seen
 from model.plant import Plant
 from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
@@ -51,7 +51,7 @@ class AdrcState:
 
 def adrc_step(
     state: AdrcState,
-    measurement: Measurement,
+    measurement: Seen,
     setpoint: Setpoint,
     controller: "Controller",
     nominal: Plant,
@@ -65,7 +65,7 @@ def adrc_step(
     v = where(state.primed, state.v, measurement.v) + 1.5 * (1 - pole) ** 2 * (1 + pole) / T * surprise
     d = state.d + (1 - pole) ** 3 / T**2 * surprise
 
-    forces = nominal_forces(v, nominal)
+    forces = nominal_forces(v, measurement.d, nominal)
     proportional, derivative = gains.control_bandwidth**2, 2 * gains.control_bandwidth
     wanted = setpoint.a - proportional * (x - setpoint.x) - derivative * (v - setpoint.v)
     u = forces.mass * (wanted - d) + forces.resistance

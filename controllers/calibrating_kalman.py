@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 import annotated_types as at
 
 from controllers.kalman import TAUT, KalmanState, kalman_step
-from controllers.signals import Measurement
+from controllers.signals import Measurement, Seen
 from model.plant import Plant
 from model.quantity import Quantity, Tunable
 from model.rope import Rope, rope_lengths, stiffness
@@ -99,7 +99,7 @@ def calibrating_kalman_step(
     controller: "Controller",
     nominal: Plant,
     sample_time: Scalar,
-) -> tuple[CalibratingState, Measurement]:
+) -> tuple[CalibratingState, Seen]:
     """One sample: learn of the ropes, then filter the motion with what is known of them.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any
 
 from controllers.calibrating_kalman import CalibratingState, calibrating_kalman_step
 from controllers.kalman import KalmanState, kalman_step
-from controllers.signals import Measurement
+from controllers.signals import Measurement, Seen
 from controllers.speed_filter import SpeedFilterState, speed_filter_step
 
 
@@ -15,17 +15,17 @@ class Unfiltered:
     """State of no estimator."""
 
 
-def pass_on(state: Unfiltered, measurement: Measurement, *_: Any) -> tuple[Unfiltered, Measurement]:
+def pass_on(state: Unfiltered, measurement: Measurement, *_: Any) -> tuple[Unfiltered, Seen]:
     """The measurement as it is."""
-    return state, measurement
+    return state, Seen(**vars(measurement))
 
 
 @dataclass(frozen=True)
 class Estimator:
-    """An estimator: its initial state and one sample, ``(state, measurement, ...) -> (state, Measurement)``."""
+    """An estimator: its initial state and one sample, ``(state, measurement, ...) -> (state, Seen)``."""
 
     initial_state: Any
-    step: Callable[..., tuple[Any, Measurement]]
+    step: Callable[..., tuple[Any, Seen]]
 
 
 ESTIMATORS = {

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from controllers.auxiliary import auxiliary_update
 from controllers.nftsm import NftsmState, nftsm_control, nominal_forces
 from controllers.observer import ObserverState, estimate, remember
-from controllers.signals import Measurement, PositionOutput
+from controllers.signals import PositionOutput, Seen
 from model.plant import Plant
 from model.reference import Setpoint
 from model.scalar import Scalar
@@ -25,7 +25,7 @@ class FandoNftsmState:
 
 def fando_nftsm_step(
     state: FandoNftsmState,
-    measurement: Measurement,
+    measurement: Seen,
     setpoint: Setpoint,
     controller: "Controller",
     nominal: Plant,
@@ -36,7 +36,7 @@ def fando_nftsm_step(
     now = estimate(state.observer, e2, controller.observer, sample_time)
     Z_a = state.nftsm.Z_a
     u, u_sat, s = nftsm_control(Z_a, now.d_hat, measurement, setpoint, controller, nominal)
-    forces = nominal_forces(measurement.v, nominal)
+    forces = nominal_forces(measurement.v, measurement.d, nominal)
     error_acceleration = (u_sat - forces.resistance) / forces.mass - setpoint.a
     next_state = FandoNftsmState(
         nftsm=NftsmState(auxiliary_update(Z_a, u - u_sat, controller.auxiliary, sample_time)),

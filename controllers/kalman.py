@@ -18,12 +18,12 @@ solves the discrete Riccati equation by structure-preserving doubling (Chu, Fan,
 which a position rounded to 1 mm is not quite: its noise level is to include the rounding.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import annotated_types as at
 
-from controllers.signals import Measurement
+from controllers.signals import Measurement, Seen
 from model.matrix import Matrix, diagonal, plus, solve, times, transpose
 from model.plant import Environment, Plant, vehicle_acceleration
 from model.quantity import Quantity, Tunable
@@ -63,6 +63,20 @@ class KalmanGains:
     bandwidth: Annotated[
         float, at.Gt(0), Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)
     ] = 20.0
+    ramp: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(0.7),
+        Quantity("1", "how fast the filter follows the disturbance's rate, over the bandwidth", "assumption"),
+        Tunable(0, 0.7, log=False),
+    ] = 0.0
+    compensation: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(1),
+        Quantity("1", "share of the disturbance it knows that the position law compensates", "assumption"),
+        Tunable(0, 1, log=False),
+    ] = 0.0
 
 
 @dataclass(frozen=True)
@@ -72,6 +86,7 @@ class KalmanState:
     x: Annotated[Scalar, Quantity("m", "expected position")] = 0.0
     v: Annotated[Scalar, Quantity("m/s", "expected speed")] = 0.0
     d: Annotated[Scalar, Quantity("m/s^2", "expected disturbance acceleration")] = 0.0
+    rate: Annotated[Scalar, Quantity("m/s^3", "expected rate of the disturbance")] = 0.0
 
 
 DOUBLINGS = 16
@@ -128,7 +143,7 @@ def kalman_step(
     controller: "Controller",
     nominal: Plant,
     sample_time: Scalar,
-) -> tuple[KalmanState, Measurement]:
+) -> tuple[KalmanState, Seen]:
     """One sample: correct the expectation by this sample's measurements, and expect the next.
 
     Args:
@@ -155,9 +170,14 @@ def kalman_step(
     surprise_v = measurement.v - state.v
     x = state.x + x_x * surprise_x + x_v * surprise_v
     v = state.v + v_x * surprise_x + v_v * surprise_v
-    d = state.d + d_x * surprise_x + d_v * surprise_v
+    learnt = d_x * surprise_x + d_v * surprise_v
+    d = state.d + learnt
     acceleration = vehicle_acceleration(v, F1 - F2, Environment(), nominal.vehicle) + d
+    rate = state.rate + controller.kalman.ramp * controller.kalman.bandwidth * learnt
     following = KalmanState(
-        x=x + sample_time * v + sample_time**2 / 2 * acceleration, v=v + sample_time * acceleration, d=d
+        x=x + sample_time * v + sample_time**2 / 2 * acceleration,
+        v=v + sample_time * acceleration,
+        d=d + sample_time * rate,
+        rate=rate,
     )
-    return following, replace(measurement, x=x, v=v)
+    return following, Seen(**vars(measurement) | {"x": x, "v": v, "d": controller.kalman.compensation * d})

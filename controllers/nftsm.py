@@ -7,7 +7,7 @@ import annotated_types as at
 
 from controllers.auxiliary import auxiliary_update
 from controllers.coordination import force_limit
-from controllers.signals import Measurement, PositionOutput
+from controllers.signals import PositionOutput, Seen
 from model.plant import Plant
 from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
@@ -59,16 +59,20 @@ def odd_power(value: Scalar, exponent: Scalar, smoothing: Scalar) -> Scalar:
     return value * power(value**2 + smoothing**2, (exponent - 1) / 2)
 
 
-def nominal_forces(v: Scalar, nominal: Plant) -> NominalForces:
-    """Mass in kg and resistance F_f + F_w in N of the nominal model at the speed v in m/s."""
+def nominal_forces(v: Scalar, d: Scalar, nominal: Plant) -> NominalForces:
+    """Mass in kg and resistance F_f + F_w in N of the nominal model at the speed v in m/s, less a known disturbance.
+
+    `d` is its acceleration in m/s².
+    """
     vehicle = nominal.vehicle
-    return NominalForces(inertia(vehicle), friction(v, vehicle) + drag(v, vehicle))
+    mass = inertia(vehicle)
+    return NominalForces(mass, friction(v, vehicle) + drag(v, vehicle) - mass * d)
 
 
 def nftsm_control(
     Z_a: Scalar,
     d_hat: Scalar,
-    measurement: Measurement,
+    measurement: Seen,
     setpoint: Setpoint,
     controller: "Controller",
     nominal: Plant,
@@ -84,7 +88,7 @@ def nftsm_control(
         nominal: the plant as the controller believes it to be.
     """
     gains, auxiliary = controller.nftsm, controller.auxiliary
-    forces = nominal_forces(measurement.v, nominal)
+    forces = nominal_forces(measurement.v, measurement.d, nominal)
     e1, e2 = measurement.x - setpoint.x, measurement.v - setpoint.v
     ratio = gains.p / gains.q
     s = e1 + odd_power(e2 + auxiliary.gamma * Z_a, ratio, gains.smoothing) / gains.beta
@@ -97,7 +101,7 @@ def nftsm_control(
 
 def nftsm_step(
     state: NftsmState,
-    measurement: Measurement,
+    measurement: Seen,
     setpoint: Setpoint,
     controller: "Controller",
     nominal: Plant,

@@ -22,6 +22,13 @@ class Measurement:
 
 
 @dataclass(frozen=True)
+class Seen(Measurement):
+    """What a position law sees: the sensor values, position and speed maybe filtered, and what the estimator knows."""
+
+    d: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration the estimator knows of")] = 0.0
+
+
+@dataclass(frozen=True)
 class PositionOutput:
     """What a position law says; ``None`` for what it does not have."""
 

@@ -1,9 +1,9 @@
 """First-order low-pass on the measured speed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from controllers.signals import Measurement
+from controllers.signals import Measurement, Seen
 from model.plant import Plant
 from model.quantity import Quantity
 from model.scalar import Scalar
@@ -27,7 +27,7 @@ def filter_speed(state: SpeedFilterState, v: Scalar, filter_time: Scalar, sample
 
 def speed_filter_step(
     state: SpeedFilterState, measurement: Measurement, controller: "Controller", _nominal: Plant, sample_time: Scalar
-) -> tuple[SpeedFilterState, Measurement]:
+) -> tuple[SpeedFilterState, Seen]:
     """One sample: the measurement with the filtered speed in place of the measured one."""
     now = filter_speed(state, measurement.v, controller.speed_filter_time, sample_time)
-    return now, replace(measurement, v=now.v)
+    return now, Seen(**vars(measurement) | {"v": now.v})

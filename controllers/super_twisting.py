@@ -20,7 +20,7 @@ import annotated_types as at
 from controllers.auxiliary import auxiliary_update
 from controllers.coordination import force_limit
 from controllers.nftsm import nominal_forces, odd_power
-from controllers.signals import Measurement, PositionOutput
+from controllers.signals import PositionOutput, Seen
 from model.plant import Plant
 from model.quantity import Quantity, Tunable
 from model.reference import Setpoint
@@ -57,7 +57,7 @@ class SuperTwistingState:
 
 def super_twisting_step(
     state: SuperTwistingState,
-    measurement: Measurement,
+    measurement: Seen,
     setpoint: Setpoint,
     controller: "Controller",
     nominal: Plant,
@@ -65,7 +65,7 @@ def super_twisting_step(
 ) -> tuple[SuperTwistingState, PositionOutput]:
     """One sample of the law."""
     gains, auxiliary, Z_a = controller.super_twisting, controller.auxiliary, state.Z_a
-    forces = nominal_forces(measurement.v, nominal)
+    forces = nominal_forces(measurement.v, measurement.d, nominal)
     e1, e2 = measurement.x - setpoint.x, measurement.v - setpoint.v
     s = e1 + (e2 + auxiliary.gamma * Z_a) / gains.lam
     reaching = state.z - gains.k1 * odd_power(s, 0.5, gains.smoothing)
