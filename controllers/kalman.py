@@ -2,7 +2,7 @@
 
 The filter knows position x, speed v and a disturbance acceleration d, which wanders as a random walk::
 
-    dx/dt = v,   dv/dt = (F_1 - F_2 - F_f(v) - F_w(v))/M + d,   dd/dt = white noise
+    dx/dt = v,   dv/dt = (F_1 - F_2 - F_f(v) - F_w(v))/M + d,   dd/dt = r + white noise
 
 and is driven by the *measured* tensions. Next to them the last command is a poor guess of the pull: it reaches the
 motor late, the ropes follow it with a swing, and limits cut it off. The tensions show all of that, and their noise is
@@ -16,6 +16,15 @@ All three positions measure the same state, so they are one measurement with the
 solves the discrete Riccati equation by structure-preserving doubling (Chu, Fan, Lin and Wang, Int. J. Control 77
 (2004) 767); it depends on parameters alone. It is exact as long as all sensors are in use and the noise is white,
 which a position rounded to 1 mm is not quite: its noise level is to include the rounding.
+
+The rate r stands for what comes and goes in seconds, such as vortices: behind them the estimate would stay by a time of
+1/bandwidth, and the speed with it. It integrates what d learns, times `ramp` and the bandwidth. Without a speed sensor
+the poles p of the filter are then the roots of ``s⁴ + 2 s³ + 2 s² + s + ramp = 0`` with s = p/bandwidth, which all lie
+to the left as long as ramp < 3/4.
+
+The estimated disturbance is of use to position laws that compensate the forces of a nominal model: `compensation` is
+the share of it that they count among these. The rest is left to an observer of their own, which knows the commands but
+not the tensions.
 """
 
 from dataclasses import dataclass
@@ -39,7 +48,7 @@ class KalmanGains:
     """Noise levels and bandwidth of the filter.
 
     Only ratios of the noise levels matter: the random walk of the disturbance is scaled with them, so that the
-    filter's poles without a speed sensor are those of a third-order Butterworth filter of this bandwidth.
+    filter's poles without a speed sensor and a ramp are those of a third-order Butterworth filter of this bandwidth.
     """
 
     position_noise: Annotated[
@@ -67,14 +76,14 @@ class KalmanGains:
         float,
         at.Ge(0),
         at.Le(0.7),
-        Quantity("1", "how fast the filter follows the disturbance's rate, over the bandwidth", "assumption"),
+        Quantity("1", "how fast it follows the disturbance's rate, over the bandwidth; 0: not at all", "assumption"),
         Tunable(0, 0.7, log=False),
     ] = 0.0
     compensation: Annotated[
         float,
         at.Ge(0),
         at.Le(1),
-        Quantity("1", "share of the disturbance it knows that the position law compensates", "assumption"),
+        Quantity("1", "share of the estimated disturbance that the position law compensates", "assumption"),
         Tunable(0, 1, log=False),
     ] = 0.0
 
@@ -154,10 +163,12 @@ def kalman_step(
         sample_time: in s.
 
     Returns:
-        The next state, and the measurement with the estimated position and speed in place of the measured ones.
+        The next state, and the measurement with the estimated position and speed in place of the measured ones, and
+        the disturbance to compensate.
     """
-    (x_x, x_v), (v_x, v_v), (d_x, d_v) = kalman_gain(controller.kalman, sample_time)
-    position, encoder_1, encoder_2 = _information(controller.kalman)
+    gains = controller.kalman
+    (x_x, x_v), (v_x, v_v), (d_x, d_v) = kalman_gain(gains, sample_time)
+    position, encoder_1, encoder_2 = _information(gains)
     total = position + encoder_1 + encoder_2
     length_1, length_2 = rope_lengths(state.x, nominal.track)
     F1, F2 = measurement.F1, measurement.F2
@@ -171,13 +182,12 @@ def kalman_step(
     x = state.x + x_x * surprise_x + x_v * surprise_v
     v = state.v + v_x * surprise_x + v_v * surprise_v
     learnt = d_x * surprise_x + d_v * surprise_v
-    d = state.d + learnt
+    d, rate = state.d + learnt, state.rate + gains.ramp * gains.bandwidth * learnt
     acceleration = vehicle_acceleration(v, F1 - F2, Environment(), nominal.vehicle) + d
-    rate = state.rate + controller.kalman.ramp * controller.kalman.bandwidth * learnt
     following = KalmanState(
         x=x + sample_time * v + sample_time**2 / 2 * acceleration,
         v=v + sample_time * acceleration,
         d=d + sample_time * rate,
         rate=rate,
     )
-    return following, Seen(**vars(measurement) | {"x": x, "v": v, "d": controller.kalman.compensation * d})
+    return following, Seen(**vars(measurement) | {"x": x, "v": v, "d": gains.compensation * d})

@@ -23,9 +23,9 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Seen(Measurement):
-    """What a position law sees: the sensor values, position and speed maybe filtered, and what the estimator knows."""
+    """What a position law sees: sensor values, position and speed maybe estimated, and a known disturbance."""
 
-    d: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration the estimator knows of")] = 0.0
+    d: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration that the estimator knows")] = 0.0
 
 
 @dataclass(frozen=True)

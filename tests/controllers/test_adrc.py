@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from controllers.adrc import AdrcGains, AdrcState, adrc_step
 from controllers.controller import Controller
-from controllers.signals import Measurement, PositionOutput
+from controllers.signals import PositionOutput, Seen
 from model.plant import Plant
 from model.reference import Setpoint
 from model.vehicle import Vehicle
@@ -23,7 +23,7 @@ def step(
     state: AdrcState, x: float, v: float = 0.0, gains: AdrcGains | None = None
 ) -> tuple[AdrcState, PositionOutput]:
     controller = Controller(adrc=gains or AdrcGains())
-    return adrc_step(state, Measurement(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0), STILL, controller, SMOOTH, T)
+    return adrc_step(state, Seen(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0), STILL, controller, SMOOTH, T)
 
 
 @given(st.floats(1, 200))

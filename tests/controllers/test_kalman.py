@@ -65,6 +65,50 @@ def test_without_a_speed_sensor_the_poles_are_a_butterworth_filters() -> None:
     assert np.sort_complex(poles) == pytest.approx(20 * np.exp(1j * np.pi * np.array([3, -2, 2]) / 3), rel=0.02)
 
 
+def error_poles(gains: KalmanGains, sample_time: float) -> NDArray[np.complex128]:
+    """Poles in z of the estimation error of x, v, d and the rate r."""
+    n, K = sample_time, np.zeros((4, 2))
+    K[:3] = kalman_gain(gains, n)
+    K[3] = gains.ramp * gains.bandwidth * K[2]
+    A = np.array([[1, n, n**2 / 2, 0], [0, 1, n, 0], [0, 0, 1, n], [0, 0, 0, 1]])
+    C = np.array([[1, 0, 0, 0], [0, 1, 0, 0]])
+    return np.linalg.eigvals(A @ (np.eye(4) - K @ C))
+
+
+def test_with_a_ramp_the_poles_are_the_roots_of_its_polynomial() -> None:
+    gains = KalmanGains(speed_noise=1e3, bandwidth=20.0, ramp=0.3)
+    poles = np.log(error_poles(gains, T)) / T
+    assert np.sort_complex(poles) == pytest.approx(20 * np.sort_complex(np.roots([1, 2, 2, 1, 0.3])), rel=0.05)
+
+
+@given(
+    bandwidth=st.floats(1, 200),
+    position=st.floats(5e-5, 5e-3),
+    encoder=st.floats(1e-6, 1e-2),
+    speed=st.floats(1e-4, 5e-2),
+    ramp=st.floats(0.01, 0.7),
+)
+def test_within_its_bounds_the_ramp_keeps_the_filter_stable(
+    bandwidth: float, position: float, encoder: float, speed: float, ramp: float
+) -> None:
+    assert np.abs(error_poles(KalmanGains(position, speed, encoder, bandwidth, ramp), T)).max() < 1
+
+
+@pytest.mark.parametrize(("ramp", "late"), [(0.0, True), (0.3, False)])
+def test_a_disturbance_that_ramps_is_followed_without_delay(ramp: float, late: bool) -> None:
+    vehicle = replace(Plant().vehicle, friction_coefficient=0.0, drag_coefficient=0.0)
+    plant, growth = replace(Plant(), vehicle=vehicle), 0.01  # m/s³
+    controller = Controller(kalman=KalmanGains(ramp=ramp, compensation=0.5))
+    state, seen = KalmanState(), None
+    for t in T * np.arange(4000):
+        measured = replace(seen_at(resting_state(2000.0, plant, growth * t**3 / 6)), v=growth * t**2 / 2)
+        state, seen = kalman_step(state, measured, controller, plant, T)
+    assert seen is not None
+    behind = growth * 4.0 - seen.d / 0.5
+    assert (behind > 0.5 * growth / 20.0) == late
+    assert behind < 2 * growth / 20.0
+
+
 def test_gain_has_derivatives() -> None:
     bandwidth = ca.SX.sym("bandwidth")
     gain = ca.vertcat(*(value for row in kalman_gain(replace(KalmanGains(), bandwidth=bandwidth), T) for value in row))
@@ -127,6 +171,12 @@ def speed_errors(experiment: Experiment) -> NDArray[np.float64]:
         run(parameters, now[np.newaxis], state, 0)
         errors.append(state[estimate] - state[truth])
     return np.array(errors[5000:])
+
+
+def test_what_the_filter_knows_of_vortices_need_not_be_learnt_by_the_observer() -> None:
+    plain = noisy("kalman")
+    knowing = replace(plain, controller=replace(plain.controller, kalman=KalmanGains(ramp=0.4, compensation=1.0)))
+    assert simulate(knowing).metrics.steady_mae < 0.2 * simulate(plain).metrics.steady_mae
 
 
 def test_with_a_seas_sensors_it_beats_raw_and_lowpassed_speeds() -> None:

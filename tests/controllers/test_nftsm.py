@@ -4,15 +4,15 @@ from hypothesis import strategies as st
 
 from controllers.controller import Controller
 from controllers.nftsm import nftsm_control, odd_power
-from controllers.signals import Measurement
+from controllers.signals import Seen
 from model.plant import Plant
 from model.reference import Setpoint
 
 numbers = st.floats(-10, 10)
 
 
-def control(x: float, v: float, Z_a: float = 0.0, d_hat: float = 0.0) -> tuple[float, float, float]:
-    measurement = Measurement(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
+def control(x: float, v: float, Z_a: float = 0.0, d_hat: float = 0.0, d: float = 0.0) -> tuple[float, float, float]:
+    measurement = Seen(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0, d)
     return nftsm_control(Z_a, d_hat, measurement, Setpoint(0.0, 0.0, 0.0), Controller(), Plant())
 
 
@@ -43,6 +43,11 @@ def test_saturated_force_is_within_the_limit(x: float, v: float, Z_a: float, d_h
 @given(st.floats(-1, 1), st.floats(-2, 2), st.floats(-0.2, 0.2))
 def test_an_estimated_disturbance_is_taken_off_as_mass_times_its_acceleration(x: float, v: float, d_hat: float) -> None:
     assert control(x, v)[0] - control(x, v, d_hat=d_hat)[0] == pytest.approx(1e4 * d_hat, abs=1e-6)
+
+
+@given(st.floats(-1, 1), st.floats(-2, 2), st.floats(-0.2, 0.2))
+def test_a_disturbance_that_the_estimator_knows_counts_like_friction(x: float, v: float, d: float) -> None:
+    assert control(x, v)[0] - control(x, v, d=d)[0] == pytest.approx(1e4 * d, abs=1e-6)
 
 
 @given(st.floats(-0.4, 0.4), st.floats(-2, 2))

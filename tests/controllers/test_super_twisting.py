@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.controller import Controller
-from controllers.signals import Measurement, PositionOutput
+from controllers.signals import PositionOutput, Seen
 from controllers.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
 from model.plant import Plant
 from model.reference import Setpoint
@@ -23,7 +23,7 @@ SHARP = SuperTwistingGains(smoothing=1e-12)
 def step(
     state: SuperTwistingState, x: float, v: float, gains: SuperTwistingGains = SHARP
 ) -> tuple[SuperTwistingState, PositionOutput]:
-    measurement = Measurement(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
+    measurement = Seen(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
     return super_twisting_step(state, measurement, STILL, Controller(super_twisting=gains), Plant(), T)
 
 
@@ -50,7 +50,7 @@ def test_a_disturbance_that_grows_steadily_is_taken_up(slope: float) -> None:
     free = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
     x, v, state, said = 0.02, 0.0, SuperTwistingState(), PositionOutput(0.0, 0.0)
     for k in range(1500):
-        seen = Measurement(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
+        seen = Seen(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
         state, said = super_twisting_step(state, seen, STILL, Controller(), free, T)
         acceleration = said.u_sat / 1e4 + slope * k * T
         x, v = x + T * v + T**2 / 2 * acceleration, v + T * acceleration

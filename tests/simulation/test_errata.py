@@ -16,7 +16,7 @@ from controllers.coordination import Coordination
 from controllers.differential_tension import tension_commands
 from controllers.nftsm import NftsmGains, nftsm_control
 from controllers.observer import ObserverGains, ObserverState, estimate, remember
-from controllers.signals import Measurement
+from controllers.signals import Measurement, Seen
 from controllers.winch_pid import WinchGains, WinchState, winch_step
 from model.disturbance import Disturbance, vortex_force
 from model.plant import Environment, Plant, PlantState, Torques, derivative, holding_torques, resting_state, tensions
@@ -217,7 +217,7 @@ def test_e6_an_acceleration_from_the_nominal_model_teaches_nothing() -> None:
 def test_e7_the_reaching_law_comes_with_a_factor(e2: float) -> None:
     """The paper's proof takes s' = -(eta s + k sat(s/phi)); its law gives p/(q beta) |e2|^(p/q-1) times that."""
     e1, r, beta = 0.1, 5 / 3, 0.05
-    seen = Measurement(e1, e2, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
+    seen = Seen(e1, e2, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
     u, _, s = nftsm_control(0.0, 0.0, seen, setpoint(0.0, Reference("profile", 1e-9)), Controller(), PLANT)
     slope = (u - friction(e2, PLANT.vehicle) - drag(e2, PLANT.vehicle)) / MASS
     factor = r / beta * abs(e2) ** (r - 1)
@@ -249,7 +249,7 @@ def force_in(scales: tuple[float, float, float], auxiliary: AuxiliaryGains) -> f
     controller = Controller(nftsm=replace(NftsmGains(), **gains), auxiliary=auxiliary, coordination=limits)
     mass = converted(MASS, (0, 1, 0))
     smooth = replace(PLANT, vehicle=Vehicle(mass=mass, drag_coefficient=0.0, friction_coefficient=0.0))
-    seen = Measurement(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    seen = Seen(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     point = setpoint(0.0, Reference("profile", 1e-12))
     Z_a, d_hat = converted(50.0, (1, 1, -1)), converted(0.02, (1, 0, -2))
     u, _, _ = nftsm_control(Z_a, d_hat, seen, point, controller, smooth)

@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 STRIDE = 10
 """Every how many samples an error counts in the curvature."""
 
+STEEPEST = 1e6
+"""Slope of a logarithm over a gain's range beyond which it is no guide: that of an unstable or chaotic run grows on."""
+
 
 def linearise(problem: Problem, point: Point) -> Model:
     """The model at a point of the space, over its dimensions that are intervals."""
@@ -55,20 +58,20 @@ def linearise(problem: Problem, point: Point) -> Model:
         for reached, slope in rows:
             beyond, rate = closeness(one, one.violation(float(reached), problem.margin(one)))
             violations.append(beyond)
-            slopes.append(_finite(rate * share * slope @ scales))
+            slopes.append(_usable(rate * share * slope @ scales))
             belongs.append(place)
     return Model(
-        slope=_finite(_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0)),
-        curvature=2 * errors.T @ errors / square,
+        slope=_usable(_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0)),
+        curvature=_usable(2 * errors.T @ errors / square, STEEPEST**2),
         violations=np.array(violations),
         slopes=np.array(slopes).reshape(-1, len(dimensions)),
         belongs=np.array(belongs, dtype=np.intp),
     )
 
 
-def _finite(slopes: Floats) -> Floats:
-    """Slopes, those set to 0 that grew beyond all numbers in an unstable run."""
-    return np.where(np.isfinite(slopes), slopes, 0.0)
+def _usable(slopes: Floats, steepest: float = STEEPEST) -> Floats:
+    """Slopes, those that are no guide set to 0."""
+    return np.where(np.abs(slopes) < steepest, slopes, 0.0)
 
 
 def _with(scenario: Experiment | Scenario, problem: Problem, point: Point) -> Experiment | Scenario:
