@@ -13,6 +13,7 @@ from tuning.optimisers.gradient import Gradient
 from tuning.optimisers.linearise import linearise
 from tuning.optimisers.local_model import Model, closeness, level, linear_step, merit, quadratic_step
 from tuning.problem import Problem
+from tuning.space import Point
 from tuning.statistic import statistic_from
 from tuning.tune import tune
 
@@ -66,7 +67,7 @@ def test_after_a_minimum_others_are_looked_for(gentle: Problem) -> None:
 
 
 def test_the_slopes_of_a_chaotic_run_are_no_guide(gentle: Problem) -> None:
-    chaotic = {"controller.nftsm.beta": 2.1, "controller.observer.l0": 90.0, "controller.observer.kf": 40.0}
+    chaotic: Point = {"controller.nftsm.beta": 2.1, "controller.observer.l0": 90.0, "controller.observer.kf": 40.0}
     model = linearise(gentle, chaotic)
     assert np.abs(model.slope).max() < 1e6
     assert np.abs(linear_step(model, gentle.space.encoded(chaotic), 0.1)).max() <= 0.1
