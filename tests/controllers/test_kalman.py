@@ -72,7 +72,7 @@ def error_poles(gains: KalmanGains, sample_time: float) -> NDArray[np.complex128
     K[3] = gains.ramp * gains.bandwidth * K[2]
     A = np.array([[1, n, n**2 / 2, 0], [0, 1, n, 0], [0, 0, 1, n], [0, 0, 0, 1]])
     C = np.array([[1, 0, 0, 0], [0, 1, 0, 0]])
-    return np.linalg.eigvals(A @ (np.eye(4) - K @ C))
+    return np.linalg.eigvals(A @ (np.eye(4) - K @ C)).astype(complex)
 
 
 def test_with_a_ramp_the_poles_are_the_roots_of_its_polynomial() -> None:
