@@ -25,7 +25,7 @@ def without(*gains: str, settings: tuple[str, ...] = ()) -> Problem:
 RAMP, COMPENSATION = "controller.kalman.ramp", "controller.kalman.compensation"
 
 LEFT_OUT = {
-    "nothing": lambda: without(),
+    "nothing": without,
     "`controller.kalman.ramp`": lambda: without(RAMP),
     "`controller.kalman.compensation`": lambda: without(COMPENSATION),
     "both": lambda: without(RAMP, COMPENSATION),

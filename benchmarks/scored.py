@@ -42,7 +42,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Score:
-    """Tuned gains and the paper's in the same scenarios; `least` is the mean MSE in m² that no controller goes below."""
+    """Tuned gains and the paper's in the same scenarios, and the mean MSE in m² that no controller goes below."""
 
     paper: Point
     tuned: tuple[Point, ...]

@@ -1,0 +1,41 @@
+"""Tables and figures of searches, from made-up scores."""
+
+import numpy as np
+
+from benchmarks.left_out import COMPENSATION, LEFT_OUT, RAMP
+from benchmarks.scored import Point, Score
+from benchmarks.traded import front
+
+SCORE = Score(
+    paper=Point("paper", chatter=60.0, mse=1e-7, within_reach=5e-8, largest=6100.0, smallest=0.0),
+    tuned=(
+        Point("0.1", chatter=6.0, mse=2e-9, within_reach=5e-10, largest=5900.4, smallest=250.0),
+        Point("0.25", chatter=15.0, mse=1e-9, within_reach=1e-10, largest=5901.0, smallest=240.0),
+    ),
+    least=4e-10,
+)
+
+
+def test_the_table_gives_ratios_to_the_papers_gains() -> None:
+    head, _, first, second = SCORE.table("allowed").splitlines()
+    assert head.startswith("| allowed | chatter over the paper's |")
+    assert first == "| 0.1 | 0.10 | 50 × | 250 × | 100 × | 5900 | 250 |"
+    assert second == "| 0.25 | 0.25 | 100 × | 250 × | 500 × | 5901 | 240 |"
+
+
+def test_the_front_shows_both_means_the_paper_and_the_bounds() -> None:
+    axes = front(SCORE).axes[0]
+    drawn = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
+    assert drawn["within reach"].tolist() == [[6.0, 5e-10], [15.0, 1e-10]]
+    assert drawn["all scenarios"].tolist() == [[6.0, 2e-9], [15.0, 1e-9]]
+    assert set(drawn["all: no controller has less"][:, 1]) == {4e-10}
+    assert set(drawn["paper's chatter / 4"][:, 0]) == {15.0}
+
+
+def test_what_is_left_out_is_zero_and_not_searched() -> None:
+    both = LEFT_OUT["both"]()
+    assert not {RAMP, COMPENSATION} & set(both.space.names)
+    assert both.experiment.controller.kalman.ramp == both.experiment.controller.kalman.compensation == 0
+    assert LEFT_OUT["the ropes' calibration"]().experiment.controller.estimator == "kalman"
+    assert LEFT_OUT["`controller.coordination.reserve`"]().experiment.controller.coordination.reserve == 0
+    assert {RAMP, COMPENSATION} <= set(LEFT_OUT["nothing"]().space.names)
