@@ -1,6 +1,6 @@
 """What parts of the controller are worth in the sea: gains tuned without one after another, scored as all others are.
 
-``python -m benchmarks.left_out`` prints the table (six minutes); ``--write FILE`` puts it between the file's two marks.
+``python -m benchmarks.left_out`` prints the table (five minutes); ``--write FILE`` puts it between the file's two marks.
 """
 
 import argparse
@@ -30,7 +30,6 @@ LEFT_OUT = {
     "`controller.kalman.compensation`": lambda: without(COMPENSATION),
     "both": lambda: without(RAMP, COMPENSATION),
     "the ropes' calibration": lambda: without(settings=("controller.estimator=kalman",)),
-    "`controller.coordination.reserve`": lambda: without(settings=("controller.coordination.reserve=0",)),
 }
 """What is left out → the problem without it."""
 

@@ -154,7 +154,8 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
     }
 #if HAS_LEAP
-    sample_and_leap_lanes(now, often.w, often.p, often.for_sample, often.for_leap, next + MOTION * LANES, often.held, next, often.margin, often.valid);
+    sample_and_leap_lanes(now, often.w, often.p, often.for_sample, often.for_leap, next + MOTION * LANES, often.held,
+                          next, often.margin, often.valid);
     int doubtful = any_at_most_zero(often.valid, often.margin);
     if (doubtful) {
       int missing = 0;

@@ -10,7 +10,6 @@ from dualwinch.config import flattened, load, override, parse_assignment, read_t
 from dualwinch.ensembles import ensemble_to_toml, load_ensemble, reset
 from dualwinch.simulate_command import experiment
 from model.errors import ConfigurationError
-from model.plant import Plant
 from simulation.ensemble import Ensemble
 from tuning.constraint import default_constraints
 from tuning.objective import DEFAULT_OBJECTIVES
@@ -21,7 +20,7 @@ from tuning.space_record import space_from, space_to_record
 SCENARIOS = 8
 """Scenarios a candidate is tuned on where nothing else is asked for."""
 
-ESTIMATOR, RESERVE = "controller.estimator", "controller.coordination.reserve"
+ESTIMATOR = "controller.estimator"
 
 
 def problem_of(
@@ -38,8 +37,7 @@ def problem_of(
     """The problem a command line asks for.
 
     With an ensemble the calibrating Kalman filter is used unless a file or an assignment says otherwise: sensors there
-    are noisy and ropes are not quite the nominal ones. Tension commands keep as far from tension_max as the winches'
-    friction takes of it, or a motor reaches its limit before the rope does.
+    are noisy and ropes are not quite the nominal ones.
 
     Raises:
         ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
@@ -51,10 +49,9 @@ def problem_of(
         if scenarios is not None:
             raise ConfigurationError("--scenarios: needs --ensemble")
     else:
-        drawn = load_ensemble(ensemble, experiment(case, config, None, []))
-        if config is None:
-            values = {ESTIMATOR: "calibrating-kalman", RESERVE: _friction(drawn.experiment.plant)} | values
-        drawn = reset(drawn, values)
+        if config is None and ESTIMATOR not in values:
+            values[ESTIMATOR] = "calibrating-kalman"
+        drawn = reset(load_ensemble(ensemble, experiment(case, config, None, [])), values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
@@ -72,11 +69,6 @@ def problem_of(
     problem.check()
     _ = problem.minimised, problem.bounded  # names and bounds are checked now
     return problem
-
-
-def _friction(plant: Plant) -> float:
-    """Tension in N that Coulomb friction takes of the stronger braked winch."""
-    return max(winch.coulomb_friction / winch.drum_radius for winch in (plant.winch_1, plant.winch_2))
 
 
 def tuning_problem(

@@ -37,5 +37,4 @@ def test_what_is_left_out_is_zero_and_not_searched() -> None:
     assert not {RAMP, COMPENSATION} & set(both.space.names)
     assert both.experiment.controller.kalman.ramp == both.experiment.controller.kalman.compensation == 0
     assert LEFT_OUT["the ropes' calibration"]().experiment.controller.estimator == "kalman"
-    assert LEFT_OUT["`controller.coordination.reserve`"]().experiment.controller.coordination.reserve == 0
     assert {RAMP, COMPENSATION} <= set(LEFT_OUT["nothing"]().space.names)
