@@ -1,6 +1,6 @@
 """What parts of the controller are worth in the sea: gains tuned without one after another, scored as all others are.
 
-``python -m benchmarks.left_out`` prints the table (five minutes); ``--write FILE`` puts it between the file's two marks.
+``python -m benchmarks.left_out`` prints the table (five minutes); ``--write FILE`` puts it between its two marks.
 """
 
 import argparse
