@@ -25,6 +25,12 @@ def put(file: Path, mark: str, text: str) -> None:
     file.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
+def times(ratio: float) -> str:
+    """A ratio to three digits, as a reader wants it: ``48.1 ×``, ``1 420 ×``."""
+    digits = float(f"{ratio:.3g}")
+    return f"{digits:,.0f} ×".replace(",", " ") if digits >= 1000 else f"{ratio:.3g} ×"
+
+
 def duration(seconds: float) -> str:
     """A time in s or ms, as a reader wants it."""
     return f"{seconds:.2f} s" if seconds >= 1 else f"{seconds * 1e3:.3g} ms"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.document import markdown
+from benchmarks.document import markdown, times
 from controllers.controller import Controller
 from dualwinch.ensembles import load_ensemble
 from simulation.paired_run import compare, paper_controller
@@ -54,9 +54,9 @@ class Score:
             [
                 one.name,
                 f"{one.chatter / self.paper.chatter:.2f}",
-                f"{self.paper.mse / one.mse:.3g} ×",
-                f"{self.paper.mse / self.least:.3g} ×",
-                f"{self.paper.within_reach / one.within_reach:.3g} ×",
+                times(self.paper.mse / one.mse),
+                times(self.paper.mse / self.least),
+                times(self.paper.within_reach / one.within_reach),
                 f"{one.largest:.0f}",
                 f"{one.smallest:.0f}",
             ]

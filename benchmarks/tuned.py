@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.document import markdown, put
+from benchmarks.document import markdown, put, times
 from controllers.controller import Controller
 from dualwinch import tuning_problem
 from simulation.ensemble import Ensemble
@@ -54,10 +54,10 @@ def _row(result: Comparison, paper: str, name: str) -> list[str]:
     return [
         str(result.seed),
         name,
-        f"{mean / float(ours.metrics['mse'].mean()):.3g} ×",
-        f"{mean / least:.3g} ×" if least else "–",
-        f"{within:.3g} ×",
-        f"{before['median_mse'] / after['median_mse']:.3g} ×",  # pyright: ignore[reportOperatorIssue]
+        times(mean / float(ours.metrics["mse"].mean())),
+        times(mean / least) if least else "–",
+        times(within),
+        times(before["median_mse"] / after["median_mse"]),  # pyright: ignore[reportOperatorIssue]
         f"{after['mean_chatter'] / before['mean_chatter']:.2f}",  # pyright: ignore[reportOperatorIssue]
         f"{after['max_tension']:.0f}",
         f"{after['min_tension']:.0f}",

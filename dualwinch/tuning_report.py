@@ -86,7 +86,7 @@ def _summary(problem: Problem, trials: Sequence[Evaluation], verdict: Verdict) -
     kept = "keeps to every constraint" if scored.feasible else "does not keep to every constraint"
     return (
         f"{len(trials)} trials, {feasible} of them within the constraints. Trial {verdict.best.number} is the best: "
-        f"its {name} is {improvement(verdict, name):.3g} times below that of the paper's gains {_where(verdict)}, "
+        f"its {name} is {improvement(verdict, name):.4g} times below that of the paper's gains {_where(verdict)}, "
         f"and it {kept} there."
     )
 

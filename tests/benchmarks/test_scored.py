@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from benchmarks.document import times
 from benchmarks.left_out import COMPENSATION, LEFT_OUT, RAMP
 from benchmarks.scored import Point, Score
 from benchmarks.traded import front
@@ -14,6 +15,16 @@ SCORE = Score(
     ),
     least=4e-10,
 )
+
+
+def test_ratios_have_three_digits_and_no_exponent() -> None:
+    assert [times(ratio) for ratio in (0.0123456, 48.123, 999.9, 1416.0, 40_900.0)] == [
+        "0.0123 ×",
+        "48.1 ×",
+        "1 000 ×",
+        "1 420 ×",
+        "40 900 ×",
+    ]
 
 
 def test_the_table_gives_ratios_to_the_papers_gains() -> None:
