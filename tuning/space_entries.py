@@ -137,7 +137,8 @@ def _interval(name: str, keys: Sequence[str], entry: Any) -> Interval:
     leaf = _leaves()[keys[0]]
     for bound in (lower, upper):
         if not all(_allows(constraint, bound) for constraint in leaf.constraints):
-            raise ConfigurationError(f"space: {name}: bound {bound:g} must be {leaf.allowed} {leaf.quantity.unit}")
+            unit = "" if leaf.quantity.unit == "1" else f" {leaf.quantity.unit}"
+            raise ConfigurationError(f"space: {name}: bound {bound:g} must be {leaf.allowed}{unit}")
     return Interval(name, tuple(keys), float(lower), float(upper), log, leaf.quantity.unit)
 
 

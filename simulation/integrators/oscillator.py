@@ -183,7 +183,8 @@ class Oscillator:
 
         The oscillation about the equilibrium never swings further than it would without damping, so that
         spring (equilibrium − amplitude) > damper √kappa amplitude is enough. Written without divisions and roots,
-        times kappa/spring: (x + y)² is at most (1 + m) x² + (1 + 1/m) y² for any m > 0.
+        times kappa/spring: (x + y)² is at most (1 + m) x² + (1 + 1/m) y² for any m > 0. It is never positive where the
+        equilibrium is not.
         """
         kappa = self.mobility * self.spring
         g, ramp = self._driven(a)
