@@ -8,36 +8,44 @@ import numpy as np
 from benchmarks.document import markdown, times
 from controllers.controller import Controller
 from dualwinch.ensembles import load_ensemble
+from simulation.paired import Comparison
 from simulation.paired_run import compare, paper_controller
 from tuning.problem import Problem
 from tuning.tune import tune
 
 SECONDS, SEED = 60.0, 1
-"""Length of each search, choice and score included, and its seed."""
+"""Length of a search, choice and score included, and its seed."""
 
 HELD_OUT_SEED, SCENARIOS = 7, 200
-"""The scenarios that score all of them."""
+"""Seed and number of the scenarios that score."""
 
 HEADINGS = (
     "chatter over the paper's",
     "mean MSE below the paper's",
     "no controller, more than",
     "within reach",
+    "median",
     "largest tension (N)",
     "smallest (N)",
+    "slack in",
 )
 
 
 @dataclass(frozen=True)
 class Point:
-    """What gains came to in the held-out scenarios: chatter in N, mean square errors in m², tensions in N."""
+    """What gains came to in the held-out scenarios: chatter in N, mean square errors in m², tensions in N.
+
+    `slack` says in how many scenarios a rope was slack at any sample.
+    """
 
     name: str
     chatter: float
     mse: float
     within_reach: float
+    median: float
     largest: float
     smallest: float
+    slack: str
 
 
 @dataclass(frozen=True)
@@ -48,21 +56,26 @@ class Score:
     tuned: tuple[Point, ...]
     least: float
 
-    def table(self, heading: str) -> str:
-        """The tuned gains as rows of a Markdown table, their names under a heading."""
-        rows = [
+    def rows(self) -> list[list[str]]:
+        """A row for each of the tuned gains, under their name and `HEADINGS`."""
+        return [
             [
                 one.name,
                 f"{one.chatter / self.paper.chatter:.2f}",
                 times(self.paper.mse / one.mse),
-                times(self.paper.mse / self.least),
+                times(self.paper.mse / self.least) if self.least else "–",
                 times(self.paper.within_reach / one.within_reach),
+                times(self.paper.median / one.median),
                 f"{one.largest:.0f}",
                 f"{one.smallest:.0f}",
+                one.slack,
             ]
             for one in self.tuned
         ]
-        return markdown([heading, *HEADINGS], rows)
+
+    def table(self, heading: str) -> str:
+        """The rows as a Markdown table, the names under a heading."""
+        return markdown([heading, *HEADINGS], self.rows())
 
 
 def searched(problem: Problem) -> Controller:
@@ -70,20 +83,24 @@ def searched(problem: Problem) -> Controller:
     return tune(problem, seconds=SECONDS).best.controller
 
 
-def scored(controllers: Mapping[str, Controller]) -> Score:
-    """Controllers of the sea, by name, in the held-out scenarios."""
+def scored(controllers: Mapping[str, Controller], seed: int = HELD_OUT_SEED) -> Score:
+    """Controllers of the sea, by name, in the held-out scenarios of a seed."""
     sea = load_ensemble("sea")
     sea = replace(sea, experiment=replace(sea.experiment, controller=paper_controller()))
-    result = compare({"paper": paper_controller(), **controllers}, sea, SCENARIOS, HELD_OUT_SEED)
-    paper, *ours = (
-        Point(
-            name=name,
-            chatter=float(np.mean(one.metrics["chatter"])),
-            mse=float(np.mean(one.metrics["mse"])),
-            within_reach=result.mean_mse_within_reach(name),
-            largest=float(np.max(one.metrics["peak_tension"])),
-            smallest=float(np.min(one.metrics["min_tension"])),
-        )
-        for name, one in result.contenders.items()
-    )
+    result = compare({"paper": paper_controller(), **controllers}, sea, SCENARIOS, seed)
+    paper, *ours = (_point(result, name) for name in result.contenders)
     return Score(paper, tuple(ours), float(result.least_mse.mean()))
+
+
+def _point(result: Comparison, name: str) -> Point:
+    metrics = result.contenders[name].metrics
+    return Point(
+        name=name,
+        chatter=float(np.mean(metrics["chatter"])),
+        mse=float(np.mean(metrics["mse"])),
+        within_reach=result.mean_mse_within_reach(name),
+        median=float(np.median(metrics["mse"])),
+        largest=float(np.max(metrics["peak_tension"])),
+        smallest=float(np.min(metrics["min_tension"])),
+        slack=f"{np.count_nonzero(metrics['slack_share'])} of {len(result)}",
+    )

@@ -7,62 +7,18 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.document import markdown, put, times
-from controllers.controller import Controller
+from benchmarks.document import markdown, put
+from benchmarks.scored import HEADINGS, HELD_OUT_SEED, SEED, scored
 from dualwinch import tuning_problem
-from simulation.ensemble import Ensemble
-from simulation.paired import Comparison
-from simulation.paired_run import compare, paper_controller
 from tuning.tune import Tuned, tune
 
 MINUTES = (1, 5)
 """Lengths of the searches."""
 
-SEED, HELD_OUT_SEEDS, SCENARIOS = 1, (7, 11, 12, 13, 14, 15), 200
-"""Seed of the searches; seeds and number of the scenarios that score them."""
-
-HEADINGS = [
-    "seed",
-    "tuned for",
-    "mean MSE below the paper's",
-    "no controller, more than",
-    "within reach",
-    "median",
-    "chatter over the paper's",
-    "largest tension (N)",
-    "smallest (N)",
-    "slack in",
-]
-
-
-def score(controllers: dict[str, Controller], ensemble: Ensemble, seed: int) -> list[list[str]]:
-    """A row for each controller but the first, the paper's."""
-    result = compare(controllers, ensemble, SCENARIOS, seed)
-    names = list(controllers)
-    return [_row(result, names[0], name) for name in names[1:]]
-
-
-def _row(result: Comparison, paper: str, name: str) -> list[str]:
-    theirs, ours = result.contenders[paper], result.contenders[name]
-    before, after = theirs.summary(), ours.summary()
-    least = float(result.least_mse.mean())
-    mean = float(theirs.metrics["mse"].mean())
-    within = result.mean_mse_within_reach(paper) / result.mean_mse_within_reach(name)
-    return [
-        str(result.seed),
-        name,
-        times(mean / float(ours.metrics["mse"].mean())),
-        times(mean / least) if least else "–",
-        times(within),
-        times(before["median_mse"] / after["median_mse"]),  # pyright: ignore[reportOperatorIssue]
-        f"{after['mean_chatter'] / before['mean_chatter']:.2f}",  # pyright: ignore[reportOperatorIssue]
-        f"{after['max_tension']:.0f}",
-        f"{after['min_tension']:.0f}",
-        f"{after['slack_scenarios']} of {len(result)}",
-    ]
+HELD_OUT_SEEDS = (HELD_OUT_SEED, 11, 12, 13, 14, 15)
+"""Seeds of the scenarios that score them."""
 
 
 def searched(minutes: int) -> Tuned:
@@ -72,22 +28,16 @@ def searched(minutes: int) -> Tuned:
 
 def table(studies: Sequence[Tuned]) -> str:
     """The held-out sets, each scored by every study, as a Markdown table."""
-    controllers = {"paper": paper_controller()} | {
-        f"{minutes} min": one.best.controller for minutes, one in zip(MINUTES, studies, strict=True)
-    }
-    ensemble = studies[0].problem.ensemble
-    if ensemble is None:
-        raise RuntimeError("the studies have no ensemble")
-    plain = replace(ensemble, experiment=replace(ensemble.experiment, controller=paper_controller()))
+    controllers = {f"{minutes} min": one.best.controller for minutes, one in zip(MINUTES, studies, strict=True)}
     rows: list[list[str]] = []
     for seed in HELD_OUT_SEEDS:
-        rows += score(controllers, plain, seed)
+        rows += [[str(seed), *row] for row in scored(controllers, seed).rows()]
         sys.stderr.write(f"seed {seed} scored\n")
     trials = ", ".join(
         f"{len(one.trials)} trials, {one.progress.rollouts} rollouts in {minutes} min"
         for minutes, one in zip(MINUTES, studies, strict=True)
     )
-    return f"{markdown(HEADINGS, rows)}\n\n*Search with seed {SEED}: {trials}.*"
+    return f"{markdown(['seed', 'tuned for', *HEADINGS], rows)}\n\n*Search with seed {SEED}: {trials}.*"
 
 
 def main() -> None:
