@@ -29,6 +29,11 @@ class Quantity:
     source: str = ""
 
 
+def behind_number(unit: str) -> str:
+    """A unit as it stands behind a number, with a space; nothing for a pure number."""
+    return "" if unit == "1" else f" {unit}"
+
+
 @dataclass(frozen=True)
 class Tunable:
     """Where a gain is searched for when it is tuned, in its own unit.

@@ -48,6 +48,7 @@ class Pairs:
         self.places = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
         self._vectors = np.array([list(one.values()) for one in numbers])
+        # tables in use: to ask `signals` for one takes a hash of the whole experiment, in every lane of every block
         self._tables: WeakValueDictionary[int, Floats] = WeakValueDictionary()
 
     @property

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from model.errors import ConfigurationError
-from model.quantity import leaves, nearest
+from model.quantity import behind_number, leaves, nearest
 from simulation.experiment import Experiment
 from tuning.statistic import UNMEASURED, Statistic, statistic_from
 
@@ -50,8 +50,8 @@ class Constraint:
     @property
     def label(self) -> str:
         """The constraint with its bound as a number and with its unit."""
-        unit = "" if self.statistic.unit == "1" else f" {self.statistic.unit}"
-        return f"{self.statistic.name} {'>=' if self.at_least else '<='} {self.bound:.6g}{unit}"
+        sign, unit = ">=" if self.at_least else "<=", behind_number(self.statistic.unit)
+        return f"{self.statistic.name} {sign} {self.bound:.6g}{unit}"
 
 
 def default_constraints(ensemble: bool) -> tuple[str, ...]:

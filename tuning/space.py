@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from model.quantity import leaves
+from model.quantity import behind_number, leaves
 from simulation.experiment import Experiment
 
 Value: TypeAlias = float | str
@@ -72,8 +72,7 @@ class Interval:
     @property
     def allowed(self) -> str:
         """The bounds in words."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{self.lower:g} to {self.upper:g}{unit}{' (log)' if self.log else ''}"
+        return f"{self.lower:g} to {self.upper:g}{behind_number(self.unit)}{' (log)' if self.log else ''}"
 
 
 @dataclass(frozen=True)

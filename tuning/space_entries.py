@@ -12,7 +12,7 @@ from typing import Any
 import annotated_types as at
 
 from model.errors import ConfigurationError
-from model.quantity import Leaf, Tunable, describe, nearest
+from model.quantity import Leaf, Tunable, behind_number, describe, nearest
 from simulation.closed_loop import closed_loop
 from simulation.experiment import Experiment
 from simulation.structure import Structure, structure_of
@@ -137,8 +137,8 @@ def _interval(name: str, keys: Sequence[str], entry: Any) -> Interval:
     leaf = _leaves()[keys[0]]
     for bound in (lower, upper):
         if not all(_allows(constraint, bound) for constraint in leaf.constraints):
-            unit = "" if leaf.quantity.unit == "1" else f" {leaf.quantity.unit}"
-            raise ConfigurationError(f"space: {name}: bound {bound:g} must be {leaf.allowed}{unit}")
+            allowed = leaf.allowed + behind_number(leaf.quantity.unit)
+            raise ConfigurationError(f"space: {name}: bound {bound:g} must be {allowed}")
     return Interval(name, tuple(keys), float(lower), float(upper), log, leaf.quantity.unit)
 
 

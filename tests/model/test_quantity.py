@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 import annotated_types as at
 import pytest
 
-from model.quantity import Quantity, describe, leaves, numbers, with_leaves
+from model.quantity import Quantity, behind_number, describe, leaves, numbers, with_leaves
 
 
 @dataclass(frozen=True)
@@ -61,3 +61,7 @@ def test_a_scalar_without_a_quantity_is_an_error() -> None:
 
     with pytest.raises(TypeError, match=r"Bare\.size has no Quantity"):
         describe(Bare)
+
+
+def test_a_pure_number_has_nothing_behind_it() -> None:
+    assert f"3{behind_number('1')} 3{behind_number('N m')}" == "3 3 N m"
