@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.closed_loop import ClosedLoop, closed_loop, initial_state_of
-from simulation.environment import exogenous_signals
-from simulation.experiment import Experiment, Simulation
-from simulation.paper import case
-from simulation.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
+from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.paper import case
 
 REFERENCE = ("reference.x", "reference.v", "reference.a", "steady")
 """Columns of `Case.reference`."""

@@ -13,15 +13,15 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.document import put
-from dualwinch.config import override
-from simulation.closed_loop import closed_loop, initial_state_of
-from simulation.engine import engine
-from simulation.environment import exogenous_signals
-from simulation.experiment import Experiment
-from simulation.paper import CASES, case
-from simulation.result import Result
-from simulation.simulate import simulate
-from simulation.structure import parameters_of, structure_of
+from dualwinch.config.experiment_file import override
+from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
+from dualwinch.simulation.loop.engine import engine
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
+from dualwinch.simulation.paper import CASES, case
+from dualwinch.simulation.result import Result
+from dualwinch.simulation.simulate import simulate
 
 SETTINGS = (
     ("adaptive", 3),

@@ -16,15 +16,15 @@ from benchmarks.case import Case
 from benchmarks.document import markdown, put
 from benchmarks.peers import compiled
 from dualwinch import tuning_problem
-from simulation.experiment import Simulation
-from simulation.sensitivities import sensitivities
-from tuning.evaluate import Evaluator
-from tuning.memory import Memory
-from tuning.optimisers import optimiser
-from tuning.optimisers.gradient import Gradient
-from tuning.problem import Problem
-from tuning.storage import Budget, quiet
-from tuning.study import Progress, search
+from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.simulation.experiment import Simulation
+from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.optimisers.gradient import Gradient
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.storage.memory import Memory
+from dualwinch.tuning.storage.store import Budget, quiet
+from dualwinch.tuning.study import Progress, search
 
 GAINS = (
     *(f"controller.nftsm.{name}" for name in ("beta", "eta", "k", "phi")),

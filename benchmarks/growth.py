@@ -19,11 +19,11 @@ from benchmarks.document import duration, markdown, put
 from benchmarks.peers import compiled, hand_c
 from benchmarks.peers.candidates import GAIN
 from benchmarks.peers.peer import UnavailableError
-from codegen import DualwinchError
-from codegen.batch import LANES
-from simulation.batch import rollout
-from simulation.cores import cores
-from simulation.experiment import Simulation
+from dualwinch.codegen import DualwinchError
+from dualwinch.codegen.drivers.batch import LANES
+from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.experiment import Simulation
 
 HORIZONS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 """Lengths of a single run in s."""
@@ -140,7 +140,7 @@ def main() -> int:
             put(chosen.write, "growth", table)
         if chosen.plot:
             from benchmarks.growth_figure import growth_figure
-            from simulation.plots import save
+            from dualwinch.simulation.plots import save
 
             save(growth_figure(found), chosen.plot)
     except (DualwinchError, UnavailableError, OSError, ValueError) as error:

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from codegen.batch import LANES
-from simulation.plots.style import BLUE, GREY, VERMILION, house_style, new_figure
+from dualwinch.codegen.drivers.batch import LANES
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, new_figure
 
 if TYPE_CHECKING:
     from benchmarks.growth import Point

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from benchmarks.document import put
 from benchmarks.scored import SEED, scored, searched
-from controllers.controller import Controller
 from dualwinch import tuning_problem
-from tuning.problem import Problem
+from dualwinch.controllers.controller import Controller
+from dualwinch.tuning.problem import Problem
 
 
 def without(*gains: str, settings: tuple[str, ...] = ()) -> Problem:

@@ -4,7 +4,7 @@ import platform
 
 from benchmarks.measure import Timing
 from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, SENSITIVE
-from codegen.compiler import vector_features
+from dualwinch.codegen.compiler import vector_features
 
 ASKED_OF_LANES = {"avx512f": 8.0, "avx2": 4.0}
 """Widest vector instructions → how many times the hand-written scalar loop's rate a batch is to reach on a core."""

@@ -14,9 +14,9 @@ from benchmarks.document import markdown, put
 from benchmarks.measure import TOLERANCE, Timing
 from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
-from codegen import find_compiler
-from codegen.compiler import processor_name, vector_features
-from simulation.cores import cores
+from dualwinch.codegen import find_compiler
+from dualwinch.codegen.compiler import processor_name, vector_features
+from dualwinch.simulation.batch.cores import cores
 
 NARROWEST = 120
 """Columns the table takes where the output is no terminal."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.document import markdown, times
-from controllers.controller import Controller
-from dualwinch.ensembles import load_ensemble
-from simulation.paired import Comparison
-from simulation.paired_run import compare, paper_controller
-from tuning.problem import Problem
-from tuning.tune import tune
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.controllers.controller import Controller
+from dualwinch.simulation.ensembles.paired import Comparison
+from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.tune import tune
 
 SECONDS, SEED = 60.0, 1
 """Length of a search, choice and score included, and its seed."""

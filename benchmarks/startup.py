@@ -37,9 +37,9 @@ def child(kind: str) -> None:
     def mark() -> None:
         marks.append(time.perf_counter())
 
-    from simulation.batch import rollout
-    from simulation.paper import case
-    from simulation.simulate import simulate
+    from dualwinch.simulation.batch.rollout import rollout
+    from dualwinch.simulation.paper import case
+    from dualwinch.simulation.simulate import simulate
 
     if kind == "run":
         simulate(case(4), stride=0)
@@ -47,11 +47,11 @@ def child(kind: str) -> None:
     if kind == "batch":
         rollout(["controller.observer.l0"], [[5.0]], [case(4)])
         return
-    from codegen.cache import library
-    from codegen.compiler import find_compiler
-    from codegen.rollout import rollout_source
-    from simulation.closed_loop import closed_loop
-    from simulation.structure import parameters_of, structure_of, zeros_of
+    from dualwinch.codegen.cache import library
+    from dualwinch.codegen.compiler import find_compiler
+    from dualwinch.codegen.drivers.rollout import rollout_source
+    from dualwinch.simulation.loop.closed_loop import closed_loop
+    from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 
     mark()
     loop = closed_loop(structure_of(case(4)), zeros_of(parameters_of(case(4))))

@@ -14,11 +14,11 @@ from matplotlib.patches import Patch
 
 from benchmarks.document import put
 from benchmarks.scored import HELD_OUT_SEED, SCENARIOS, SECONDS, SEED, Score, scored, searched
-from controllers.controller import Controller
 from dualwinch import tuning_problem
-from simulation.plots import save
-from simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure
-from tuning.constraint import NO_PEAK, NO_SLACK
+from dualwinch.controllers.controller import Controller
+from dualwinch.simulation.plots import save
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure
+from dualwinch.tuning.constraint import NO_PEAK, NO_SLACK
 
 ALLOWED = (0.05, 0.1, 0.15, 0.25, 0.4)
 """Bounds on the mean chatter, over that of the paper's gains."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.document import markdown, put
 from benchmarks.scored import HEADINGS, HELD_OUT_SEED, SEED, scored
 from dualwinch import tuning_problem
-from tuning.tune import Tuned, tune
+from dualwinch.tuning.tune import Tuned, tune
 
 MINUTES = (1, 5)
 """Lengths of the searches."""
@@ -55,8 +55,8 @@ def main() -> None:
     if arguments.write:
         put(arguments.write, "tuned", text)
     if arguments.plot:
-        from simulation.plots import save
-        from tuning.plots.search import front
+        from dualwinch.simulation.plots import save
+        from dualwinch.tuning.plots.search import front
 
         save(front(studies[-1].problem, studies[-1].trials), arguments.plot)
 

@@ -1,9 +1,9 @@
 """From a CasADi function to compiled code: C source, compiler discovery, library cache, rollout driver."""
 
-from codegen.cache import cache_folder
-from codegen.compiler import Compiler, find_compiler
-from codegen.errors import CodegenError, CompileError, CompilerNotFoundError, DualwinchError
-from codegen.rollout import Rollout, compile_rollout, rollout_source
+from dualwinch.codegen.cache import cache_folder
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.rollout import Rollout, compile_rollout, rollout_source
+from dualwinch.codegen.errors import CodegenError, CompileError, CompilerNotFoundError, DualwinchError
 
 __all__ = [
     "CodegenError",

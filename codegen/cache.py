@@ -16,8 +16,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from codegen.compiler import Compiler, fingerprint
-from codegen.errors import CacheError
+from dualwinch.codegen.compiler import Compiler, fingerprint
+from dualwinch.codegen.errors import CacheError
 
 ABANDONED_AFTER = 3600.0
 """Age in s at which an unfinished build counts as abandoned."""

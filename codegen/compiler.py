@@ -14,7 +14,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from codegen.errors import CompileError, CompilerNotFoundError
+from dualwinch.codegen.errors import CompileError, CompilerNotFoundError
 
 OPTIMISE = (
     "-std=c99",

@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from codegen.c_source import c_source
-from codegen.cache import library
-from codegen.compiler import Compiler, find_compiler
-from codegen.errors import CodegenError
+from dualwinch.codegen.cache import library
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.source.c_source import c_source
 
 Floats = NDArray[np.float64]
 

@@ -7,27 +7,27 @@ from typing import Annotated, Any, Literal
 import annotated_types as at
 import casadi as ca
 
-from controllers.adrc import AdrcGains, AdrcState, adrc_step
-from controllers.auxiliary import AuxiliaryGains
-from controllers.calibrating_kalman import CalibrationGains
-from controllers.coordination import Coordination
-from controllers.coordinations import COORDINATIONS
-from controllers.estimators import ESTIMATORS
-from controllers.fando_nftsm import FandoNftsmState, fando_nftsm_step
-from controllers.force_position import ForcePositionGains
-from controllers.kalman import KalmanGains
-from controllers.master_slave import MasterSlaveGains
-from controllers.nftsm import NftsmGains, NftsmState, nftsm_step
-from controllers.nominal import Nominal
-from controllers.observer import ObserverGains
-from controllers.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
-from controllers.signals import ControllerOutput, Measurement, PositionOutput
-from controllers.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
-from controllers.winch_pid import WinchGains
-from model.plant import Plant
-from model.quantity import Quantity, Tunable, leaves, with_leaves
-from model.reference import Setpoint
-from model.scalar import Scalar
+from dualwinch.controllers.coordinations.force_position import ForcePositionGains
+from dualwinch.controllers.coordinations.master_slave import MasterSlaveGains
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.controllers.coordinations.winch_pid import WinchGains
+from dualwinch.controllers.estimators.calibrating_kalman import CalibrationGains
+from dualwinch.controllers.estimators.kalman import KalmanGains
+from dualwinch.controllers.estimators.registry import ESTIMATORS
+from dualwinch.controllers.laws.adrc import AdrcGains, AdrcState, adrc_step
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsmState, fando_nftsm_step
+from dualwinch.controllers.laws.nftsm import NftsmGains, NftsmState, nftsm_step
+from dualwinch.controllers.laws.observer import ObserverGains
+from dualwinch.controllers.laws.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
+from dualwinch.controllers.laws.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
+from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.nominal import Nominal
+from dualwinch.controllers.signals import ControllerOutput, Measurement, PositionOutput
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantity import Quantity, Tunable, leaves, with_leaves
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.scalar import Scalar
 
 
 @dataclass(frozen=True)

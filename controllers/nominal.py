@@ -5,8 +5,8 @@ from typing import Annotated
 
 import annotated_types as at
 
-from model.plant import Plant
-from model.quantity import Quantity
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantity import Quantity
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from model.quantity import Quantity
-from model.scalar import Scalar
+from dualwinch.model.quantity import Quantity
+from dualwinch.model.scalar import Scalar
 
 
 @dataclass(frozen=True)

@@ -7,99 +7,99 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from codegen.block import Block
-    from codegen.errors import DualwinchError
-    from codegen.native import compile  # noqa: A004
-    from controllers.controller import Controller, controller_function
-    from dualwinch.config import load, override, to_toml
-    from dualwinch.ensembles import load_ensemble
-    from dualwinch.tuning_setup import tuning_problem
-    from model.disturbance import Disturbance
-    from model.errors import ConfigurationError
-    from model.linear_system import LinearSystem
-    from model.linearisation import linearise
-    from model.modes import modes
-    from model.operating_point import operating_point
-    from model.plant import Plant, plant
-    from model.reference import Reference
-    from simulation.batch import BatchResult, rollout
-    from simulation.blocks import block
-    from simulation.certificate import Certificate, certify
-    from simulation.describing_function import AmplitudePoint, amplitude_sweep
-    from simulation.ensemble import Ensemble, Scenario
-    from simulation.ensemble_result import EnsembleResult
-    from simulation.ensemble_run import run_ensemble
-    from simulation.ensemble_storage import save_ensemble
-    from simulation.experiment import Experiment, Simulation
-    from simulation.linear_loop import linear_broken_loop, linear_closed_loop
-    from simulation.margins import Margins, margins
-    from simulation.metrics import Metrics
-    from simulation.nearby_gains import NearbyGains, nearby_gains
-    from simulation.paired import Comparison
-    from simulation.paired_run import compare, paper_controller
-    from simulation.paper import case
-    from simulation.result import Result
-    from simulation.sensitivities import Sensitivities, sensitivities
-    from simulation.sensors import Sensors
-    from simulation.simulate import simulate
-    from simulation.storage import save
-    from tuning.tune import Tuned, tune
+    from dualwinch.codegen.block import Block
+    from dualwinch.codegen.errors import DualwinchError
+    from dualwinch.codegen.native import compile  # noqa: A004
+    from dualwinch.commands.tuning_setup import tuning_problem
+    from dualwinch.config.ensemble_file import load_ensemble
+    from dualwinch.config.experiment_file import load, override, to_toml
+    from dualwinch.controllers.controller import Controller, controller_function
+    from dualwinch.model.disturbance import Disturbance
+    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.model.linear.linearisation import linearise
+    from dualwinch.model.linear.modes import modes
+    from dualwinch.model.linear.operating_point import operating_point
+    from dualwinch.model.linear.system import LinearSystem
+    from dualwinch.model.plant import Plant, plant
+    from dualwinch.model.reference import Reference
+    from dualwinch.simulation.analysis.certificate import Certificate, certify
+    from dualwinch.simulation.analysis.describing_function import AmplitudePoint, amplitude_sweep
+    from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+    from dualwinch.simulation.analysis.margins import Margins, margins
+    from dualwinch.simulation.analysis.nearby_gains import NearbyGains, nearby_gains
+    from dualwinch.simulation.batch.rollout import BatchResult, rollout
+    from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
+    from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+    from dualwinch.simulation.ensembles.paired import Comparison
+    from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
+    from dualwinch.simulation.ensembles.result import EnsembleResult
+    from dualwinch.simulation.ensembles.run import run_ensemble
+    from dualwinch.simulation.ensembles.storage import save_ensemble
+    from dualwinch.simulation.exogenous.sensors import Sensors
+    from dualwinch.simulation.experiment import Experiment, Simulation
+    from dualwinch.simulation.loop.blocks import block
+    from dualwinch.simulation.loop.metrics import Metrics
+    from dualwinch.simulation.paper import case
+    from dualwinch.simulation.result import Result
+    from dualwinch.simulation.simulate import simulate
+    from dualwinch.simulation.storage import save
+    from dualwinch.tuning.tune import Tuned, tune
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "AmplitudePoint": "simulation.describing_function",
-    "BatchResult": "simulation.batch",
-    "Block": "codegen.block",
-    "Certificate": "simulation.certificate",
-    "Comparison": "simulation.paired",
-    "ConfigurationError": "model.errors",
-    "Controller": "controllers.controller",
-    "Disturbance": "model.disturbance",
-    "DualwinchError": "codegen.errors",
-    "Ensemble": "simulation.ensemble",
-    "EnsembleResult": "simulation.ensemble_result",
-    "Experiment": "simulation.experiment",
-    "LinearSystem": "model.linear_system",
-    "Margins": "simulation.margins",
-    "Metrics": "simulation.metrics",
-    "NearbyGains": "simulation.nearby_gains",
-    "Plant": "model.plant",
-    "Reference": "model.reference",
-    "Result": "simulation.result",
-    "Scenario": "simulation.ensemble",
-    "Sensitivities": "simulation.sensitivities",
-    "Sensors": "simulation.sensors",
-    "Simulation": "simulation.experiment",
-    "Tuned": "tuning.tune",
-    "amplitude_sweep": "simulation.describing_function",
-    "block": "simulation.blocks",
-    "case": "simulation.paper",
-    "certify": "simulation.certificate",
-    "compare": "simulation.paired_run",
-    "compile": "codegen.native",
-    "controller_function": "controllers.controller",
-    "linear_broken_loop": "simulation.linear_loop",
-    "linear_closed_loop": "simulation.linear_loop",
-    "linearise": "model.linearisation",
-    "load": "dualwinch.config",
-    "load_ensemble": "dualwinch.ensembles",
-    "margins": "simulation.margins",
-    "modes": "model.modes",
-    "nearby_gains": "simulation.nearby_gains",
-    "operating_point": "model.operating_point",
-    "override": "dualwinch.config",
-    "paper_controller": "simulation.paired_run",
-    "plant": "model.plant",
-    "rollout": "simulation.batch",
-    "run_ensemble": "simulation.ensemble_run",
-    "save": "simulation.storage",
-    "save_ensemble": "simulation.ensemble_storage",
-    "sensitivities": "simulation.sensitivities",
-    "simulate": "simulation.simulate",
-    "to_toml": "dualwinch.config",
-    "tune": "tuning.tune",
-    "tuning_problem": "dualwinch.tuning_setup",
+    "AmplitudePoint": "dualwinch.simulation.analysis.describing_function",
+    "BatchResult": "dualwinch.simulation.batch.rollout",
+    "Block": "dualwinch.codegen.block",
+    "Certificate": "dualwinch.simulation.analysis.certificate",
+    "Comparison": "dualwinch.simulation.ensembles.paired",
+    "ConfigurationError": "dualwinch.model.errors",
+    "Controller": "dualwinch.controllers.controller",
+    "Disturbance": "dualwinch.model.disturbance",
+    "DualwinchError": "dualwinch.codegen.errors",
+    "Ensemble": "dualwinch.simulation.ensembles.ensemble",
+    "EnsembleResult": "dualwinch.simulation.ensembles.result",
+    "Experiment": "dualwinch.simulation.experiment",
+    "LinearSystem": "dualwinch.model.linear.system",
+    "Margins": "dualwinch.simulation.analysis.margins",
+    "Metrics": "dualwinch.simulation.loop.metrics",
+    "NearbyGains": "dualwinch.simulation.analysis.nearby_gains",
+    "Plant": "dualwinch.model.plant",
+    "Reference": "dualwinch.model.reference",
+    "Result": "dualwinch.simulation.result",
+    "Scenario": "dualwinch.simulation.ensembles.ensemble",
+    "Sensitivities": "dualwinch.simulation.batch.sensitivities",
+    "Sensors": "dualwinch.simulation.exogenous.sensors",
+    "Simulation": "dualwinch.simulation.experiment",
+    "Tuned": "dualwinch.tuning.tune",
+    "amplitude_sweep": "dualwinch.simulation.analysis.describing_function",
+    "block": "dualwinch.simulation.loop.blocks",
+    "case": "dualwinch.simulation.paper",
+    "certify": "dualwinch.simulation.analysis.certificate",
+    "compare": "dualwinch.simulation.ensembles.paired_run",
+    "compile": "dualwinch.codegen.native",
+    "controller_function": "dualwinch.controllers.controller",
+    "linear_broken_loop": "dualwinch.simulation.analysis.linear_loop",
+    "linear_closed_loop": "dualwinch.simulation.analysis.linear_loop",
+    "linearise": "dualwinch.model.linear.linearisation",
+    "load": "dualwinch.config.experiment_file",
+    "load_ensemble": "dualwinch.config.ensemble_file",
+    "margins": "dualwinch.simulation.analysis.margins",
+    "modes": "dualwinch.model.linear.modes",
+    "nearby_gains": "dualwinch.simulation.analysis.nearby_gains",
+    "operating_point": "dualwinch.model.linear.operating_point",
+    "override": "dualwinch.config.experiment_file",
+    "paper_controller": "dualwinch.simulation.ensembles.paired_run",
+    "plant": "dualwinch.model.plant",
+    "rollout": "dualwinch.simulation.batch.rollout",
+    "run_ensemble": "dualwinch.simulation.ensembles.run",
+    "save": "dualwinch.simulation.storage",
+    "save_ensemble": "dualwinch.simulation.ensembles.storage",
+    "sensitivities": "dualwinch.simulation.batch.sensitivities",
+    "simulate": "dualwinch.simulation.simulate",
+    "to_toml": "dualwinch.config.experiment_file",
+    "tune": "dualwinch.tuning.tune",
+    "tuning_problem": "dualwinch.commands.tuning_setup",
 }
 
 __all__ = [

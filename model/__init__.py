@@ -1,5 +1,5 @@
 """The physics: parameters, ropes, vehicle, winches, disturbances, references, and the plant they make."""
 
-from model.plant import Plant, plant
+from dualwinch.model.plant import Plant, plant
 
 __all__ = ["Plant", "plant"]

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import annotated_types as at
 
-from model.quantity import Quantity
-from model.scalar import Scalar, sin
-from model.vehicle import Vehicle, drag
+from dualwinch.model.quantity import Quantity
+from dualwinch.model.scalar import Scalar, sin
+from dualwinch.model.vehicle import Vehicle, drag
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Errors of what a user asks for."""
 
-from codegen.errors import DualwinchError
+from dualwinch.codegen.errors import DualwinchError
 
 
 class ConfigurationError(DualwinchError):

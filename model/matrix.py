@@ -2,7 +2,7 @@
 
 from typing import TypeAlias
 
-from model.scalar import Scalar
+from dualwinch.model.scalar import Scalar
 
 Matrix: TypeAlias = tuple[tuple[Scalar, ...], ...]
 """Rows of scalars."""

@@ -5,11 +5,11 @@ from typing import Annotated
 
 import casadi as ca
 
-from model.quantity import Quantity, leaves, numbers, with_leaves
-from model.rope import Rope, Track, rope_lengths, spring_tension, stiffness
-from model.scalar import Scalar, reciprocals
-from model.vehicle import Vehicle, drag, friction, inertia
-from model.winch import Winch, drum_acceleration
+from dualwinch.model.quantity import Quantity, leaves, numbers, with_leaves
+from dualwinch.model.rope import Rope, Track, rope_lengths, spring_tension, stiffness
+from dualwinch.model.scalar import Scalar, reciprocals
+from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
+from dualwinch.model.winch import Winch, drum_acceleration
 
 
 @dataclass(frozen=True)

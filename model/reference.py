@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 import annotated_types as at
 
-from model.quantity import Quantity
-from model.scalar import Scalar, maximum, sqrt, where
+from dualwinch.model.quantity import Quantity
+from dualwinch.model.scalar import Scalar, maximum, sqrt, where
 
 
 @dataclass(frozen=True)

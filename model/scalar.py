@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from codegen.expressions import as_written
+from dualwinch.codegen.source.expressions import as_written
 
 Scalar: TypeAlias = Any
 """A float, or a 1×1 `casadi.SX` or `casadi.MX`."""

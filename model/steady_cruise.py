@@ -9,11 +9,11 @@ a second.) This is an exact solution of the plant, not an approximation; only po
 
 from typing import NamedTuple
 
-from model.plant import Environment, Plant, PlantState, Torques
-from model.rope import Rope, rope_lengths
-from model.scalar import Scalar, absolute, maximum, minimum
-from model.vehicle import drag, friction
-from model.winch import friction_torque
+from dualwinch.model.plant import Environment, Plant, PlantState, Torques
+from dualwinch.model.rope import Rope, rope_lengths
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
+from dualwinch.model.vehicle import drag, friction
+from dualwinch.model.winch import friction_torque
 
 PRELOAD = 2000.0
 """Sum of both tensions in N (paper Section 4.1)."""

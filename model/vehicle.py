@@ -5,8 +5,8 @@ from typing import Annotated
 
 import annotated_types as at
 
-from model.quantity import Quantity
-from model.scalar import Scalar, absolute, tanh
+from dualwinch.model.quantity import Quantity
+from dualwinch.model.scalar import Scalar, absolute, tanh
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ import math
 import os
 from functools import lru_cache
 
-from model.errors import ConfigurationError
-from model.reference import cruise_speed, least_duration, setpoint
-from simulation.closed_loop import initial_state_of
-from simulation.experiment import Experiment
-from simulation.integrators import INTEGRATORS, swing_rate
-from simulation.structure import KEPT
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.reference import cruise_speed, least_duration, setpoint
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators import INTEGRATORS, swing_rate
+from dualwinch.simulation.loop.closed_loop import initial_state_of
+from dualwinch.simulation.loop.structure import KEPT
 
 LONGEST = 10**9
 """Samples of the longest run."""

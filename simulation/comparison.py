@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from simulation.paper import REDUCTIONS
-from simulation.result import Result
+from dualwinch.simulation.paper import REDUCTIONS
+from dualwinch.simulation.result import Result
 
 WITH_OBSERVER, WITHOUT_OBSERVER = "fando-nftsm", "nftsm"
 """The controllers Figure 21 compares."""

@@ -5,12 +5,12 @@ from typing import Annotated, Literal
 
 import annotated_types as at
 
-from controllers.controller import Controller
-from model.disturbance import Disturbance
-from model.plant import Plant
-from model.quantity import Quantity
-from model.reference import PAPER_DURATION, Reference, steady_window
-from simulation.sensors import Sensors
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.disturbance import Disturbance
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantity import Quantity
+from dualwinch.model.reference import PAPER_DURATION, Reference, steady_window
+from dualwinch.simulation.exogenous.sensors import Sensors
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-from controllers.controller import Controller
-from model.disturbance import Disturbance
-from model.errors import ConfigurationError
-from model.reference import Reference
-from simulation.experiment import Experiment
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.disturbance import Disturbance
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.reference import Reference
+from dualwinch.simulation.experiment import Experiment
 
 CASES = {
     1: "uniform speed, no disturbance",

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.experiment import Experiment
-from simulation.metrics import Metrics
-from simulation.row import COLUMNS
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.loop.row import COLUMNS
 
 UNITS = {name: quantity.unit for name, quantity in COLUMNS.items()}
 """Column name → unit."""
@@ -19,7 +19,7 @@ class Result:
 
     Attributes:
         columns: name → (rows,) float64, one row a kept control sample at its beginning; NaN where the controller
-            lacks the signal. Names and units: `simulation.closed_loop.COLUMNS`.
+            lacks the signal. Names and units: `simulation.loop.closed_loop.COLUMNS`.
         metrics: figures of merit over every sample, kept or not.
         outcome: ``completed``, ``diverged`` or ``left_track``.
         end_time: time in s at which the run ended.

@@ -5,20 +5,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.rollout import COMPLETED
-from model.plant import Plant
-from simulation.check import check, check_memory
-from simulation.closed_loop import closed_loop, initial_state_of
-from simulation.engine import EngineName, engine
-from simulation.environment import exogenous_pieces
-from simulation.experiment import Experiment
-from simulation.metrics import metrics_of
-from simulation.result import Result
-from simulation.row import COLUMNS
-from simulation.structure import parameters_of, structure_of, zeros_of
+from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.model.plant import Plant
+from dualwinch.simulation.check import check, check_memory
+from dualwinch.simulation.exogenous.signals import exogenous_pieces
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
+from dualwinch.simulation.loop.engine import EngineName, engine
+from dualwinch.simulation.loop.metrics import metrics_of
+from dualwinch.simulation.loop.row import COLUMNS
+from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.result import Result
 
 OUTCOMES = ("completed", "diverged", "left_track")
-"""Names of the outcomes of `codegen.rollout`."""
+"""Names of the outcomes of `codegen.drivers.rollout`."""
 
 PIECE = 1_000_000
 """Samples that run between two looks at the clock and the keyboard."""

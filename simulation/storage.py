@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from codegen.files import atomic
-from model.errors import ConfigurationError
-from simulation.result import UNITS, Result
-from simulation.row import COLUMNS
+from dualwinch.codegen.files import atomic
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.loop.row import COLUMNS
+from dualwinch.simulation.result import UNITS, Result
 
 
 def save(result: Result, path: Path, notes: Mapping[str, str] | None = None) -> None:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
 
-from simulation.paper import case
-from simulation.result import Result
-from simulation.simulate import simulate
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.result import Result
+from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
 
 settings.register_profile("dualwinch", derandomize=True, deadline=None, database=None)

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 
-from codegen.block import Block
+from dualwinch.codegen.block import Block
 
 
 def values(variables) -> np.ndarray:

@@ -9,10 +9,10 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from model.errors import ConfigurationError
-from model.quantity import behind_number, leaves, nearest
-from simulation.experiment import Experiment
-from tuning.statistic import UNMEASURED, Statistic, statistic_from
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import behind_number, leaves, nearest
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.scoring.statistic import UNMEASURED, Statistic, statistic_from
 
 NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
 NO_PEAK = "worst.peak_tension<=controller.coordination.tension_max"

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from model.errors import ConfigurationError
-from tuning.statistic import Statistic, statistic_from
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.scoring.statistic import Statistic, statistic_from
 
 DEFAULT_OBJECTIVES = ("mean.mse",)
 

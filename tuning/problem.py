@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
-from controllers.controller import Controller
-from model.errors import ConfigurationError
-from model.quantity import with_leaves
-from simulation.batch import NOT_RUN, BatchResult, rollout
-from simulation.check import check
-from simulation.ensemble import Ensemble, Scenario
-from simulation.experiment import Experiment
-from tuning.constraint import Constraint, constraints_from
-from tuning.objective import objectives_from
-from tuning.scenarios import PROMISED, Pick, corners, pick, promised
-from tuning.space import Interval, Point, Space
-from tuning.statistic import Statistic, statistic_from
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import with_leaves
+from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
+from dualwinch.simulation.check import check
+from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.constraint import Constraint, constraints_from
+from dualwinch.tuning.objective import objectives_from
+from dualwinch.tuning.scoring.scenarios import PROMISED, Pick, corners, pick, promised
+from dualwinch.tuning.scoring.statistic import Statistic, statistic_from
+from dualwinch.tuning.space import Interval, Point, Space
 
 SELECTION, HELD_OUT = 1_000_000, 2_000_000
 """Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
@@ -146,7 +146,7 @@ class Problem:
     def chosen_in(
         self, first: int, last: int, count: int, seed: int
     ) -> tuple[list[Experiment | Scenario], list[Experiment | Scenario]]:
-        """Scenarios to choose among finalists in (`tuning.scenarios.promised`): two rounds; the experiment without any.
+        """Scenarios to choose among finalists in (`promised` there): two rounds; the experiment without any.
 
         Args:
             first: number of draws in the first round.

@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from codegen.files import atomic
-from model.quantity import describe
-from simulation.batch import BatchResult
-from simulation.metrics import Metrics
-from tuning.evaluation import Evaluation
-from tuning.problem import HELD_OUT, SELECTION, Problem
-from tuning.ranking import pareto_front
-from tuning.selection import LAST_SCENARIOS, SELECTION_SCENARIOS, Verdict
-from tuning.space_record import space_to_record
-from tuning.statistic import statistic_from
+from dualwinch.codegen.files import atomic
+from dualwinch.model.quantity import describe
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.tuning.problem import HELD_OUT, SELECTION, Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.ranking import pareto_front
+from dualwinch.tuning.scoring.selection import LAST_SCENARIOS, SELECTION_SCENARIOS, Verdict
+from dualwinch.tuning.scoring.statistic import statistic_from
+from dualwinch.tuning.space_record import space_to_record
 
 
 def write_best(path: Path, problem: Problem, verdict: Verdict, toml: str, facts: Mapping[str, Any]) -> None:

@@ -10,8 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from model.quantity import behind_number, leaves
-from simulation.experiment import Experiment
+from dualwinch.model.quantity import behind_number, leaves
+from dualwinch.simulation.experiment import Experiment
 
 Value: TypeAlias = float | str
 Point: TypeAlias = dict[str, Value]

@@ -11,12 +11,12 @@ from typing import Any
 
 import annotated_types as at
 
-from model.errors import ConfigurationError
-from model.quantity import Leaf, Tunable, behind_number, describe, nearest
-from simulation.closed_loop import closed_loop
-from simulation.experiment import Experiment
-from simulation.structure import Structure, structure_of
-from tuning.space import Dimension, Interval, Pairs, Space
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import Leaf, Tunable, behind_number, describe, nearest
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.structure import Structure, structure_of
+from dualwinch.tuning.space import Dimension, Interval, Pairs, Space
 
 POWER, POWER_KEYS = "controller.nftsm.p/q", ("controller.nftsm.p", "controller.nftsm.q")
 ODD_PAIRS = ("11/9", "9/7", "7/5", "5/3", "9/5")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from tuning.space import Dimension, Interval, Pairs, Space
+from dualwinch.tuning.space import Dimension, Interval, Pairs, Space
 
 
 def space_to_record(space: Space) -> list[dict[str, Any]]:

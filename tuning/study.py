@@ -4,12 +4,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from tuning.evaluate import Evaluator
-from tuning.evaluation import Candidate, Evaluation
-from tuning.optimisers import Optimiser
-from tuning.problem import Problem
-from tuning.ranking import best_first
-from tuning.storage import Claim, Store
+from dualwinch.tuning.optimisers import Optimiser
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.storage.store import Claim, Store
 
 BATCH = 16
 """Candidates of a batch: one for each vector lane."""
@@ -25,7 +25,7 @@ class Progress:
     Attributes:
         trials: finished trials, of all workers.
         feasible: how many of them keep to every constraint.
-        best: the best so far, by `tuning.ranking`; ``None`` before the first.
+        best: the best so far, by `tuning.scoring.ranking`; ``None`` before the first.
         rollouts: rollouts of this process.
         rollout_seconds: wall time they took.
         seconds: wall time of the search in this process.

@@ -4,16 +4,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from model.errors import ConfigurationError
-from simulation.experiment import Experiment
-from tuning.evaluate import Evaluator
-from tuning.evaluation import Evaluation
-from tuning.memory import Memory
-from tuning.optimisers import default_method, optimiser
-from tuning.problem import Problem
-from tuning.selection import Verdict, judge, rollouts_needed
-from tuning.storage import Budget, quiet
-from tuning.study import Progress, search
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.optimisers import default_method, optimiser
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.selection import Verdict, judge, rollouts_needed
+from dualwinch.tuning.storage.memory import Memory
+from dualwinch.tuning.storage.store import Budget, quiet
+from dualwinch.tuning.study import Progress, search
 
 
 @dataclass(frozen=True)

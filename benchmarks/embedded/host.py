@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.block import Block
-from codegen.package import kept_apart
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.export.package import kept_apart
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 PRECISE = ("-Wdouble-promotion", "-Wfloat-conversion")

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.embedded.host import Host, build
-from codegen.block import Block
-from codegen.compiler import find_compiler
-from codegen.package import Provenance, c_package
-from simulation.blocks import block
-from simulation.environment import exogenous_signals
-from simulation.experiment import Experiment
-from simulation.paper import CASES, case
-from simulation.simulate import simulate
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.export.package import Provenance, c_package
+from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.paper import CASES, case
+from dualwinch.simulation.simulate import simulate
 
 SENSED = ("x", "v", "F1", "F2")
 

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from benchmarks.embedded.board import BOARDS, COMPILER, EMULATOR, Measurement, measure
 from benchmarks.embedded.host import Host, build
 from benchmarks.embedded.loop import loop_table
-from codegen.block import Block
-from codegen.compiler import find_compiler
-from codegen.package import Provenance, c_package
-from controllers.controller import POSITION_LAWS
-from model.quantity import with_leaves
-from simulation.blocks import block
-from simulation.paper import case
-from simulation.result import Result
-from simulation.simulate import simulate
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.export.package import Provenance, c_package
+from dualwinch.controllers.controller import POSITION_LAWS
+from dualwinch.model.quantity import with_leaves
+from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.result import Result
+from dualwinch.simulation.simulate import simulate
 
 NAME = "controller"
 ABOUT = Provenance("dualwinch", "Case 4", "today")

@@ -13,11 +13,11 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.importers.co_simulation import IMPORTERS, Floats, error
-from dualwinch.export_fmu import export_fmu
-from simulation.blocks import BLOCKS, block
-from simulation.environment import exogenous_signals
-from simulation.paper import case
-from simulation.simulate import simulate
+from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.loop.blocks import BLOCKS, block
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
 
 
 def slopes(folder: Path, version: int) -> float:

@@ -18,8 +18,8 @@ from benchmarks.peers import (
 )
 from benchmarks.peers.candidates import ROLLOUTS
 from benchmarks.peers.peer import Peer
-from simulation.cores import cores
-from simulation.experiment import Simulation
+from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.experiment import Simulation
 
 LIMIT = "hand-c"
 """Key of the peer that is the limit of the shared algorithm, RK4."""

@@ -7,9 +7,9 @@ import numpy as np
 from benchmarks.case import Case
 from benchmarks.peers.candidates import GAIN, gains
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from codegen import CompilerNotFoundError
-from simulation.batch import rollout
-from simulation.metrics import Metrics
+from dualwinch.codegen import CompilerNotFoundError
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.loop.metrics import Metrics
 
 
 def prepare_with(threads: int) -> Callable[[Case], Run]:

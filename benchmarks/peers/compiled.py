@@ -2,9 +2,9 @@
 
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError, closed_loop_answer
-from codegen import CompilerNotFoundError
-from simulation.engine import engine
-from simulation.simulate import simulate
+from dualwinch.codegen import CompilerNotFoundError
+from dualwinch.simulation.loop.engine import engine
+from dualwinch.simulation.simulate import simulate
 
 
 def prepare_call(case: Case) -> Run:

@@ -7,14 +7,14 @@ import numpy as np
 from benchmarks.case import Case
 from benchmarks.peers.candidates import GAIN, ROLLOUTS, gains
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from codegen import CompilerNotFoundError
-from codegen.batch import LANES
-from dualwinch.ensembles import load_ensemble, reset
-from simulation.batch import rollout
-from simulation.ensemble import Scenario
-from simulation.ensemble_run import run_ensemble
-from simulation.metrics import Metrics
-from simulation.simulate import simulate
+from dualwinch.codegen import CompilerNotFoundError
+from dualwinch.codegen.drivers.batch import LANES
+from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.simulate import simulate
 
 SEED = 7
 """Of the draws."""

@@ -4,9 +4,9 @@ import numpy as np
 
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from codegen import CompilerNotFoundError
 from dualwinch import sensitivities
-from simulation.metrics import Metrics
+from dualwinch.codegen import CompilerNotFoundError
+from dualwinch.simulation.loop.metrics import Metrics
 
 GAINS = (
     "controller.nftsm.beta",

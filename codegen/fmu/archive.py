@@ -4,14 +4,14 @@ import io
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 
-from codegen.block import Block
-from codegen.cache import library
-from codegen.errors import CodegenError
-from codegen.fmu import fmi2, fmi3
-from codegen.fmu.description import About
-from codegen.fmu.model import KINDS, VERSIONS, FmuModel
-from codegen.fmu.platforms import Platform, compiler_for
-from codegen.fmu.source import fmu_source
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.cache import library
+from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.fmu import fmi2, fmi3
+from dualwinch.codegen.fmu.description import About
+from dualwinch.codegen.fmu.model import KINDS, VERSIONS, FmuModel
+from dualwinch.codegen.fmu.platforms import Platform, compiler_for
+from dualwinch.codegen.fmu.source import fmu_source
 
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Time stamp of every file in the archive."""

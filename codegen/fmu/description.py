@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from codegen.fmu.model import FmuModel, Signal
-from codegen.fmu.units import base_powers
+from dualwinch.codegen.fmu.model import FmuModel, Signal
+from dualwinch.codegen.fmu.units import base_powers
 
 CAUSALITY = {
     "input": ("input", "continuous", None),

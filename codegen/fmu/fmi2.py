@@ -2,9 +2,9 @@
 
 from xml.etree.ElementTree import SubElement
 
-from codegen.fmu import description
-from codegen.fmu.description import About
-from codegen.fmu.model import FmuModel
+from dualwinch.codegen.fmu import description
+from dualwinch.codegen.fmu.description import About
+from dualwinch.codegen.fmu.model import FmuModel
 
 
 def model_description(model: FmuModel, token: str, about: About) -> bytes:

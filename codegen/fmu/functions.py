@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.block import Block
+from dualwinch.codegen.block import Block
 
 Bools = NDArray[np.bool_]
 

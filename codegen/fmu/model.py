@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
-from codegen.block import Block, Variable
-from codegen.errors import CodegenError
-from codegen.fmu.functions import Functions, functions_of
+from dualwinch.codegen.block import Block, Variable
+from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.fmu.functions import Functions, functions_of
 
 Version: TypeAlias = Literal[2, 3]
 VERSIONS: tuple[Version, ...] = get_args(Version)

@@ -3,8 +3,8 @@
 import platform
 from dataclasses import dataclass, replace
 
-from codegen.compiler import Compiler, find_compiler
-from codegen.errors import CodegenError, CompilerNotFoundError
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.errors import CodegenError, CompilerNotFoundError
 
 PORTABLE = ("-fno-finite-math-only", "-ftrapping-math", "-s")
 """After the flags of every build: an FMU must notice values that are not finite."""

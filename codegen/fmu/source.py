@@ -5,8 +5,8 @@ import math
 import sys
 from importlib.resources import files
 
-from codegen.c_source import c_source
-from codegen.fmu.model import FmuModel, Signal
+from dualwinch.codegen.fmu.model import FmuModel, Signal
+from dualwinch.codegen.source.c_source import c_source
 
 ROLES = ("input", "parameter", "output", "state", "derivative")
 """What the vectors in an instance's memory hold, in this order."""
@@ -23,7 +23,7 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
         *_sizes(model),
         *_tables(model),
         c_source([functions.start, functions.now, functions.step, *tangents]),
-        *((files("codegen.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
+        *((files("dualwinch.codegen.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
     ]
     digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
     token = f"{{{'-'.join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]))}}}"

@@ -60,8 +60,8 @@ def main(arguments: list[str] | None = None) -> None:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}", FAILED)
     except Exception as error:
-        from codegen.errors import DualwinchError
-        from model.errors import ConfigurationError
+        from dualwinch.codegen.errors import DualwinchError
+        from dualwinch.model.errors import ConfigurationError
 
         if not isinstance(error, DualwinchError):
             raise

@@ -36,6 +36,6 @@ def certify(
     function decreases, nearby gains that would satisfy the conditions (or why there are none), and what the proof
     takes for granted.
     """
-    from dualwinch.certification import certify as run
+    from dualwinch.commands.certify import certify as run
 
     run(case, config, controller, set_ or [], out, plot)

@@ -39,6 +39,6 @@ def compare(
     position law, gains, estimator, coordination and preload; keys it does not have keep their defaults. Plant, sea and
     sensors come from the ensemble alone.
     """
-    from dualwinch.compare_command import compare as run
+    from dualwinch.commands.compare import compare as run
 
     run(files, ensemble, config, set_ or [], scenarios, seed, out, plot)

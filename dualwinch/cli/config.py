@@ -27,15 +27,15 @@ def config(
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source."""
     if ensemble is not None:
-        from dualwinch.ensembles import find_ensemble, load_ensemble
-        from model.errors import ConfigurationError
+        from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
+        from dualwinch.model.errors import ConfigurationError
 
         if case is not None or set_:
             raise ConfigurationError("--ensemble: prints a file as it is; give --case or --set to 'simulate'")
         load_ensemble(ensemble)
         sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
         return
-    from dualwinch.config import to_toml
-    from dualwinch.simulate_command import experiment
+    from dualwinch.commands.simulate import experiment
+    from dualwinch.config.experiment_file import to_toml
 
     sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))

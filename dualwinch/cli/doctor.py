@@ -8,6 +8,6 @@ app = App(name="doctor")
 @app.default
 def doctor() -> None:
     """Say which compiler, cache folder, processor features and optional parts are in use."""
-    from dualwinch.doctor import doctor as run
+    from dualwinch.commands.doctor import doctor as run
 
     run()

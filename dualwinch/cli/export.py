@@ -49,8 +49,8 @@ def export_c(
 
     No heap, no globals, no recursion; several instances may run at once.
     """
-    from dualwinch.export import export_c as run
-    from dualwinch.simulate_command import experiment
+    from dualwinch.commands.export import export_c as run
+    from dualwinch.commands.simulate import experiment
 
     run(experiment(case, config, None, set_ or []), what, precision, out, freeze=freeze)
 
@@ -88,8 +88,8 @@ def export_fmu(
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
-    from dualwinch.export_fmu import export_fmu as run
-    from dualwinch.simulate_command import experiment
+    from dualwinch.commands.export_fmu import export_fmu as run
+    from dualwinch.commands.simulate import experiment
 
     run(experiment(case, config, None, set_ or []), what, out, fmi, kind, platforms)
 
@@ -103,8 +103,8 @@ def export_fmu(
 )
 def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
-    from dualwinch.export import export_mex as run
-    from dualwinch.simulate_command import experiment
+    from dualwinch.commands.export import export_mex as run
+    from dualwinch.commands.simulate import experiment
 
     run(experiment(case, config, None, set_ or []), out)
 
@@ -118,7 +118,7 @@ def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assi
 )
 def export_casadi(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
-    from dualwinch.export import export_casadi as run
-    from dualwinch.simulate_command import experiment
+    from dualwinch.commands.export import export_casadi as run
+    from dualwinch.commands.simulate import experiment
 
     run(experiment(case, config, None, set_ or []), out)

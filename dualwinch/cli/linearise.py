@@ -64,6 +64,6 @@ def linearise(
     The closed loop is that of one sample of plant and controller, the broken one is it cut open at a signal; of it,
     gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error.
     """
-    from dualwinch.linearise_command import linearise as run
+    from dualwinch.commands.linearise import linearise as run
 
     run(case, config, controller, set_ or [], x, v, preload, sweep, loop, cut, dt, out, plot, figure)

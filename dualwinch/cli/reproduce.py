@@ -33,6 +33,6 @@ def reproduce(
     Prints the figures of merit and, where Case 4 runs with both sliding-mode controllers, the reductions of
     Figure 21 beside the paper's.
     """
-    from dualwinch.reproduce import reproduce as run
+    from dualwinch.commands.reproduce import reproduce as run
 
     run(out, cases.split(","), controllers.split(","), extended=extended)

@@ -49,14 +49,14 @@ def simulate(
     ensemble's file does not have; --controller and --set change its nominal values, and distributions relative to
     those follow. The data hold one row a scenario, the figure is a fan chart.
     """
-    from model.errors import ConfigurationError
+    from dualwinch.model.errors import ConfigurationError
 
     if ensemble is not None:
         for word, given in (("--stride", stride != 1), ("--engine", engine != "compiled")):
             if given:
                 raise ConfigurationError(f"{word} and --ensemble: give one of them")
-        from dualwinch.simulate_ensemble import ensemble as drawn
-        from dualwinch.simulate_ensemble import simulate_ensemble
+        from dualwinch.commands.simulate_ensemble import ensemble as drawn
+        from dualwinch.commands.simulate_ensemble import simulate_ensemble
 
         simulate_ensemble(drawn(ensemble, case, config, controller, set_ or []), scenarios, seed, out, plot)
         return
@@ -64,6 +64,6 @@ def simulate(
         raise ConfigurationError("--scenarios: needs --ensemble")
     if seed is not None:
         raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set disturbance.seed=N")
-    from dualwinch.simulate_command import simulate as run
+    from dualwinch.commands.simulate import simulate as run
 
     run(case, config, controller, set_ or [], out, plot, stride, engine)

@@ -74,9 +74,9 @@ def tune(
     The first trial is the paper's gains. Every candidate is tried in the same scenarios; Ctrl-C ends the search and
     keeps the best so far. best.toml is a configuration: `dualwinch simulate --config best.toml`.
     """
-    from dualwinch.tune_command import Options, seconds_from
-    from dualwinch.tune_command import tune as run
-    from dualwinch.tuning_setup import problem_of
+    from dualwinch.commands.tune import Options, seconds_from
+    from dualwinch.commands.tune import tune as run
+    from dualwinch.commands.tuning_setup import problem_of
 
     limits = None if constraint is None else [one for one in constraint if one != "none"]
     seconds = None if time is None else seconds_from(time)

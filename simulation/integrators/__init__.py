@@ -4,14 +4,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from model.quantity import leaves, with_leaves
-from model.rope import Rope, Track, stiffness
-from model.scalar import Scalar, where
-from model.winch import Winch
-from simulation.integrators.adaptive import taut_step
-from simulation.integrators.exponential import exponential
-from simulation.integrators.problem import Motion, Problem
-from simulation.integrators.rk4 import rk4
+from dualwinch.model.quantity import leaves, with_leaves
+from dualwinch.model.rope import Rope, Track, stiffness
+from dualwinch.model.scalar import Scalar, where
+from dualwinch.model.winch import Winch
+from dualwinch.simulation.integrators.adaptive import taut_step
+from dualwinch.simulation.integrators.exponential import exponential
+from dualwinch.simulation.integrators.problem import Motion, Problem
+from dualwinch.simulation.integrators.rk4 import rk4
 
 __all__ = ["INTEGRATORS", "Integrator", "Motion", "Problem", "swing_rate"]
 

@@ -4,10 +4,10 @@ It is where neither rope can go slack within the sample and no dry friction bend
 time; start-up, slack and the first centimetres of a hard start get the careful steps.
 """
 
-from model.scalar import Scalar, absolute, maximum, minimum, where
-from model.winch import FRICTION_SPEED
-from simulation.integrators.exponential import exponential_step
-from simulation.integrators.problem import Motion, Problem
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
+from dualwinch.model.winch import FRICTION_SPEED
+from dualwinch.simulation.integrators.exponential import exponential_step
+from dualwinch.simulation.integrators.problem import Motion, Problem
 
 FRICTION_REACH = 3.0
 """Speed over the friction's own beyond which friction is constant: tanh(3) = 0.995."""

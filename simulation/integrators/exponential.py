@@ -11,14 +11,14 @@ Second order in the sub-step, through slack too. Accurate while a sub-step holds
 the Kelvin–Voigt rope.
 """
 
-from model.disturbance import vortex_frequency
-from model.plant import PlantState, vehicle_acceleration
-from model.rope import Rope, compliance, rope_lengths
-from model.scalar import Scalar, minimum, reciprocals
-from model.vehicle import inertia
-from model.winch import Winch, friction_slope, friction_torque
-from simulation.integrators.oscillator import Oscillator
-from simulation.integrators.problem import Motion, Problem
+from dualwinch.model.disturbance import vortex_frequency
+from dualwinch.model.plant import PlantState, vehicle_acceleration
+from dualwinch.model.rope import Rope, compliance, rope_lengths
+from dualwinch.model.scalar import Scalar, minimum, reciprocals
+from dualwinch.model.vehicle import inertia
+from dualwinch.model.winch import Winch, friction_slope, friction_torque
+from dualwinch.simulation.integrators.oscillator import Oscillator
+from dualwinch.simulation.integrators.problem import Motion, Problem
 
 
 def exponential(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from model.scalar import Scalar, absolute, clip, exp, maximum, minimum, reciprocals, sqrt, where
+from dualwinch.model.scalar import Scalar, absolute, clip, exp, maximum, minimum, reciprocals, sqrt, where
 
 SERIES_ORDER = 8
 """Order of the power series that carries a taut rope over a part of a sub-step."""

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-from model.disturbance import Disturbance, vortex_force, vortex_frequency
-from model.plant import Environment, Plant, PlantState, Torques, derivative
-from model.quantity import Quantity
-from model.scalar import Scalar
+from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
+from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
+from dualwinch.model.quantity import Quantity
+from dualwinch.model.scalar import Scalar
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ Explicit: stable while the fastest rope–drum frequency times the sub-step stay
 where a rope goes slack or tight within a sub-step.
 """
 
-from model.quantity import leaves, with_leaves
-from model.scalar import Scalar
-from simulation.integrators.problem import Motion, Problem
+from dualwinch.model.quantity import leaves, with_leaves
+from dualwinch.model.scalar import Scalar
+from dualwinch.simulation.integrators.problem import Motion, Problem
 
 
 def _along(start: Motion, slope: Motion, step: Scalar) -> Motion:

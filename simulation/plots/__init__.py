@@ -3,14 +3,14 @@
 Every function returns a `matplotlib.figure.Figure` of its own; nothing here touches pyplot or global settings.
 """
 
-from simulation.plots.bars import steady_state_bars
-from simulation.plots.certificate import lyapunov
-from simulation.plots.comparison import comparison
-from simulation.plots.ensemble import fan_chart
-from simulation.plots.files import encode, save
-from simulation.plots.motion import error, trajectory
-from simulation.plots.overview import overview
-from simulation.plots.ropes import commands, tensions
+from dualwinch.simulation.plots.bars import steady_state_bars
+from dualwinch.simulation.plots.certificate import lyapunov
+from dualwinch.simulation.plots.comparison import comparison
+from dualwinch.simulation.plots.ensemble import fan_chart
+from dualwinch.simulation.plots.files import encode, save
+from dualwinch.simulation.plots.motion import error, trajectory
+from dualwinch.simulation.plots.overview import overview
+from dualwinch.simulation.plots.ropes import commands, tensions
 
 __all__ = [
     "commands",

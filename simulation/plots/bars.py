@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from model.errors import ConfigurationError
-from simulation.comparison import WITH_OBSERVER, WITHOUT_OBSERVER, percent, steady_change
-from simulation.paper import REDUCTIONS
-from simulation.plots.motion import length_unit
-from simulation.plots.style import (
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.comparison import WITH_OBSERVER, WITHOUT_OBSERVER, percent, steady_change
+from dualwinch.simulation.paper import REDUCTIONS
+from dualwinch.simulation.plots.motion import length_unit
+from dualwinch.simulation.plots.style import (
     COLOURS,
     GREY,
     INK,
@@ -22,7 +22,7 @@ from simulation.plots.style import (
     ordered,
     scenario,
 )
-from simulation.result import Result
+from dualwinch.simulation.result import Result
 
 NAMES = {"mae": "mean |e|", "max_abs_error": "largest |e|", "mse": "mean e²"}
 """Figure of merit → its name on an axis."""

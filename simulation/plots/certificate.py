@@ -5,9 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from model.errors import ConfigurationError
-from simulation.certificate import Certificate
-from simulation.plots.style import (
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.certificate import Certificate
+from dualwinch.simulation.plots.style import (
     BLUE,
     GOLD,
     GREEN,
@@ -23,7 +23,7 @@ from simulation.plots.style import (
     scenario,
     time_axis,
 )
-from simulation.plots.thin import peaks
+from dualwinch.simulation.plots.thin import peaks
 
 INTERVALS = 250
 """Intervals of a run; each shows its largest value."""

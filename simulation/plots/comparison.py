@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from simulation.paired import COMPARED, CONFIDENCE, Comparison
-from simulation.plots.style import (
+from dualwinch.simulation.ensembles.paired import COMPARED, CONFIDENCE, Comparison
+from dualwinch.simulation.plots.style import (
     BLUE,
     GOLD,
     GREEN,

@@ -6,12 +6,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from model.errors import ConfigurationError
-from simulation.ensemble_result import EnsembleResult, Traces
-from simulation.paper import CONTROLLERS
-from simulation.plots.motion import length_unit
-from simulation.plots.ropes import KILO, draw_limits, limit_handle
-from simulation.plots.style import (
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
+from dualwinch.simulation.paper import CONTROLLERS
+from dualwinch.simulation.plots.motion import length_unit
+from dualwinch.simulation.plots.ropes import KILO, draw_limits, limit_handle
+from dualwinch.simulation.plots.style import (
     COLOURS,
     GREY,
     INK,

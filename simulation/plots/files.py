@@ -5,9 +5,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from codegen.files import atomic
-from model.errors import ConfigurationError
-from simulation.plots.style import house_style
+from dualwinch.codegen.files import atomic
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.plots.style import house_style
 
 RESOLUTION = 200
 """Dots per inch of a PNG."""

@@ -11,12 +11,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from model.errors import ConfigurationError
-from model.linear_system import LinearSystem
-from model.mode_label import displacements, plant_prefix
-from model.modes import Mode, modes
-from model.plant import Plant
-from simulation.plots.style import BLUE, GREY, INK, LIGHT, ROPE_COLOURS, house_style, legend_below, new_figure
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.mode_label import displacements, plant_prefix
+from dualwinch.model.linear.modes import Mode, modes
+from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.plant import Plant
+from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, ROPE_COLOURS, house_style, legend_below, new_figure
 
 CHANNELS = (("tau_1", "F1"), ("tau_2", "F2"), ("tau_1", "v"))
 """Input and output of each column of the Bode diagram."""

@@ -8,11 +8,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from model.linear_system import LinearSystem
-from simulation.describing_function import AmplitudePoint
-from simulation.margins import Margins
-from simulation.plots.linear import curve_handles, point_in_words, shades, spread
-from simulation.plots.style import BLUE, GOLD, GREEN, GREY, INK, VERMILION, house_style, legend_below, new_figure
+from dualwinch.model.linear.system import LinearSystem
+from dualwinch.simulation.analysis.describing_function import AmplitudePoint
+from dualwinch.simulation.analysis.margins import Margins
+from dualwinch.simulation.plots.linear import curve_handles, point_in_words, shades, spread
+from dualwinch.simulation.plots.style import (
+    BLUE,
+    GOLD,
+    GREEN,
+    GREY,
+    INK,
+    VERMILION,
+    house_style,
+    legend_below,
+    new_figure,
+)
 
 DEADBEAT = 1e-9
 """Eigenvalues smaller than this are zero but for round-off: gone after a sample, with no rate."""
@@ -110,7 +120,7 @@ def amplitude_margins(points: Sequence[AmplitudePoint]) -> Figure:
     """Margins against the amplitude of the speed error; at its left end the Jacobian's.
 
     Args:
-        points: of `simulation.describing_function.amplitude_sweep`.
+        points: of `simulation.analysis.describing_function.amplitude_sweep`.
     """
     amplitude = 1e3 * np.array([point.amplitude for point in points])
     system = points[0].system

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from model.linear_system import LinearSystem
-from model.mode_tracks import ModeTrack, track_modes
-from model.modes import SAMPLES_A_PERIOD
-from model.plant import Plant
-from simulation.plots.linear import point_in_words
-from simulation.plots.style import (
+from dualwinch.model.linear.mode_tracks import ModeTrack, track_modes
+from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
+from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.plant import Plant
+from dualwinch.simulation.plots.linear import point_in_words
+from dualwinch.simulation.plots.style import (
     BLUE,
     GREEN,
     GREY,

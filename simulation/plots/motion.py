@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from simulation.experiment import Experiment
-from simulation.plots.style import (
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.style import (
     COLOURS,
     DASHES,
     GREY,
@@ -25,8 +25,8 @@ from simulation.plots.style import (
     steady_handle,
     time_axis,
 )
-from simulation.plots.thin import peaks, thin, within
-from simulation.result import Result
+from dualwinch.simulation.plots.thin import peaks, thin, within
+from dualwinch.simulation.result import Result
 
 PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"))
 """Units of length an error is shown in, the largest first."""

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from controllers.coordination import force_limit
-from simulation.plots.motion import length_unit
-from simulation.plots.ropes import KILO, draw_limits
-from simulation.plots.style import (
+from dualwinch.controllers.limits import force_limit
+from dualwinch.simulation.plots.motion import length_unit
+from dualwinch.simulation.plots.ropes import KILO, draw_limits
+from dualwinch.simulation.plots.style import (
     COLOURS,
     GREY,
     INK,
@@ -22,8 +22,8 @@ from simulation.plots.style import (
     shade,
     time_axis,
 )
-from simulation.plots.thin import LARGEST, thin
-from simulation.result import Result
+from dualwinch.simulation.plots.thin import LARGEST, thin
+from dualwinch.simulation.result import Result
 
 BEYOND = 1.25
 """How far, in limits, the force panel reaches; a command beyond is told in words."""

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from simulation.experiment import Experiment
-from simulation.plots.style import (
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.style import (
     COLOURS,
     DASHES,
     GREY,
@@ -25,8 +25,8 @@ from simulation.plots.style import (
     steady_handle,
     time_axis,
 )
-from simulation.plots.thin import thin, within
-from simulation.result import Result
+from dualwinch.simulation.plots.thin import thin, within
+from dualwinch.simulation.result import Result
 
 KILO = 1e3
 

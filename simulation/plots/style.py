@@ -12,10 +12,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from model.errors import ConfigurationError
-from simulation.experiment import Experiment
-from simulation.paper import CASES, CONTROLLERS, FIGURES, case
-from simulation.result import Result
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, case
+from dualwinch.simulation.result import Result
 
 WIDTH = 7.0
 """Width of every figure in inches: a page, or half a screen."""

@@ -5,10 +5,10 @@ import pytest
 
 from benchmarks.embedded.board import BOARDS, measure, missing
 from benchmarks.embedded.report import ABOUT, NAME, recorded, wild
-from codegen.package import c_package
-from simulation.blocks import block
-from simulation.paper import case
-from simulation.simulate import simulate
+from dualwinch.codegen.export.package import c_package
+from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not on this machine: {', '.join(missing())}")
 

@@ -11,7 +11,7 @@ from benchmarks.document import duration, markdown, put
 from benchmarks.growth import MANY, Point
 from benchmarks.growth_figure import growth_figure
 from benchmarks.startup import STAGES, _process
-from codegen import CompilerNotFoundError, find_compiler
+from dualwinch.codegen import CompilerNotFoundError, find_compiler
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from benchmarks.measure import DisagreementError, Timing, check_candidates, diff
 from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, SENSITIVE, hand_c, peers
 from benchmarks.peers.compiled import prepare_call
 from benchmarks.peers.peer import Answer, Peer, Run, UnavailableError
-from simulation.experiment import Experiment, Simulation
-from simulation.paper import case
+from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.paper import case
 
 SHORT = 0.5
 """Duration in s."""

@@ -7,10 +7,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from codegen.package import c_package
-from simulation.blocks import block
-from simulation.paper import case
-from tests.codegen.test_package import ABOUT
+from dualwinch.codegen.export.package import c_package
+from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.paper import case
+from tests.codegen.export.test_package import ABOUT
 
 SANITIZERS = ("-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all")
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from codegen import cache
-from codegen.cache import cache_folder, library
-from codegen.compiler import Compiler, find_compiler
-from codegen.errors import CacheError, CompileError
+from dualwinch.codegen import cache
+from dualwinch.codegen.cache import cache_folder, library
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.errors import CacheError, CompileError
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="permission bits")
 
@@ -100,7 +100,8 @@ def test_old_libraries_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_two_processes_at_once_both_end_well() -> None:
     program = (
-        "import ctypes; from codegen.cache import library; from codegen.compiler import find_compiler\n"
+        "import ctypes; from dualwinch.codegen.cache import library\n"
+        "from dualwinch.codegen.compiler import find_compiler\n"
         f"print(ctypes.CDLL(str(library({answering(10)!r}, find_compiler()))).answer())"
     )
     running = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(4)]

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from codegen.compiler import find_compiler, vector_features
-from codegen.errors import CompileError, CompilerNotFoundError
+from dualwinch.codegen.compiler import find_compiler, vector_features
+from dualwinch.codegen.errors import CompileError, CompilerNotFoundError
 
 ANSWER = "int answer(void) { return 42; }\n"
 
@@ -25,7 +25,7 @@ def test_without_any_the_error_names_two_things_that_help(monkeypatch: pytest.Mo
     monkeypatch.setenv("PATH", "/nonexistent/too")
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.delenv("DUALWINCH_CC", raising=False)
-    monkeypatch.setattr("codegen.compiler._zig", lambda: None)
+    monkeypatch.setattr("dualwinch.codegen.compiler._zig", lambda: None)
     with pytest.raises(CompilerNotFoundError, match=r"install gcc or clang.*pip install 'dualwinch\[zig\]'"):
         find_compiler()
 

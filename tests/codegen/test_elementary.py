@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codegen.compiler import find_compiler
-from codegen.unit import c_file
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.drivers.unit import c_file
 
 FUNCTIONS = {"exp": np.exp, "tanh": np.tanh, "sin": np.sin, "log": np.log}
 FORM = '__attribute__((visibility("default"))) double call_{0}(double x) {{ return inline_{0}(x); }}\n'

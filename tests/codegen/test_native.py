@@ -2,8 +2,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from codegen.errors import CodegenError
-from codegen.native import compile as compiled
+from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.native import compile as compiled
 
 MATRIX, VECTOR, NUMBER = ca.MX.sym("A", 2, 3), ca.MX.sym("y", 3), ca.MX.sym("z")
 AFFINE = ca.Function(

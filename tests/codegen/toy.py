@@ -4,7 +4,7 @@ from functools import cache
 
 import casadi as ca
 
-from codegen.sampled import Sampled
+from dualwinch.codegen.sampled import Sampled
 
 
 @cache

@@ -6,22 +6,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.auxiliary import AuxiliaryGains
-from controllers.controller import (
+from dualwinch.controllers.controller import (
     POSITION_LAWS,
     Controller,
     controller_function,
     controller_step,
     initial_controller_state,
 )
-from controllers.nominal import Nominal, nominal_plant
-from controllers.observer import ObserverGains
-from controllers.pid_cascade import PidCascadeGains
-from controllers.signals import Measurement
-from controllers.winch_pid import WinchGains
-from model.plant import Plant
-from model.quantity import leaves
-from model.reference import Setpoint
+from dualwinch.controllers.coordinations.winch_pid import WinchGains
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.observer import ObserverGains
+from dualwinch.controllers.laws.pid_cascade import PidCascadeGains
+from dualwinch.controllers.nominal import Nominal, nominal_plant
+from dualwinch.controllers.signals import Measurement
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantity import leaves
+from dualwinch.model.reference import Setpoint
 from tests.oracle.laws import LAWS, Seen, WinchPid, tension_commands
 from tests.oracle.values import DEFAULTS
 

@@ -1,8 +1,8 @@
 from dataclasses import replace
 
-from controllers.nominal import Nominal, nominal_plant
-from model.plant import Plant
-from model.vehicle import Vehicle, inertia
+from dualwinch.controllers.nominal import Nominal, nominal_plant
+from dualwinch.model.plant import Plant
+from dualwinch.model.vehicle import Vehicle, inertia
 
 PLANT = Plant(vehicle=Vehicle(mass=1.1e4, added_mass=3e3))
 

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from dualwinch.export_fmu import export_fmu
-from simulation.paper import case
+from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.simulation.paper import case
 from tests.fmus import Exported
 
 

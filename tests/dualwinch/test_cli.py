@@ -79,7 +79,7 @@ def test_without_a_compiler_the_error_says_what_would_help(
     monkeypatch.setenv("PATH", "/nonexistent/either")
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.delenv("DUALWINCH_CC", raising=False)
-    monkeypatch.setattr("codegen.compiler._zig", lambda: None)
+    monkeypatch.setattr("dualwinch.codegen.compiler._zig", lambda: None)
     words = ("simulate", "--set", "simulation.substeps=3", *SHORT)
     assert "dualwinch[zig]" in refused(capsys, *words, code=1)
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.disturbance import Disturbance, vortex_force, vortex_frequency
-from model.vehicle import Vehicle, drag
+from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
+from dualwinch.model.vehicle import Vehicle, drag
 from tests.oracle.plant import Held, Plant
 from tests.oracle.values import DEFAULTS
 

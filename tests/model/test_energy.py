@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.disturbance import Disturbance
-from model.plant import Environment, Plant, PlantState, Torques, derivative
-from model.quantity import leaves
-from model.rope import Track, rope_lengths, stiffness
-from model.winch import Winch
-from simulation.integrators import INTEGRATORS, Motion, Problem
+from dualwinch.model.disturbance import Disturbance
+from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
+from dualwinch.model.quantity import leaves
+from dualwinch.model.rope import Track, rope_lengths, stiffness
+from dualwinch.model.winch import Winch
+from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 
 OFF = Torques(0.0, 0.0)
 ROUGH_WINCH = Winch(coulomb_friction=20.0, viscous_friction=3.0)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.matrix import Matrix, diagonal, plus, solve, times, transpose
+from dualwinch.model.matrix import Matrix, diagonal, plus, solve, times, transpose
 
 matrices = st.lists(st.lists(st.floats(-1, 1), min_size=3, max_size=3).map(tuple), min_size=3, max_size=3).map(tuple)
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.plant import (
+from dualwinch.model.plant import (
     Environment,
     Plant,
     PlantState,
@@ -14,7 +14,7 @@ from model.plant import (
     resting_state,
     tensions,
 )
-from model.quantity import leaves, numbers
+from dualwinch.model.quantity import leaves, numbers
 from tests.oracle.plant import Held
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 import annotated_types as at
 import pytest
 
-from model.quantity import Quantity, behind_number, describe, leaves, numbers, with_leaves
+from dualwinch.model.quantity import Quantity, behind_number, describe, leaves, numbers, with_leaves
 
 
 @dataclass(frozen=True)

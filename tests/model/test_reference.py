@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from model.reference import Reference, setpoint, steady_window
+from dualwinch.model.reference import Reference, setpoint, steady_window
 from tests.oracle.sampled import profile, uniform
 
 PROFILE, UNIFORM = Reference(kind="profile"), Reference(kind="uniform")

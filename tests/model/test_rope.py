@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.rope import Rope, Track, rope_lengths, stiffness, tension
+from dualwinch.model.rope import Rope, Track, rope_lengths, stiffness, tension
 
 ROPE = Rope()
 stretches = st.floats(-1, 1)

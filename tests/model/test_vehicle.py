@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.vehicle import Vehicle, drag, friction, inertia
+from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
 
 VEHICLE = Vehicle()
 speeds = st.floats(-5, 5)

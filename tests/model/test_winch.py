@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.winch import Winch, drum_acceleration, friction_torque
+from dualwinch.model.winch import Winch, drum_acceleration, friction_torque
 
 ROUGH = replace(Winch(), coulomb_friction=30.0, viscous_friction=4.0)
 

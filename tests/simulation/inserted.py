@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.closed_loop import CUTS, closed_loop
-from simulation.experiment import Experiment
-from simulation.loop_cruise import loop_cruise
-from simulation.structure import structure_of
+from dualwinch.simulation.analysis.loop_cruise import loop_cruise
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
+from dualwinch.simulation.loop.structure import structure_of
 
 WATCHED = ("x", "v", "e", "v_ref", "F1", "F2")
 

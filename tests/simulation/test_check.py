@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import pytest
 
-from codegen.errors import DualwinchError
-from controllers.controller import Controller
-from controllers.coordination import Coordination
-from controllers.nftsm import NftsmGains
-from dualwinch.config import known_keys, override
-from model.errors import ConfigurationError
-from model.plant import Plant
-from model.reference import Reference
-from model.rope import Track
-from simulation.check import check
-from simulation.experiment import Experiment, Simulation
-from simulation.paper import CASES, CONTROLLERS, case
-from simulation.simulate import OUTCOMES, simulate
+from dualwinch.codegen.errors import DualwinchError
+from dualwinch.config.experiment_file import known_keys, override
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.nftsm import NftsmGains
+from dualwinch.controllers.limits import Coordination
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
+from dualwinch.model.reference import Reference
+from dualwinch.model.rope import Track
+from dualwinch.simulation.check import check
+from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.paper import CASES, CONTROLLERS, case
+from dualwinch.simulation.simulate import OUTCOMES, simulate
 
 FAST = Reference(kind="uniform", speed=2.1)
 WRONG = {

@@ -10,24 +10,33 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controllers.auxiliary import AuxiliaryGains
-from controllers.controller import Controller
-from controllers.coordination import Coordination
-from controllers.differential_tension import tension_commands
-from controllers.nftsm import NftsmGains, nftsm_control
-from controllers.observer import ObserverGains, ObserverState, estimate, remember
-from controllers.signals import Measurement, Seen
-from controllers.winch_pid import WinchGains, WinchState, winch_step
-from model.disturbance import Disturbance, vortex_force
-from model.plant import Environment, Plant, PlantState, Torques, derivative, holding_torques, resting_state, tensions
-from model.quantity import describe, leaves
-from model.reference import Reference, setpoint
-from model.rope import Rope, stiffness, tension
-from model.vehicle import Vehicle, drag, friction
-from model.winch import Winch, drum_acceleration
-from simulation.experiment import Simulation
-from simulation.paper import case
-from simulation.simulate import simulate
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.differential_tension import tension_commands
+from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.nftsm import NftsmGains, nftsm_control
+from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate, remember
+from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.signals import Measurement, Seen
+from dualwinch.model.disturbance import Disturbance, vortex_force
+from dualwinch.model.plant import (
+    Environment,
+    Plant,
+    PlantState,
+    Torques,
+    derivative,
+    holding_torques,
+    resting_state,
+    tensions,
+)
+from dualwinch.model.quantity import describe, leaves
+from dualwinch.model.reference import Reference, setpoint
+from dualwinch.model.rope import Rope, stiffness, tension
+from dualwinch.model.vehicle import Vehicle, drag, friction
+from dualwinch.model.winch import Winch, drum_acceleration
+from dualwinch.simulation.experiment import Simulation
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
 from tests.conftest import PaperRun
 
 Vector = NDArray[np.float64]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulation.paper import CASES, CONTROLLERS, REDUCTIONS
+from dualwinch.simulation.paper import CASES, CONTROLLERS, REDUCTIONS
 from tests.conftest import OracleRun, PaperRun
 
 

@@ -8,25 +8,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.adrc import AdrcGains
-from controllers.auxiliary import AuxiliaryGains
-from controllers.controller import POSITION_LAWS, Controller
-from controllers.coordination import Coordination
-from controllers.kalman import KalmanGains
-from controllers.nftsm import NftsmGains
-from controllers.observer import ObserverGains
-from controllers.pid_cascade import PidCascadeGains
-from controllers.super_twisting import SuperTwistingGains
-from controllers.winch_pid import WinchGains
-from model.disturbance import Disturbance
-from model.plant import Plant
-from model.rope import Rope
-from model.vehicle import Vehicle
-from model.winch import Winch
-from simulation.experiment import Experiment, Simulation
-from simulation.paper import CASES, CONTROLLERS, case
-from simulation.sensors import Sensors
-from simulation.simulate import OUTCOMES, simulate
+from dualwinch.controllers.controller import POSITION_LAWS, Controller
+from dualwinch.controllers.coordinations.winch_pid import WinchGains
+from dualwinch.controllers.estimators.kalman import KalmanGains
+from dualwinch.controllers.laws.adrc import AdrcGains
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.nftsm import NftsmGains
+from dualwinch.controllers.laws.observer import ObserverGains
+from dualwinch.controllers.laws.pid_cascade import PidCascadeGains
+from dualwinch.controllers.laws.super_twisting import SuperTwistingGains
+from dualwinch.controllers.limits import Coordination
+from dualwinch.model.disturbance import Disturbance
+from dualwinch.model.plant import Plant
+from dualwinch.model.rope import Rope
+from dualwinch.model.vehicle import Vehicle
+from dualwinch.model.winch import Winch
+from dualwinch.simulation.exogenous.sensors import Sensors
+from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.paper import CASES, CONTROLLERS, case
+from dualwinch.simulation.simulate import OUTCOMES, simulate
 
 kinds = st.sampled_from(list(POSITION_LAWS))
 SHORT = Simulation(duration=0.3)

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from codegen import find_compiler
-from codegen.batch import LANES, compile_batch
-from codegen.compiler import Compiler
-from dualwinch.ensembles import load_ensemble, reset
-from simulation import batch
-from simulation.batch import BatchResult, rollout
-from simulation.ensemble import Scenario
-from simulation.simulate import simulate
+from dualwinch.codegen import find_compiler
+from dualwinch.codegen.compiler import Compiler
+from dualwinch.codegen.drivers.batch import LANES, compile_batch
+from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.simulation.batch import rollout as module
+from dualwinch.simulation.batch.rollout import BatchResult, rollout
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.simulate import simulate
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def test_a_machine_without_vector_instructions_gives_the_same_answers(
     found = find_compiler()
     plain = Plain(found.name, found.command, found.version)
     assert plain.identity != found.identity
-    monkeypatch.setattr(batch, "compile_batch", lambda loop: compile_batch(loop, plain))
+    monkeypatch.setattr(module, "compile_batch", lambda loop: compile_batch(loop, plain))
     fallback = rollout([], np.empty((1, 0)), scenarios, stride=1)
     assert (fallback.outcomes == native.outcomes).all()
     assert np.abs(fallback.columns["x"] - native.columns["x"]).max() < 1e-9

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config import override
-from model.errors import ConfigurationError
-from simulation import simulate as module
-from simulation.paper import case
-from simulation.simulate import simulate
+from dualwinch.config.experiment_file import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation import simulate as module
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
 
 SHORT = override(case(4), {"simulation.duration": 2.0, "sensors.speed_noise": 1e-3, "disturbance.current_sigma": 0.05})
 

@@ -7,13 +7,13 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat
 
-from dualwinch.config import override
-from model.errors import ConfigurationError
-from simulation.paper import case
-from simulation.result import UNITS, Result
-from simulation.row import COLUMNS
-from simulation.simulate import simulate
-from simulation.storage import save
+from dualwinch.config.experiment_file import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.loop.row import COLUMNS
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.result import UNITS, Result
+from dualwinch.simulation.simulate import simulate
+from dualwinch.simulation.storage import save
 
 NAMES = [
     *("t", "x", "v", "theta_1", "omega_1", "theta_2", "omega_2", "x_ref", "v_ref", "a_ref", "e", "F1", "F2"),

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from dualwinch.tuning_setup import problem_of
-from tuning.problem import Problem
+from dualwinch.commands.tuning_setup import problem_of
+from dualwinch.tuning.problem import Problem
 
 MakeProblem = Callable[..., Problem]
 

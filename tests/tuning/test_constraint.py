@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from model.errors import ConfigurationError
-from simulation.paper import case
-from tuning.constraint import Constraint, constraints_from
-from tuning.objective import objectives_from
-from tuning.statistic import UNMEASURED, Statistic, statistic_from
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.paper import case
+from dualwinch.tuning.constraint import Constraint, constraints_from
+from dualwinch.tuning.objective import objectives_from
+from dualwinch.tuning.scoring.statistic import UNMEASURED, Statistic, statistic_from
 
 
 def bound(text: str) -> Constraint:

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dualwinch.tuning.constraint import Constraint
+from dualwinch.tuning.optimisers.gradient import Gradient
+from dualwinch.tuning.optimisers.linearise import linearise
+from dualwinch.tuning.optimisers.local_model import Model, closeness, level, linear_step, merit, quadratic_step
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluate import FAILED, Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.statistic import statistic_from
+from dualwinch.tuning.space import Point
+from dualwinch.tuning.tune import tune
 from tests.tuning.conftest import MakeProblem
-from tuning.constraint import Constraint
-from tuning.evaluate import FAILED, Evaluator
-from tuning.evaluation import Candidate, Evaluation
-from tuning.optimisers.gradient import Gradient
-from tuning.optimisers.linearise import linearise
-from tuning.optimisers.local_model import Model, closeness, level, linear_step, merit, quadratic_step
-from tuning.problem import Problem
-from tuning.space import Point
-from tuning.statistic import statistic_from
-from tuning.tune import tune
 
 BOWL = Model(np.array([-1.0, 0.0]), np.diag([2.0, 2.0]), np.empty(0), np.empty((0, 2)), np.empty(0, int))
 """x² − x + y²: the minimum lies at (0.5, 0)."""
@@ -59,11 +59,11 @@ def test_few_steps_lead_to_a_minimum(gentle: Problem) -> None:
 
 def test_after_a_minimum_others_are_looked_for(gentle: Problem) -> None:
     trials = tune(gentle, method="gradient", trials=100).trials
-    best = min(trials, key=lambda one: one.objectives[0])
-    place, points = trials.index(best), np.array([gentle.space.encoded(one.point) for one in trials])
-    assert place < 30
+    values, points = [one.objectives[0] for one in trials], np.array([gentle.space.encoded(one.point) for one in trials])
+    place = int(np.argmin(values[:30]))
+    assert values[place] < 1.1 * min(values)  # a later minimum may be better by little
     assert (np.ptp(points[place + 1 :], axis=0) > 0.8).all()
-    assert min(one.objectives[0] for one in trials[place + 30 :]) < 1.1 * best.objectives[0]
+    assert min(values[place + 30 :]) < 1.1 * values[place]
 
 
 def test_the_slopes_of_a_chaotic_run_are_no_guide(gentle: Problem) -> None:

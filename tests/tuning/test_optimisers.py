@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from dualwinch.tuning.optimisers import METHODS, optimiser
+from dualwinch.tuning.optimisers.cma import Cma
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.space import Point
 from tests.tuning.conftest import MakeProblem
-from tuning.evaluation import Candidate, Evaluation
-from tuning.optimisers import METHODS, optimiser
-from tuning.optimisers.cma import Cma
-from tuning.problem import Problem
-from tuning.ranking import best_first
-from tuning.space import Point
 
 AVAILABLE = [method for method in METHODS if method != "gp"]  # gp needs PyTorch
 

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.config import override
-from dualwinch.tuning_setup import _entries
-from model.errors import ConfigurationError
-from model.quantity import describe, leaves
-from simulation.experiment import Experiment
-from simulation.paper import case
+from dualwinch.commands.tuning_setup import _entries
+from dualwinch.config.experiment_file import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import describe, leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
+from dualwinch.tuning.space import Interval, Pairs, Space
+from dualwinch.tuning.space_entries import POWER, entry_from, space_of
+from dualwinch.tuning.space_record import space_from, space_to_record
 from tests.tuning.conftest import MakeProblem
-from tuning.space import Interval, Pairs, Space
-from tuning.space_entries import POWER, entry_from, space_of
-from tuning.space_record import space_from, space_to_record
 
 BETA = "controller.nftsm.beta"
 

@@ -6,16 +6,16 @@ import optuna
 import pytest
 from optuna.storages.journal import JournalFileBackend
 
-from dualwinch.tuning_setup import definition_of, problem_from
-from model.errors import ConfigurationError
+from dualwinch.commands.tuning_setup import definition_of, problem_from
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.selection import LAST_SCENARIOS, improvement, improvement_within_reach, judge
+from dualwinch.tuning.storage.store import Budget, open_store
+from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
-from tuning.evaluate import Evaluator
-from tuning.evaluation import Evaluation
-from tuning.optimisers import optimiser
-from tuning.problem import Problem
-from tuning.selection import LAST_SCENARIOS, improvement, improvement_within_reach, judge
-from tuning.storage import Budget, open_store
-from tuning.study import search
 
 
 def studied(

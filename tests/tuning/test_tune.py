@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import pytest
 
-from model.errors import ConfigurationError
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.plots.score import before_and_after, held_out
+from dualwinch.tuning.plots.search import front, history, importance, importances, parallel_coordinates
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.selection import FINALISTS, RUNG, rungs
+from dualwinch.tuning.tune import Tuned, tune
 from tests.tuning.conftest import MakeProblem
-from tuning.evaluation import Candidate, Evaluation
-from tuning.plots.score import before_and_after, held_out
-from tuning.plots.search import front, history, importance, importances, parallel_coordinates
-from tuning.selection import FINALISTS, RUNG, rungs
-from tuning.tune import Tuned, tune
 
 
 @pytest.fixture

@@ -4,14 +4,14 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Protocol
 
-from model.errors import ConfigurationError
-from tuning.evaluation import Evaluation
-from tuning.optimisers.cma import Cma
-from tuning.optimisers.gradient import Gradient
-from tuning.optimisers.hybrid import Hybrid
-from tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, Sampler
-from tuning.problem import Problem
-from tuning.space import Point
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.optimisers.cma import Cma
+from dualwinch.tuning.optimisers.gradient import Gradient
+from dualwinch.tuning.optimisers.hybrid import Hybrid
+from dualwinch.tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, Sampler
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.space import Point
 
 
 class Optimiser(Protocol):

@@ -1,6 +1,7 @@
 """CMA-ES in the unit cube, led by ranks: constraints first, then the objective (Hansen, arXiv:1604.00772).
 
-The strategy sees nothing but who is better than whom (`tuning.ranking`): a constraint needs no penalty, no weight.
+The strategy sees nothing but who is better than whom (`tuning.scoring.ranking`): a constraint needs no
+penalty, no weight.
 
 There is more than one valley: much preload or little, a slow winch or a fast one. So once a strategy gets no further,
 the next one starts elsewhere, at the best of some random candidates.
@@ -10,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tuning.evaluation import Evaluation
-from tuning.problem import Problem
-from tuning.ranking import best_first
-from tuning.space import Point
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.space import Point
 
 SPREAD = 0.2
 """First standard deviation, in shares of each range."""

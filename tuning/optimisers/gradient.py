@@ -14,11 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tuning.evaluation import Evaluation
-from tuning.optimisers.linearise import linearise
-from tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step
-from tuning.problem import Problem
-from tuning.space import Interval, Point
+from dualwinch.tuning.optimisers.linearise import linearise
+from dualwinch.tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.space import Interval, Point
 
 Floats = NDArray[np.float64]
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from tuning.evaluation import Evaluation
-from tuning.optimisers.cma import Cma
-from tuning.optimisers.gradient import Gradient
-from tuning.problem import Problem
-from tuning.ranking import best_first
-from tuning.space import Point
+from dualwinch.tuning.optimisers.cma import Cma
+from dualwinch.tuning.optimisers.gradient import Gradient
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.space import Point
 
 
 class Hybrid:

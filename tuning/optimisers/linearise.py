@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.quantity import with_leaves
-from simulation.ensemble import Scenario
-from simulation.experiment import Experiment
-from simulation.sensitivities import Sensitivities, sensitivities
-from tuning.optimisers.local_model import Model, closeness
-from tuning.problem import Problem, counts
-from tuning.space import Interval, Point
-from tuning.statistic import Statistic
+from dualwinch.model.quantity import with_leaves
+from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.optimisers.local_model import Model, closeness
+from dualwinch.tuning.problem import Problem, counts
+from dualwinch.tuning.scoring.statistic import Statistic
+from dualwinch.tuning.space import Interval, Point
 
 Floats = NDArray[np.float64]
 

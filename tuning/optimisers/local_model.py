@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuning.constraint import Constraint
-from tuning.evaluation import Evaluation
+from dualwinch.tuning.constraint import Constraint
+from dualwinch.tuning.scoring.evaluation import Evaluation
 
 Floats = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from model.errors import ConfigurationError
-from tuning.evaluation import Evaluation
-from tuning.problem import Problem
-from tuning.ranking import best_first
-from tuning.record import distributions, finished_trial
-from tuning.space import Point
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.space import Point
+from dualwinch.tuning.storage.record import distributions, finished_trial
 
 if TYPE_CHECKING:
     import optuna

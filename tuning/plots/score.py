@@ -6,14 +6,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from model.quantity import describe
-from simulation.batch import rollout
-from simulation.ensemble import Scenario
-from simulation.experiment import Experiment
-from simulation.metrics import Metrics
-from simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure, time_axis
-from tuning.problem import HELD_OUT, Problem
-from tuning.selection import Verdict
+from dualwinch.model.quantity import describe
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure, time_axis
+from dualwinch.tuning.problem import HELD_OUT, Problem
+from dualwinch.tuning.scoring.selection import Verdict
 
 ROWS = 2500
 """Rows of a run that are drawn, at most."""

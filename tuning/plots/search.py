@@ -7,13 +7,23 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMILION, house_style, legend_below, new_figure
-from tuning.evaluation import Evaluation
-from tuning.problem import Problem
-from tuning.ranking import best_first, pareto_front
-from tuning.record import finished_trial
-from tuning.space import Interval
-from tuning.statistic import UNMEASURED, Statistic, statistic_from
+from dualwinch.simulation.plots.style import (
+    BLUE,
+    GREY,
+    INK,
+    LIGHT,
+    SKY,
+    VERMILION,
+    house_style,
+    legend_below,
+    new_figure,
+)
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.ranking import best_first, pareto_front
+from dualwinch.tuning.scoring.statistic import UNMEASURED, Statistic, statistic_from
+from dualwinch.tuning.space import Interval
+from dualwinch.tuning.storage.record import finished_trial
 
 SHOWN = 40
 """Candidates in parallel coordinates."""

@@ -1,0 +1,110 @@
+"""Many rollouts at once in compiled C: one set of parameters in each vector lane."""
+
+import ctypes
+import re
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.cache import library
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.sampled import Sampled
+from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.lanes import DEFINITION, LANES, in_lanes, lane_flags, lane_sizes
+
+Floats = NDArray[np.float64]
+
+EXOGENOUS = re.compile(r"\bexogenous\[(\d+)\*LANES")
+"""An element of the exogenous signals that a function in lanes reads."""
+
+PARAMETER = re.compile(r"\bparameters\[(\d+)\*LANES")
+"""A parameter that a function in lanes reads."""
+
+EVERY_SAMPLE = ("sample", "leap")
+"""Functions that are called at every sample."""
+
+
+def _compacted(source: str) -> tuple[str, list[int]]:
+    """The source with ``sample`` and ``leap`` over the parameters they use, without gaps; and which these are.
+
+    What a sample takes lies close together then, and stays in the fastest cache.
+    """
+    definitions = {one.group(1): one.group() for one in DEFINITION.finditer(source) if one.group(1) in EVERY_SAMPLE}
+    used = sorted({int(place) for text in definitions.values() for place in PARAMETER.findall(text)}) or [0]
+    for text in definitions.values():
+        closer = PARAMETER.sub(lambda found: f"parameters[{used.index(int(found.group(1)))}*LANES", text)
+        source = source.replace(text, closer)
+    return source, used
+
+
+def batch_source(system: Sampled, compiler: Compiler) -> str:
+    """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
+    functions = hoisted_all(system.functions)
+    arrays = {
+        function.name(): {*function.name_in(), *function.name_out()} - {"part"}  # the same in all lanes
+        for function in functions
+    }
+    sizes = system.sizes | lane_sizes(compiler)
+    source, used = _compacted(in_lanes(c_source(functions), arrays, compiler))
+    read = sorted({int(place) for place in EXOGENOUS.findall(source)}) or [0]
+    listed = f"#define READ_EXOGENOUS {{{', '.join(map(str, read))}}}\n"
+    listed += f"#define USED_PARAMETERS {{{', '.join(map(str, used))}}}\n"
+    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "batch.c")
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A compiled batch rollout of LANES sets of parameters at a time."""
+
+    columns: int
+    _call: "ctypes._NamedFuncPointer"
+
+    def __call__(
+        self, parameters: Floats, exogenous: list[Floats], state: Floats, stride: int = 0
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+        """Run one block; Python's lock is released meanwhile.
+
+        Args:
+            parameters: (LANES, parameters).
+            exogenous: LANES tables (samples, exogenous), all of one length; the same table may come many times.
+            state: (LANES, states); overwritten with the final states.
+            stride: every how many samples a row is kept; 0 keeps none.
+
+        Returns:
+            Outcomes (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.
+        """
+        samples = exogenous[0].shape[0]
+        kept = -(-samples // stride) if stride else 0
+        rows = np.full((LANES, kept, self.columns), np.nan)
+        outcome, done = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+        tables = (ctypes.c_void_p * LANES)(*(table.ctypes.data for table in exogenous))
+        self._call(
+            parameters.ctypes.data,
+            tables,
+            state.ctypes.data,
+            samples,
+            max(stride, 1),
+            rows.ctypes.data if stride else None,
+            kept,
+            outcome.ctypes.data,
+            done.ctypes.data,
+        )
+        for lane in np.flatnonzero(outcome != COMPLETED):
+            rows[lane, -(-done[lane] // stride) if stride else 0 :] = np.nan
+        return outcome, done, rows
+
+
+@cache
+def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
+    """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""
+    chosen = compiler or find_compiler()
+    path = library(batch_source(system, chosen), chosen, lane_flags(chosen))
+    call = ctypes.CDLL(str(path)).batch
+    call.restype = None
+    pointer, count = ctypes.c_void_p, ctypes.c_int64
+    call.argtypes = [pointer, pointer, pointer, count, count, pointer, count, pointer, pointer]
+    return Batch(system.observe.numel_out("row"), call)

@@ -1,0 +1,13 @@
+/* How work is spread over LANES vector lanes. Each loop over the lanes stands in a function of its own (IN_LANES) with
+   restrict pointers, or compilers do not see that lanes do not mix. EACH_CALL is for functions by codegen/source/lanes.py. */
+
+#define LANE_ARRAY __attribute__((aligned(64))) double /* a vector in no more than one cache line */
+#define IN_LANES static __attribute__((noinline)) void
+#define EACH_OF(count) for (int l = 0; l < (count); ++l)
+#define EACH_LANE EACH_OF(LANES)
+#if PAIRED
+#define EACH_CALL_OF(count) EACH_OF((count) / 2)
+#else
+#define EACH_CALL_OF(count) _Pragma("clang loop vectorize(enable) interleave_count(2)") EACH_OF(count)
+#endif
+#define EACH_CALL EACH_CALL_OF(LANES)

@@ -1,0 +1,96 @@
+"""A whole rollout in compiled C: the generated step and a driver loop in one translation unit."""
+
+import ctypes
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.cache import library
+from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
+from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.sampled import Sampled
+from dualwinch.codegen.source.c_source import c_source
+
+COMPLETED, DIVERGED, LEFT = 0, 1, 2
+"""Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
+
+FLAGS = ("-ffp-contract=fast",)
+"""Beside the flags of every build. Contracted products change last bits, each compiler and processor in its own way."""
+
+
+def rollout_source(system: Sampled) -> str:
+    """C99 translation unit that runs a sampled system for many samples."""
+    functions = hoisted_all(system.functions)
+    return unit(system.sizes, functions, c_source(functions), "rollout.c")
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """A compiled rollout.
+
+    Attributes:
+        columns: number of values in a row.
+        path: the library it was loaded from.
+    """
+
+    columns: int
+    path: Path
+    _call: "ctypes._NamedFuncPointer"
+
+    def __call__(
+        self,
+        parameters: NDArray[np.float64],
+        exogenous: NDArray[np.float64],
+        state: NDArray[np.float64],
+        stride: int = 1,
+    ) -> tuple[int, int, NDArray[np.float64]]:
+        """Run until `exogenous` is used up or the run ends early; Python's lock is released meanwhile.
+
+        Args:
+            parameters: (parameters,) float64.
+            exogenous: (samples, exogenous) float64, C-contiguous.
+            state: (states,) float64; overwritten with the final state.
+            stride: every how many samples a row is kept; 0 keeps none.
+
+        Returns:
+            Outcome, number of samples stepped, rows (kept rows, columns).
+        """
+        samples = exogenous.shape[0]
+        kept = -(-samples // stride) if stride else 0
+        rows = np.empty((kept, self.columns))
+        done = ctypes.c_int64()
+        outcome = self._call(
+            parameters.ctypes.data,
+            exogenous.ctypes.data,
+            state.ctypes.data,
+            samples,
+            max(stride, 1),
+            rows.ctypes.data if stride else None,
+            ctypes.byref(done),
+        )
+        return outcome, done.value, rows[: -(-done.value // stride) if stride else 0]
+
+
+@cache
+def compile_rollout(system: Sampled, compiler: Compiler | None = None) -> Rollout:
+    """Compile (or find in the cache) and load the rollout of a sampled system.
+
+    Args:
+        system: what is run.
+        compiler: by default the one `find_compiler` finds.
+
+    Raises:
+        CompilerNotFoundError: there is no C compiler.
+        CompileError: it failed.
+        CacheError: the cache folder cannot be used.
+    """
+    chosen = compiler or find_compiler()
+    path = library(rollout_source(system), chosen, FLAGS if chosen.is_clang else FLAGS + SCHEDULED)
+    call = ctypes.CDLL(str(path)).rollout
+    call.restype = ctypes.c_int
+    pointer, count = ctypes.c_void_p, ctypes.c_int64
+    call.argtypes = [pointer, pointer, pointer, count, count, pointer, ctypes.POINTER(count)]
+    return Rollout(system.observe.numel_out("row"), path, call)

@@ -1,0 +1,61 @@
+"""Blocks as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dualwinch.codegen.block import Block, Variable
+from dualwinch.codegen.export.package import Provenance, c_package, templates
+
+
+def mex_files(
+    plant: Block,
+    controller: Block,
+    name_of: Callable[[Block], str],
+    reference: Mapping[str, ArrayLike],
+    provenance: Provenance,
+) -> dict[str, str]:
+    """File name → content: for each block its C package and ``NAME_mex.c``; ``build.m``, ``closed_loop.m``.
+
+    Args:
+        plant: its outputs have the names of the controller's inputs, as far as those are no reference.
+        controller: its outputs have the names of the plant's inputs, as far as those are no disturbance.
+        name_of: block → C identifier.
+        reference: (samples,) for each input of the controller that the plant does not give, by name.
+        provenance: goes into every file.
+
+    Raises:
+        CodegenError: as for `c_package`.
+    """
+    environment = templates("double")
+    files: dict[str, str] = {}
+    for block in (plant, controller):
+        name = name_of(block)
+        package = c_package(block, name, provenance)
+        files |= {file: package[file] for file in (f"{name}.h", f"{name}.c")}
+        facts = {"block": block, "name": name, "provenance": provenance}
+        files[f"{name}_mex.c"] = environment.get_template("mex.c.j2").render(facts)
+    outputs, commands = _places(plant.outputs), _places(controller.outputs)
+    inputs, drives = _places(controller.inputs), _places(plant.inputs)
+    wanted = [name for name in inputs if name not in outputs]
+    facts = {
+        "plant": plant,
+        "controller": controller,
+        "plant_name": name_of(plant),
+        "controller_name": name_of(controller),
+        "measured": [(inputs[name], outputs[name]) for name in inputs if name in outputs],
+        "wanted": [inputs[name] for name in wanted],
+        "driven": [(drives[name], commands[name]) for name in drives if name in commands],
+        "provenance": provenance,
+    }
+    for file in ("build.m", "closed_loop.m", "README.md"):
+        files[file] = environment.get_template(f"mex_{file}.j2").render(facts)
+    columns = np.column_stack([reference[name] for name in wanted])
+    files["reference.csv"] = "".join(",".join(map(repr, row)) + "\n" for row in columns.tolist())
+    return files
+
+
+def _places(variables: tuple[Variable, ...]) -> dict[str, int]:
+    """Name → place, counted from one."""
+    return {variable.name: place for place, variable in enumerate(variables, start=1)}

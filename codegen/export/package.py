@@ -1,0 +1,162 @@
+"""A block as a self-contained C99 package: source, header, CMake file, README and example."""
+
+import math
+import re
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import casadi as ca
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from dualwinch.codegen.block import Block, Variable
+from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.source.c_body import PRECISIONS, Precision, c_body, literal, member
+from dualwinch.codegen.source.hoist import hoisted
+
+WORTHWHILE = 0.25
+"""Share of a step's operations that must depend on the parameters alone for a package to keep their results."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a package comes from.
+
+    Attributes:
+        product: name and version of what generated it.
+        configuration: digest of the configuration it was made from.
+        date: of its making, ISO 8601.
+    """
+
+    product: str
+    configuration: str
+    date: str
+
+
+def frozen(block: Block, names: Collection[str] | None = None) -> Block:
+    """The block with parameters as constants: those of the names, by default all (its functions then take none)."""
+    kept = tuple(one for one in block.parameters if names is not None and one.name not in names)
+    free = ca.SX.sym("parameters", len(kept))
+    symbols = dict(zip((one.name for one in kept), ca.vertsplit(free) if kept else (), strict=True))
+    values = ca.vertcat(*(symbols.get(one.name, one.start) for one in block.parameters))
+
+    def bound(function: ca.Function) -> ca.Function:
+        names, results = function.name_in(), function.name_out()
+        given = {name: ca.SX.sym(name, function.size1_in(name)) for name in names if name != "parameters"}
+        found = function.call(given | {"parameters": values})
+        given |= {"parameters": free} if kept else {}
+        expressions = [ca.densify(ca.cse(found[name])) for name in results]
+        return ca.Function(function.name(), list(given.values()), expressions, list(given), results, {"cse": True})
+
+    return replace(
+        block,
+        step=bound(block.step),
+        initial=bound(block.initial),
+        output=bound(block.output) if block.output else None,
+        derivative=bound(block.derivative) if block.derivative else None,
+        parameters=kept,
+    )
+
+
+def kept_apart(block: Block) -> tuple[ca.Function, ca.Function] | None:
+    """``derive_step(parameters) -> derived`` and the step that takes it last; None where that saves too little.
+
+    The steady-state gain of a Kalman filter is such work: it takes many times the operations of the rest of a step.
+    """
+    if not block.parameters:
+        return None
+    derive, step = hoisted(block.step, exact=True)
+    saved = 1 - step.n_instructions() / block.step.n_instructions()
+    return (derive, step) if saved > WORTHWHILE else None
+
+
+def c_package(
+    block: Block, name: str, provenance: Provenance, precision: str = "double", *, freeze: bool = False
+) -> dict[str, str]:
+    """The files of a package by name.
+
+    Args:
+        block: what to write.
+        name: a C identifier; begins every symbol and file name.
+        provenance: goes into header and README.
+        precision: ``double`` or ``float`` (no double-precision operation at all).
+        freeze: parameters as constants instead of an argument.
+
+    Raises:
+        CodegenError: an unknown precision, a name that is no C identifier, or a function that is no plain C.
+    """
+    if precision not in PRECISIONS:
+        raise CodegenError(f"unknown precision '{precision}': must be {' or '.join(PRECISIONS)}")
+    if not re.fullmatch(r"[A-Za-z_]\w*", name):
+        raise CodegenError(f"{name!r}: must be a C identifier")
+    environment = templates(precision)
+    written = frozen(block) if freeze else block
+    apart = kept_apart(written)
+    facts = {
+        "block": written,
+        "derived": apart[0].numel_out("derived") if apart else 0,
+        "constants": block.parameters if freeze else (),
+        "name": name,
+        "precision": precision,
+        "provenance": provenance,
+        "bodies": _bodies(written, apart, precision),
+        "comment": _comment,
+    }
+    files = {
+        f"{name}.h": "package.h.j2",
+        f"{name}.c": "package.c.j2",
+        "main.c": "main.c.j2",
+        "CMakeLists.txt": "CMakeLists.txt.j2",
+        "README.md": "README.md.j2",
+    }
+    return {file: environment.get_template(template).render(facts) for file, template in files.items()}
+
+
+def templates(precision: Precision) -> Environment:
+    """The templates of generated files, with the filters ``member``, ``padded`` and ``literal``."""
+    environment = Environment(
+        loader=PackageLoader("dualwinch.codegen.export"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # noqa: S701  # C, not HTML
+    )
+    environment.filters |= {
+        "member": member,
+        "padded": _padded,
+        "literal": lambda value: literal(value, precision),
+    }
+    return environment
+
+
+def _bodies(block: Block, apart: tuple[ca.Function, ca.Function] | None, precision: Precision) -> dict[str, str]:
+    places = {
+        "state": ("state->", block.states),
+        "input": ("input->", block.inputs),
+        "parameters": ("parameters->", block.parameters),
+        "next_state": ("next->", block.states),
+        "output": ("next->output.", block.outputs),
+    }
+    bodies = {
+        "step": c_body(apart[1] if apart else block.step, places, precision),
+        "initial": c_body(block.initial, places | {"state": ("next->", block.states)}, precision),
+    }
+    if apart:
+        bodies["derive"] = c_body(apart[0], places, precision)
+    return bodies | ({"output": c_body(block.output, places, precision)} if block.output else {})
+
+
+def _comment(variable: Variable, *, value: bool = False) -> str:
+    """What a comment says of a variable."""
+    lower, upper = variable.lower, variable.upper
+    least = f"> {lower:g}" if variable.exclusive else f"min {lower:g}"
+    bounds = [least] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
+    words = [f"[{variable.unit}] {variable.description}", *bounds]
+    if value:
+        words.append(f"{variable.start!r}" + (f" ({variable.source})" if variable.source else ""))
+    return "; ".join(words)
+
+
+def _padded(variable: Variable, variables: tuple[Variable, ...]) -> str:
+    """A member's declaration, as wide as the longest beside it."""
+    return f"{member(variable)};".ljust(max(len(member(other)) for other in variables) + 1)

@@ -1,0 +1,121 @@
+"""A function's expressions written anew with cheaper instructions: fewer divisions, fewer products."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from dualwinch.codegen.source.instructions import applied, operands_of
+
+SCALINGS = {ca.OP_NEG: -1.0, ca.OP_TWICE: 2.0}
+"""Operations that are products with a constant."""
+
+
+@dataclass
+class Reciprocals:
+    """Divisions by something that depends on the parameters alone, as products with a reciprocal computed once.
+
+    Attributes:
+        symbols, values: what stands for the reciprocals, and what they are.
+    """
+
+    symbols: list[ca.SX] = field(default_factory=list)
+    values: list[ca.SX] = field(default_factory=list)
+    _of: dict[int, ca.SX] = field(default_factory=dict)
+
+    def of(self, divisor: ca.SX) -> ca.SX:
+        """A divisor's reciprocal."""
+        if divisor.is_constant():
+            return ca.SX(1 / float(divisor))
+        key = divisor.element_hash()
+        if key not in self._of:
+            self._of[key] = ca.SX.sym(f"reciprocal_{len(self.symbols)}")
+            self.symbols.append(self._of[key])
+            self.values.append(1 / divisor)
+        return self._of[key]
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A value in a function: `fixed` if it depends on the parameters alone, else maybe a fixed `factor` × `rest`."""
+
+    whole: ca.SX
+    fixed: bool = False
+    factor: ca.SX | None = None
+    rest: ca.SX | None = None
+
+    def times(self, factor: ca.SX) -> "_Value":
+        """The product with something fixed, gathered with the factor there is."""
+        rest = self.whole if self.rest is None else self.rest
+        if self.factor is not None:
+            constant = self.factor.is_constant() and factor.is_constant()
+            factor = ca.SX(float(self.factor) * float(factor)) if constant else self.factor * factor
+        return _Value(factor * rest, factor=factor, rest=rest)
+
+
+class Rewriting:
+    """The outputs of a function, whose instructions are followed one by one.
+
+    Divisions by what depends on the parameters alone, and several ones by the same divisor, become products; factors
+    that depend on the parameters alone become one factor where several stand in a product. Either can change the last
+    bits of a result.
+
+    Attributes:
+        outputs: the new expressions.
+        reciprocals: what they take for known.
+    """
+
+    def __init__(self, function: ca.Function, inputs: list[ca.SX]) -> None:
+        """Rewrite a function of dense SX expressions with an input ``parameters``; `inputs` are new symbols."""
+        self.reciprocals = Reciprocals()
+        self._function, self._inputs = function, [ca.vertsplit(symbol) for symbol in inputs]
+        self._parameters = function.name_in().index("parameters")
+        self._operands = operands_of(function)
+        self._uses = Counter(place for made in self._operands.values() for place in set(made))
+        self._divided_by = Counter(
+            made[1] for step, made in self._operands.items() if function.instruction_id(step) == ca.OP_DIV
+        )
+        self._inverses: dict[int, ca.SX] = {}
+        self._values: dict[int, _Value] = {}
+        outputs = [[ca.SX(0)] * function.numel_out(place) for place in range(function.n_out())]
+        for step in range(function.n_instructions()):
+            if function.instruction_id(step) == ca.OP_OUTPUT:
+                vector, element = function.instruction_output(step)
+                outputs[vector][element] = self._values[self._operands[step][0]].whole
+            else:
+                self._values[step] = self._value(step)
+        self.outputs = [ca.vertcat(*elements) for elements in outputs]
+
+    def _value(self, step: int) -> _Value:
+        operation = self._function.instruction_id(step)
+        if operation == ca.OP_INPUT:
+            vector, element = self._function.instruction_input(step)
+            return _Value(self._inputs[vector][element], fixed=vector == self._parameters)
+        if operation == ca.OP_CONST:
+            return _Value(ca.SX(self._function.instruction_constant(step)), fixed=True)
+        made = [self._values[place] for place in self._operands[step]]
+        if not all(value.fixed for value in made):
+            if operation == ca.OP_MUL:
+                return self._product(step, *made)
+            if operation == ca.OP_DIV:
+                return self._quotient(step, *made)
+            if operation in SCALINGS and made[0].rest is not None:
+                return made[0].times(ca.SX(SCALINGS[operation]))
+        return _Value(applied(operation, [value.whole for value in made]), all(value.fixed for value in made))
+
+    def _product(self, step: int, left: _Value, right: _Value) -> _Value:
+        if left.fixed or right.fixed:
+            return right.times(left.whole) if left.fixed else left.times(right.whole)
+        whole, places = left.whole * right.whole, self._operands[step]
+        for one, other, place in ((left, right, places[0]), (right, left, places[1])):
+            if one.rest is not None and self._uses[place] == self._uses[step] == 1:
+                return _Value(whole, factor=one.factor, rest=one.rest * other.whole)
+        return _Value(whole)
+
+    def _quotient(self, step: int, left: _Value, right: _Value) -> _Value:
+        if right.fixed:
+            return left.times(self.reciprocals.of(right.whole))
+        place = self._operands[step][1]
+        if self._divided_by[place] > 1:
+            return _Value(left.whole * self._inverses.setdefault(place, 1 / right.whole))
+        return _Value(left.whole / right.whole)

@@ -1,0 +1,77 @@
+"""Winch controller: feedforward and PID on the rope tension (paper Section 3.3, E9, E10)."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import annotated_types as at
+
+from dualwinch.controllers.limits import Coordination
+from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.scalar import Scalar, clip, where
+from dualwinch.model.winch import Winch
+
+
+@dataclass(frozen=True)
+class WinchGains:
+    """PID gains of one winch."""
+
+    kp: Annotated[float, at.Ge(0), Quantity("N m/N", "proportional gain", "A11"), Tunable(1e-5, 1e-2)] = 5e-4
+    ki: Annotated[float, at.Ge(0), Quantity("N m/(N s)", "integral gain", "A11"), Tunable(1e-3, 1)] = 2e-2
+    kd: Annotated[
+        float, at.Ge(0), Quantity("N m s/N", "derivative gain", "A11"), Tunable(0, 1e-5, log=False, standard=False)
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class WinchState:
+    """State of one winch controller."""
+
+    integral: Annotated[Scalar, Quantity("N s", "integral of the tension error")] = 0.0
+    error_previous: Annotated[Scalar, Quantity("N", "tension error of the last sample")] = 0.0
+    primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
+
+
+@dataclass(frozen=True)
+class WinchOutput:
+    """What a winch controller says in one sample."""
+
+    torque: Scalar
+    saturated: Scalar
+
+
+def winch_step(
+    state: WinchState,
+    command: Scalar,
+    tension: Scalar,
+    alpha_d: Scalar,
+    winch: Winch,
+    gains: WinchGains,
+    limits: Coordination,
+    sample_time: Scalar,
+) -> tuple[WinchState, WinchOutput]:
+    """One sample of a winch controller (paper Section 3.3).
+
+    Args:
+        state: the controller's state.
+        command: tension command in N.
+        tension: measured tension in N.
+        alpha_d: reference drum acceleration in rad/s² (E9: the measured one would close an algebraic loop).
+        winch: nominal winch.
+        gains: PID gains.
+        limits: tension limits, which the torque limits follow from.
+        sample_time: in s.
+
+    Returns:
+        The next state and the motor torque in N m with its saturation flag. The integral of this sample is kept
+        only where the torque is not clipped.
+    """
+    to_torque = winch.drum_radius / winch.gear_ratio
+    error = command - tension
+    integral = state.integral + sample_time * error
+    slope = state.primed * (error - state.error_previous) / sample_time
+    feedforward = to_torque * command + winch.inertia / winch.gear_ratio * alpha_d
+    wanted = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
+    torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
+    saturated = torque != wanted
+    kept = state.integral + sample_time * where(saturated, 0.0, error)
+    return WinchState(kept, error, 1.0), WinchOutput(torque, saturated)

@@ -1,0 +1,193 @@
+"""Steady-state Kalman filter for position and speed, from position, wheel speed and both drum encoders.
+
+The filter knows position x, speed v and a disturbance acceleration d, which wanders as a random walk::
+
+    dx/dt = v,   dv/dt = (F_1 - F_2 - F_f(v) - F_w(v))/M + d,   dd/dt = r + white noise
+
+and is driven by the *measured* tensions. Next to them the last command is a poor guess of the pull: it reaches the
+motor late, the ropes follow it with a swing, and limits cut it off. The tensions show all of that, and their noise is
+harmless, for it enters through an integration: 10 N on each rope are 1.4e-6 m/s in a sample of 1 ms.
+
+A taut rope turns its drum encoder into a precise position sensor: ``R_1 theta_1 = x + stretch_1`` and
+``R_2 theta_2 = stretch_2 - x`` with ``stretch_i = F_i length_i/(E_i A_i)`` from the measured tension (paper Section
+2.2, E1, without damping). While a rope is slack its encoder says nothing and is left out.
+
+All three positions measure the same state, so they are one measurement with the weights of their variances. The gain
+solves the discrete Riccati equation by structure-preserving doubling (Chu, Fan, Lin and Wang, Int. J. Control 77
+(2004) 767); it depends on parameters alone. It is exact as long as all sensors are in use and the noise is white,
+which a position rounded to 1 mm is not quite: its noise level is to include the rounding.
+
+The rate r stands for what comes and goes in seconds, such as vortices: behind them the estimate would stay by a time of
+1/bandwidth, and the speed with it. It integrates what d learns, times `ramp` and the bandwidth. Without a speed sensor
+the poles p of the filter are then the roots of ``s⁴ + 2 s³ + 2 s² + s + ramp = 0`` with s = p/bandwidth, which all lie
+to the left as long as ramp < 3/4.
+
+The estimated disturbance is of use to position laws that compensate the forces of a nominal model: `compensation` is
+the share of it that they count among these. The rest is left to an observer of their own, which knows the commands but
+not the tensions.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import annotated_types as at
+
+from dualwinch.controllers.signals import Measurement, Seen
+from dualwinch.model.matrix import Matrix, diagonal, plus, solve, times, transpose
+from dualwinch.model.plant import Environment, Plant, vehicle_acceleration
+from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.rope import compliance, rope_lengths
+from dualwinch.model.scalar import Scalar, where
+
+if TYPE_CHECKING:
+    from dualwinch.controllers.controller import Controller
+
+
+@dataclass(frozen=True)
+class KalmanGains:
+    """Noise levels and bandwidth of the filter.
+
+    Only ratios of the noise levels matter: the random walk of the disturbance is scaled with them, so that the
+    filter's poles without a speed sensor and a ramp are those of a third-order Butterworth filter of this bandwidth.
+    """
+
+    position_noise: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of the position, rounding included", "assumption"),
+        Tunable(5e-5, 5e-3, standard=False),
+    ] = 6e-4
+    speed_noise: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m/s", "believed standard deviation of the speed", "assumption"),
+        Tunable(1e-4, 5e-2),
+    ] = 2e-3
+    encoder_noise: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of a position from encoder and stretch", "assumption"),
+        Tunable(1e-6, 1e-2),
+    ] = 1e-4
+    bandwidth: Annotated[
+        float, at.Gt(0), Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)
+    ] = 20.0
+    ramp: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(0.7),
+        Quantity("1", "how fast it follows the disturbance's rate, over the bandwidth; 0: not at all", "assumption"),
+        Tunable(0, 0.7, log=False),
+    ] = 0.0
+    compensation: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(1),
+        Quantity("1", "share of the estimated disturbance that the position law compensates", "assumption"),
+        Tunable(0, 1, log=False),
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class KalmanState:
+    """What the filter expects of the coming sample; a run starts at rest at x = 0, where the encoders are zeroed."""
+
+    x: Annotated[Scalar, Quantity("m", "expected position")] = 0.0
+    v: Annotated[Scalar, Quantity("m/s", "expected speed")] = 0.0
+    d: Annotated[Scalar, Quantity("m/s^2", "expected disturbance acceleration")] = 0.0
+    rate: Annotated[Scalar, Quantity("m/s^3", "expected rate of the disturbance")] = 0.0
+
+
+DOUBLINGS = 16
+"""Doubling steps: the gain is that of a filter that has run for 2^16 samples."""
+
+TAUT = 0.5
+"""Share of tension_min above which a rope counts as taut."""
+
+
+def kalman_gain(gains: KalmanGains, sample_time: Scalar) -> Matrix:
+    """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed.
+
+    Worked out in units of the sample time and of the combined position noise, where all numbers are of one size.
+
+    Args:
+        gains: noise levels and bandwidth.
+        sample_time: in s.
+    """
+    motion: Matrix = ((1.0, 1.0, 0.5), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))
+    walk = (gains.bandwidth * sample_time) ** 6
+    covariance: Matrix = tuple(
+        tuple(walk * share for share in row)
+        for row in ((1 / 20, 1 / 8, 1 / 6), (1 / 8, 1 / 3, 1 / 2), (1 / 6, 1 / 2, 1.0))
+    )
+    position_variance = 1 / sum(_information(gains))
+    speed_variance = gains.speed_noise**2 * sample_time**2 / position_variance
+    identity = diagonal(1.0, 1.0, 1.0)
+    a, g, h = transpose(motion), diagonal(1.0, 1 / speed_variance, 0.0), covariance
+    for _ in range(DOUBLINGS):
+        w = plus(identity, times(g, h))
+        w_a, w_g = solve(w, a), solve(w, g)
+        a, g, h = (
+            times(a, w_a),
+            plus(g, times(a, w_g, transpose(a))),
+            plus(h, times(transpose(a), h, w_a)),
+        )
+    seen = tuple(row[:2] for row in h)
+    innovation = plus(seen[:2], diagonal(1.0, speed_variance))
+    gain = transpose(solve(innovation, transpose(seen)))
+    return tuple(
+        (along / sample_time**order, across * sample_time ** (1 - order)) for order, (along, across) in enumerate(gain)
+    )
+
+
+def _information(gains: KalmanGains) -> tuple[Scalar, Scalar, Scalar]:
+    """What position sensor, encoder 1 and encoder 2 know of the position, in 1/m²."""
+    encoder = 1 / gains.encoder_noise**2
+    return 1 / gains.position_noise**2, encoder, encoder
+
+
+def kalman_step(
+    state: KalmanState,
+    measurement: Measurement,
+    controller: "Controller",
+    nominal: Plant,
+    sample_time: Scalar,
+) -> tuple[KalmanState, Seen]:
+    """One sample: correct the expectation by this sample's measurements, and expect the next.
+
+    Args:
+        state: what was expected of this sample.
+        measurement: what was measured.
+        controller: gains, and tension_min, which tells a slack rope.
+        nominal: the plant as the controller believes it to be.
+        sample_time: in s.
+
+    Returns:
+        The next state, and the measurement with the estimated position and speed in place of the measured ones, and
+        the disturbance to compensate.
+    """
+    gains = controller.kalman
+    (x_x, x_v), (v_x, v_v), (d_x, d_v) = kalman_gain(gains, sample_time)
+    position, encoder_1, encoder_2 = _information(gains)
+    total = position + encoder_1 + encoder_2
+    length_1, length_2 = rope_lengths(state.x, nominal.track)
+    F1, F2 = measurement.F1, measurement.F2
+    from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 * compliance(length_1, nominal.rope_1)
+    from_2 = F2 * compliance(length_2, nominal.rope_2) - nominal.winch_2.drum_radius * measurement.theta_2
+    taut = TAUT * controller.coordination.tension_min
+    surprise_x = position / total * (measurement.x - state.x)
+    surprise_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
+    surprise_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
+    surprise_v = measurement.v - state.v
+    x = state.x + x_x * surprise_x + x_v * surprise_v
+    v = state.v + v_x * surprise_x + v_v * surprise_v
+    learnt = d_x * surprise_x + d_v * surprise_v
+    d, rate = state.d + learnt, state.rate + gains.ramp * gains.bandwidth * learnt
+    acceleration = vehicle_acceleration(v, F1 - F2, Environment(), nominal.vehicle) + d
+    following = KalmanState(
+        x=x + sample_time * v + sample_time**2 / 2 * acceleration,
+        v=v + sample_time * acceleration,
+        d=d + sample_time * rate,
+        rate=rate,
+    )
+    return following, Seen(**vars(measurement) | {"x": x, "v": v, "d": gains.compensation * d})

@@ -1,0 +1,30 @@
+"""Anti-saturation system: remembers how much force was cut off (paper Section 3.1.2, E8, A10)."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import annotated_types as at
+
+from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.scalar import Scalar
+
+
+@dataclass(frozen=True)
+class AuxiliaryGains:
+    """Gains of the anti-saturation system; the paper's one gamma cannot have both units (E8)."""
+
+    gamma: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10"),
+        Tunable(1e-8, 1e-3),
+    ] = 1e-5
+    gamma_force: Annotated[
+        float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10"), Tunable(1e-6, 10, standard=False)
+    ] = 1e-5
+    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100)] = 1.0
+
+
+def auxiliary_update(Z_a: Scalar, excess: Scalar, gains: AuxiliaryGains, sample_time: Scalar) -> Scalar:
+    """Z_a in N s at the next sample, driven by the force `excess` = u − u_sat in N that was cut off."""
+    return Z_a + sample_time * (-gains.k_a * Z_a + excess)

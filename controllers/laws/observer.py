@@ -1,0 +1,87 @@
+"""Fuzzy adaptive nonlinear disturbance observer, FANDO (paper Section 3.1.3, E6).
+
+Discretised so that no acceleration sensor is needed: the speed error's difference over the last sample, less the
+acceleration the last command asked for, is the disturbance of that sample.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import annotated_types as at
+
+from dualwinch.controllers.laws.fuzzy import inference
+from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.scalar import Scalar, exp
+
+
+@dataclass(frozen=True)
+class ObserverGains:
+    """Gains of the disturbance observer."""
+
+    l0: Annotated[
+        float, at.Ge(0), Quantity("1/s", "constant part of the observer gain, L_0", "A9"), Tunable(0.1, 100)
+    ] = 5.0
+    kf: Annotated[float, at.Ge(0), Quantity("1/s", "fuzzy part of the observer gain, K_f", "A9"), Tunable(0.1, 100)] = (
+        5.0
+    )
+    error_scale: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m/s^2", "estimation error that counts as big", "A8"),
+        Tunable(1e-3, 10, standard=False),
+    ] = 0.1
+    rate_scale: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m/s^3", "rate of the estimation error that counts as big", "A8"),
+        Tunable(1e-2, 100, standard=False),
+    ] = 0.5
+    filter_time: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("s", "low-pass on the estimation error before the fuzzy rules", "A8"),
+        Tunable(1e-3, 2, standard=False),
+    ] = 0.2
+
+
+@dataclass(frozen=True)
+class ObserverState:
+    """State of the observer."""
+
+    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")] = 0.0
+    filtered: Annotated[Scalar, Quantity("m/s^2", "low-passed estimation error")] = 0.0
+    e2_previous: Annotated[Scalar, Quantity("m/s", "speed error of the last sample")] = 0.0
+    a_previous: Annotated[Scalar, Quantity("m/s^2", "error acceleration the last command asked for")] = 0.0
+    primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the observer says in one sample."""
+
+    d_hat: Scalar
+    L1: Scalar
+    filtered: Scalar
+
+
+def estimate(state: ObserverState, e2: Scalar, gains: ObserverGains, sample_time: Scalar) -> Estimate:
+    """New estimate of the disturbance acceleration from the speed error e2 in m/s (paper Section 3.1.3, E6)."""
+    d_tilde = state.primed * ((e2 - state.e2_previous) / sample_time - state.a_previous - state.d_hat)
+    step = sample_time / (gains.filter_time + sample_time) * (d_tilde - state.filtered)
+    filtered = state.filtered + step
+    fuzzy = inference(filtered / gains.error_scale, step / sample_time / gains.rate_scale)
+    L1 = gains.l0 + gains.kf * fuzzy
+    return Estimate(state.d_hat + (1 - exp(-L1 * sample_time)) * d_tilde, L1, filtered)
+
+
+def remember(now: Estimate, e2: Scalar, error_acceleration: Scalar) -> ObserverState:
+    """State for the next sample, once the command is known.
+
+    Args:
+        now: this sample's estimate.
+        e2: this sample's speed error in m/s.
+        error_acceleration: ë_1 in m/s² that the saturated command would give without disturbance.
+    """
+    return ObserverState(
+        d_hat=now.d_hat, filtered=now.filtered, e2_previous=e2, a_previous=error_acceleration, primed=1.0
+    )

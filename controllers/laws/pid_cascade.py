@@ -1,0 +1,82 @@
+"""Baseline: a position loop around a speed loop (the paper gives four numbers only, A12)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import annotated_types as at
+
+from dualwinch.controllers.limits import force_limit
+from dualwinch.controllers.signals import Measurement, PositionOutput
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.scalar import Scalar, both, clip, either, where
+from dualwinch.model.vehicle import inertia
+
+if TYPE_CHECKING:
+    from dualwinch.controllers.controller import Controller
+
+
+@dataclass(frozen=True)
+class PidCascadeGains:
+    """Gains of the two loops."""
+
+    kp1: Annotated[float, at.Ge(0), Quantity("1/s", "position loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = (
+        10.0
+    )
+    ki1: Annotated[float, at.Ge(0), Quantity("1/s^2", "position loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.1
+    kd1: Annotated[
+        float, at.Ge(0), Quantity("1", "position loop, derivative", "A12"), Tunable(0, 2, log=False, standard=False)
+    ] = 0.0
+    kp2: Annotated[float, at.Ge(0), Quantity("1/s", "speed loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = 2.0
+    ki2: Annotated[float, at.Ge(0), Quantity("1/s^2", "speed loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.05
+    kd2: Annotated[
+        float, at.Ge(0), Quantity("1", "speed loop, derivative", "A12"), Tunable(0, 0.5, log=False, standard=False)
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class PidCascadeState:
+    """State of the two loops."""
+
+    I1: Annotated[Scalar, Quantity("m s", "integral of the position error")] = 0.0
+    I2: Annotated[Scalar, Quantity("m", "integral of the speed error")] = 0.0
+    ev_previous: Annotated[Scalar, Quantity("m/s", "speed error of the last sample")] = 0.0
+    primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
+
+
+def pid_cascade_step(
+    state: PidCascadeState,
+    measurement: Measurement,
+    setpoint: Setpoint,
+    controller: "Controller",
+    nominal: Plant,
+    sample_time: Scalar,
+) -> tuple[PidCascadeState, PositionOutput]:
+    """One sample of the cascade; both integrals are held while they would push the force further into its limit."""
+    gains = controller.pid_cascade
+    mass = inertia(nominal.vehicle)
+    limit = force_limit(controller.coordination)
+    e1, e2 = measurement.x - setpoint.x, measurement.v - setpoint.v
+
+    def speed_error(I1: Scalar) -> Scalar:
+        return -gains.kp1 * e1 - gains.ki1 * I1 - gains.kd1 * e2 - measurement.v
+
+    def force(ev: Scalar, I2: Scalar) -> Scalar:
+        slope = state.primed * (ev - state.ev_previous) / sample_time
+        return mass * (gains.kp2 * ev + gains.ki2 * I2 + gains.kd2 * slope)
+
+    I1 = state.I1 + sample_time * e1
+    ev = speed_error(I1)
+    I2 = state.I2 + sample_time * ev
+    u = force(ev, I2)
+    winding_up = either(both(u > limit, ev > 0), both(u < -limit, ev < 0))
+    held_ev = speed_error(state.I1)
+    u = where(winding_up, force(held_ev, state.I2), u)
+    next_state = PidCascadeState(
+        I1=where(winding_up, state.I1, I1),
+        I2=where(winding_up, state.I2, I2),
+        ev_previous=where(winding_up, held_ev, ev),
+        primed=1.0,
+    )
+    return next_state, PositionOutput(u=u, u_sat=clip(u, -limit, limit))

@@ -1,0 +1,152 @@
+"""``dualwinch certify``: the paper's stability theorem for given gains and a scenario."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from dualwinch.codegen.files import atomic
+from dualwinch.commands.doctor import versions
+from dualwinch.commands.folders import check_folder
+from dualwinch.commands.simulate import check_plot, experiment
+from dualwinch.config.experiment_file import to_toml
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.certificate import Certificate
+from dualwinch.simulation.analysis.certificate import certify as judge
+from dualwinch.simulation.analysis.nearby_gains import NearbyGains, nearby_gains
+from dualwinch.simulation.analysis.stability import GAPS, REAL
+
+POINTS = 2000
+"""Points of V(t) a file keeps."""
+
+
+def certify(
+    case: int | None,
+    config: Path | None,
+    controller: str | None,
+    assignments: list[str],
+    out: Path | None,
+    plot: Path | None,
+) -> None:
+    """Run, judge, search, print, write. Everything that can be wrong with the files is found before the run."""
+    asked = experiment(case, config, controller, assignments)
+    if out:
+        if out.suffix.lower() != ".json":
+            raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")
+        check_folder(out.parent)
+    check_plot(plot)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("simulating", total=1.0)
+        certificate = judge(asked, progress=lambda share: bar.update(task, completed=share))
+        task = bar.add_task("searching nearby gains", total=1.0)
+        near = nearby_gains(certificate, progress=lambda share: bar.update(task, completed=share))
+    print_certificate(certificate, near)
+    if out:
+        with atomic(out) as unfinished:
+            unfinished.write_text(json.dumps(as_json(certificate, near), indent=1) + "\n", encoding="utf-8")
+        console.print(f"wrote {out}")
+    if plot:
+        from dualwinch.simulation.plots import lyapunov
+        from dualwinch.simulation.plots import save as save_figure
+
+        save_figure(lyapunov(certificate), plot)
+        console.print(f"wrote {plot}")
+
+
+def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
+    """Print the verdict on every condition, what V does, and what the search found."""
+    console = Console(soft_wrap=True)
+    result = certificate.result
+    kind = result.experiment.controller.kind
+    console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s")
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("condition", "disturbance"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("left", "right"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    for condition in certificate.conditions:
+        verdict = "[green]holds[/green]" if condition.holds else "[red]fails[/red]"
+        sides = (f"{condition.left:.4g}", f"{condition.right:.4g}")
+        table.add_row(condition.name, condition.basis, *sides, verdict)
+    console.print(table)
+    console.print("As the paper prints them:", style="dim")
+    for statement in dict.fromkeys(condition.statement for condition in certificate.conditions):
+        console.print(f"  {statement}", style="dim", highlight=False)
+    console.print(f"\n{_verdict(certificate)}")
+    final, largest = certificate.terms.total[-1], certificate.terms.total.max()
+    console.print(
+        f"V decreases over {100 * certificate.decreasing:.4g} % of the samples, and as fast as the paper's last line "
+        f"says over {100 * certificate.within_claim:.4g} %. Largest V {largest:.4g}, last {final:.4g}."
+    )
+    console.print(_search(near))
+    console.print("\nWhat the proof takes for granted, whatever the gains:")
+    for gap in GAPS:
+        console.print(f"  - {gap}", highlight=False)
+
+
+def _verdict(certificate: Certificate) -> str:
+    if certificate.result.outcome != "completed":
+        return "[bold]Not certified[/bold]: the run did not reach its end."
+    if certificate.certified_with_ropes:
+        return "[bold]Certified[/bold], also with what the ropes do not deliver counted as disturbance."
+    if certificate.certified:
+        return f"[bold]Certified as printed[/bold], but not with {REAL}: the force lags behind its command."
+    failing = sum(not c.holds for c in certificate.conditions if c.basis != REAL)
+    return f"[bold]Not certified[/bold]: {failing} condition{'s' if failing > 1 else ''} of the paper's fail."
+
+
+def _search(near: NearbyGains) -> str:
+    if near.found and not near.changes:
+        return f"Nearby gains: none needed, {near.reason}."
+    changes = ", ".join(f"{key} {before:g} -> {after:.4g}" for key, (before, after) in near.changes.items())
+    if near.found:
+        better = f"V then decreases over {100 * near.certificate.decreasing:.4g} % of the samples"
+        return f"Nearby gains that satisfy every condition: {changes}; {near.reason}. {better}."
+    attempts = "\n".join(f"  - {line}" for line in near.history[1:])
+    return f"Nearby gains that satisfy every condition: none found, {near.reason}.\nTried:\n{attempts}"
+
+
+def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
+    """The report as plain values; what is not finite becomes null."""
+    result, terms = certificate.result, certificate.terms
+    stride = max(1, -(-len(result["t"]) // POINTS))
+    names = ("surface", "auxiliary", "estimate", "adaptation")
+    curves = {"t": result["t"], "V": terms.total} | {name: getattr(terms, name) for name in names}
+    report = {
+        "outcome": result.outcome,
+        "end_time": result.end_time,
+        "certified": certificate.certified,
+        "certified_with_ropes": certificate.certified_with_ropes,
+        "conditions": [asdict(condition) for condition in certificate.conditions],
+        "bounds": {basis: asdict(seen) for basis, seen in certificate.bounds.items()},
+        "decreasing_share": certificate.decreasing,
+        "within_claim_share": certificate.within_claim,
+        "curves": {name: values[::stride].tolist() for name, values in curves.items()}
+        | {"dV_dt": certificate.rate[::stride].tolist()},
+        "nearby_gains": {
+            "found": near.found,
+            "changes": {key: {"given": a, "tried": b} for key, (a, b) in near.changes.items()},
+            "reason": near.reason,
+            "history": near.history,
+        },
+        "gaps": list(GAPS),
+        "configuration": to_toml(result.experiment),
+        "versions": versions(),
+    }
+    return _plain(report)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

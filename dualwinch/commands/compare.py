@@ -1,0 +1,214 @@
+"""``dualwinch compare``: files of gains in the same scenarios, with paired statistics."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
+from rich.table import Table
+
+from dualwinch.codegen.files import atomic
+from dualwinch.commands.doctor import versions
+from dualwinch.commands.folders import check_folder
+from dualwinch.commands.simulate import check_plot
+from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
+from dualwinch.config.experiment_file import load, parse_assignment
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import leaves
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.paired import CONFIDENCE, RESAMPLES, Comparison
+from dualwinch.simulation.ensembles.paired_run import compare as run
+from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.experiment import Experiment
+
+PAPER = "paper"
+"""Name that stands for the paper's gains instead of a file."""
+
+SCENARIOS, SEED = 200, 0
+"""How many scenarios are drawn, and from which seed, where nothing else is asked for."""
+
+METHOD = "percentile bootstrap, scenarios resampled in pairs"
+"""How the intervals are made, in words."""
+
+ROWS = {
+    "mean_mse": ("MSE, mean", "mm²", 1e6),
+    "mean_mse_within_reach": ("mean within reach", "mm²", 1e6),
+    "median_mse": ("median", "mm²", 1e6),
+    "p95_mse": ("95 %", "mm²", 1e6),
+    "mean_chatter": ("chatter, mean", "N", 1.0),
+    "max_tension": ("largest tension", "N", 1.0),
+    "min_tension": ("smallest tension", "N", 1.0),
+    "slack_share": ("slack, of the samples", "%", 100.0),
+    "slack_scenarios": ("scenarios with slack", "", 1.0),
+    "saturated_share": ("saturated, of the samples", "%", 100.0),
+}
+"""Statistic → name, unit and factor in the printed table."""
+
+
+def controllers(names: Sequence[str]) -> dict[str, Controller]:
+    """The controllers of files of gains, by the names they were asked for with.
+
+    Raises:
+        ConfigurationError: no file, one twice, or anything wrong with a file.
+    """
+    if not names:
+        raise ConfigurationError(f"give at least one file of gains, or '{PAPER}' for the paper's")
+    twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
+    if twice is not None:
+        raise ConfigurationError(f"{twice}: given twice")
+    return {name: paper_controller() if name == PAPER else load(Path(name)).controller for name in names}
+
+
+def ensemble(name: str, config: Path | None, assignments: Sequence[str]) -> Ensemble:
+    """The ensemble a command line asks for.
+
+    Raises:
+        ConfigurationError: anything wrong with the ensemble, a key or a value, or a key of the controller.
+    """
+    values = dict(map(parse_assignment, assignments))
+    for key in values:
+        if key.startswith("controller."):
+            raise ConfigurationError(f"{key}: the controller comes from the files of gains; set it there")
+    return reset(load_ensemble(name, load(config) if config else Experiment()), values)
+
+
+def compare(
+    names: Sequence[str],
+    ensemble_name: str,
+    config: Path | None,
+    assignments: Sequence[str],
+    scenarios: int,
+    seed: int,
+    out: Path | None,
+    plot: Path | None,
+) -> None:
+    """Run, print, write. Everything that can be wrong with the files is found before the run."""
+    wanted, drawn = controllers(names), ensemble(ensemble_name, config, assignments)
+    if out:
+        if out.suffix.lower() != ".json":
+            raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")
+        check_folder(out.parent)
+    check_plot(plot)
+    console = Console(stderr=True)
+    shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=1.0)
+        result = run(wanted, drawn, scenarios, seed, progress=lambda share: bar.update(task, completed=share))
+    with console.status("finding what no controller can track"):
+        facts = as_json(result)
+    print_comparison(result, facts)
+    if out:
+        with atomic(out) as unfinished:
+            unfinished.write_text(json.dumps(facts, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        console.print(f"wrote {out}")
+    if plot:
+        from dualwinch.simulation.plots import comparison
+        from dualwinch.simulation.plots import save as save_figure
+
+        save_figure(comparison(result), plot)
+        console.print(f"wrote {plot}")
+    if result.partial:
+        raise KeyboardInterrupt
+
+
+def as_json(result: Comparison) -> dict[str, Any]:
+    """Everything the comparison says, JSON-ready: NaN becomes null."""
+    first = next(iter(result.contenders))
+    files = [
+        {
+            "name": name,
+            **one.summary(),
+            "mean_mse_within_reach": result.mean_mse_within_reach(name),
+            "over_first": {} if name == first else {key: asdict(pair) for key, pair in result.paired(name).items()},
+            "controller": {key: value for key, value in leaves(one.controller).items() if value is not None},
+        }
+        for name, one in result.contenders.items()
+    ]
+    return _finite(
+        {
+            "ensemble": result.ensemble.name,
+            "seed": result.seed,
+            "scenarios": len(result),
+            "scenarios_asked": result.asked,
+            "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": result.seed},
+            "out_of_reach": {
+                "scenarios": int((result.least_mse > 0).sum()),
+                "least_mean_mse": float(result.least_mse.mean()),
+            },
+            "files": files,
+            "configuration": ensemble_to_toml(result.ensemble),
+            **{f"version_{name}": version for name, version in versions().items()},
+        }
+    )
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not abs(value) < float("inf") else value
+
+
+def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
+    """Print statistics and ratios.
+
+    Args:
+        result: the comparison.
+        facts: the same as `as_json` gives it.
+    """
+    console = Console()
+    ensemble = result.ensemble
+    console.print(f"{len(result)} scenarios of '{ensemble.name}', seed {result.seed}, the same for all")
+    if result.partial:
+        console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
+    files = facts["files"]
+    table = _table(files)
+    for key, (words, unit, factor) in ROWS.items():
+        table.add_row(words, *(_number(one[key], factor) for one in files), unit)
+    for outcome in dict.fromkeys(outcome for one in files for outcome in one["outcomes"]):
+        table.add_row(outcome.replace("_", " "), *(str(one["outcomes"].get(outcome, 0)) for one in files), "")
+    console.print(table)
+    if out_of_reach := facts["out_of_reach"]["scenarios"]:
+        least = 1e6 * facts["out_of_reach"]["least_mean_mse"]
+        console.print(
+            f"{out_of_reach} scenarios are out of reach: they ask for more force than the motors can give. No "
+            f"controller that does not foresee them gets below a mean MSE of {least:.3g} mm².",
+            soft_wrap=True,
+        )
+    if any(set(one["outcomes"]) != {"completed"} for one in files):
+        console.print("Statistics are those of the completed scenarios, ratios those of scenarios completed by both.")
+    if len(files) == 1:
+        return
+    console.print(f"Means over those of {files[0]['name']}, with {100 * CONFIDENCE:g} % intervals:")
+    ratios = _table(files[1:])
+    pairs = [one["over_first"] for one in files[1:]]
+    for metric in pairs[0]:
+        ratios.add_row(metric.replace("_", " "), *(_interval(pair[metric]["ratio_of_means"]) for pair in pairs), "")
+        ratios.add_row("  smaller in", *(_number(pair[metric]["better"], 100) for pair in pairs), "% of scenarios")
+    console.print(ratios)
+
+
+def _table(files: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("", style="bold", no_wrap=True)
+    for one in files:
+        table.add_column(one["name"], justify="right")
+    table.add_column("")
+    return table
+
+
+def _number(value: float | None, factor: float) -> str:
+    return "–" if value is None else f"{factor * value:.4g}"
+
+
+def _interval(interval: Mapping[str, float | None]) -> str:
+    estimate, low, high = (
+        "–" if value is None else f"{value:.3g}" for value in (interval[key] for key in ("estimate", "low", "high"))
+    )
+    return f"{estimate} ({low}–{high})"

@@ -1,0 +1,66 @@
+"""``dualwinch export``: controller, plant and closed loop as files for other people's tools."""
+
+import hashlib
+import os
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rich.console import Console
+
+from dualwinch import __version__
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.export.casadi_files import casadi_files
+from dualwinch.codegen.export.mex import mex_files
+from dualwinch.codegen.export.package import Provenance, c_package
+from dualwinch.codegen.files import atomic
+from dualwinch.commands.folders import make_folder
+from dualwinch.config.experiment_file import to_toml
+from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.blocks import BLOCKS, block
+
+
+def provenance(experiment: Experiment) -> Provenance:
+    """Where an export of an experiment comes from; the date is that of ``SOURCE_DATE_EPOCH`` where it is set."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    now = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
+    digest = hashlib.sha256(to_toml(experiment).encode()).hexdigest()[:16]
+    return Provenance(f"dualwinch {__version__}", f"sha256:{digest}", f"{now:%Y-%m-%d}")
+
+
+def symbol(made: Block) -> str:
+    """What every C symbol of a block begins with."""
+    return f"dualwinch_{made.name}"
+
+
+def write(files: Mapping[str, str | bytes], folder: Path) -> None:
+    """Write files to a folder, made where there is none, and say so.
+
+    Raises:
+        ConfigurationError: the folder cannot be made or written to.
+    """
+    make_folder(folder)
+    for name, content in files.items():
+        with atomic(folder / name) as unfinished:
+            unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
+    Console(stderr=True).print(f"wrote {folder}: {', '.join(files)}", soft_wrap=True)
+
+
+def export_c(experiment: Experiment, what: str, precision: str, out: Path, *, freeze: bool) -> None:
+    """Write a block as a C99 package."""
+    made = block(what, experiment)
+    write(c_package(made, symbol(made), provenance(experiment), precision, freeze=freeze), out)
+
+
+def export_casadi(experiment: Experiment, out: Path) -> None:
+    """Write the functions of every block as CasADi's own files, with a table of names."""
+    write(casadi_files([block(what, experiment) for what in BLOCKS], provenance(experiment)), out)
+
+
+def export_mex(experiment: Experiment, out: Path) -> None:
+    """Write plant and controller as MEX sources, with a closed loop in the MATLAB language."""
+    controller, plant = block("controller", experiment), block("plant", experiment)
+    x_ref, v_ref, a_ref = exogenous_signals(experiment)[:, :3].T
+    reference = {"x_ref": x_ref, "v_ref": v_ref, "a_ref": a_ref}
+    write(mex_files(plant, controller, symbol, reference, provenance(experiment)), out)

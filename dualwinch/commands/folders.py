@@ -1,0 +1,34 @@
+"""Folders results go to, checked before any work is done."""
+
+import tempfile
+from pathlib import Path
+
+from dualwinch.model.errors import ConfigurationError
+
+
+def check_folder(folder: Path) -> None:
+    """Find out now whether files can be written to a folder.
+
+    Raises:
+        ConfigurationError: it does not exist, is no folder or cannot be written to.
+    """
+    if not folder.is_dir():
+        raise ConfigurationError(f"{folder}: no such folder")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: cannot be written to ({error.strerror})") from error
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, with those above it, and check that files can be written to it.
+
+    Raises:
+        ConfigurationError: it cannot be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
+    check_folder(folder)

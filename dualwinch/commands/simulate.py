@@ -1,0 +1,107 @@
+"""``dualwinch simulate``: one run, its figures of merit, its data and its figure."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from dualwinch.commands.doctor import versions
+from dualwinch.commands.folders import check_folder
+from dualwinch.config.experiment_file import load, override, parse_assignment, to_toml
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import describe
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.engine import EngineName
+from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.paper import case as paper_case
+from dualwinch.simulation.result import Result
+from dualwinch.simulation.simulate import simulate as run
+from dualwinch.simulation.storage import save, writer
+
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def experiment(case: int | None, config: Path | None, controller: str | None, assignments: list[str]) -> Experiment:
+    """The experiment a command line asks for.
+
+    Raises:
+        ConfigurationError: both a case and a file, or anything wrong with a key or value.
+    """
+    if case is not None and config is not None:
+        raise ConfigurationError("--case and --config: give one of them")
+    base = paper_case(case) if case is not None else load(config) if config else Experiment()
+    if controller is not None:
+        base = replace(base, controller=replace(base.controller, kind=controller))
+    values: dict[str, Any] = dict(map(parse_assignment, assignments))
+    return override(base, values)
+
+
+def check_plot(plot: Path | None) -> None:
+    """Find out now whether a figure can be written.
+
+    Raises:
+        ConfigurationError: unknown suffix, or a folder that cannot be written to.
+    """
+    if plot is None:
+        return
+    if plot.suffix.lower() not in PLOT_SUFFIXES:
+        raise ConfigurationError(
+            f"{plot.name}: unknown suffix {plot.suffix!r}; must be one of {', '.join(PLOT_SUFFIXES)}"
+        )
+    check_folder(plot.parent)
+
+
+def simulate(
+    case: int | None,
+    config: Path | None,
+    controller: str | None,
+    assignments: list[str],
+    out: Path | None,
+    plot: Path | None,
+    stride: int,
+    engine: EngineName,
+) -> None:
+    """Run, print, write. Everything that can be wrong with the files is found before the run."""
+    asked = experiment(case, config, controller, assignments)
+    if stride < 1:
+        raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
+    if out:
+        writer(out)
+        check_folder(out.parent)
+    check_plot(plot)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("simulating", total=1.0)
+        result = run(asked, stride=stride, engine_name=engine, progress=lambda share: bar.update(task, completed=share))
+    print_result(result)
+    notes = {"configuration": to_toml(asked), **{f"version_{k}": v for k, v in versions().items()}}
+    if out:
+        with console.status(f"writing {out}"):
+            save(result, out, notes)
+        console.print(f"wrote {out}")
+    if plot:
+        with console.status(f"drawing {plot}"):
+            from dualwinch.simulation.plots import overview
+            from dualwinch.simulation.plots import save as save_figure
+
+            save_figure(overview(result), plot)
+        console.print(f"wrote {plot}")
+
+
+def print_result(result: Result) -> None:
+    """Print outcome and figures of merit of a run."""
+    console = Console()
+    kind = result.experiment.controller.kind
+    console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s")
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(justify="right")
+    table.add_column()
+    table.add_column(style="dim")
+    for name, leaf in describe(Metrics).items():
+        unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
+        table.add_row(name, f"{getattr(result.metrics, name):.6g}", unit, leaf.quantity.meaning)
+    console.print(table)

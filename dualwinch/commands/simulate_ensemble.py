@@ -1,0 +1,104 @@
+"""``dualwinch simulate --ensemble``: many scenarios, their statistics, one row each in a file, and a fan chart."""
+
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from dualwinch.commands.doctor import versions
+from dualwinch.commands.folders import check_folder
+from dualwinch.commands.simulate import check_plot, experiment
+from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
+from dualwinch.config.experiment_file import parse_assignment
+from dualwinch.model.quantity import describe
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.result import EnsembleResult
+from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.ensembles.storage import ensemble_writer, save_ensemble
+from dualwinch.simulation.loop.metrics import Metrics
+
+SCENARIOS, SEED = 100, 0
+"""How many scenarios are drawn, and from which seed, where nothing else is asked for."""
+
+
+class Rate(ProgressColumn):
+    """Scenarios a second."""
+
+    def render(self, task: Task) -> Text:
+        """The rate so far."""
+        return Text(f"{task.speed:.0f} scenarios/s" if task.speed else "")
+
+
+def ensemble(
+    name: str, case: int | None, config: Path | None, controller: str | None, assignments: list[str]
+) -> Ensemble:
+    """The ensemble a command line asks for.
+
+    The case or file gives the values the ensemble's file does not; controller and assignments are set on its nominal
+    values, and distributions relative to those follow.
+
+    Raises:
+        ConfigurationError: anything wrong with the ensemble, a key or a value.
+    """
+    drawn = load_ensemble(name, experiment(case, config, None, []))
+    values = dict(map(parse_assignment, assignments))
+    if controller is not None:
+        values = {"controller.kind": controller, **values}
+    return reset(drawn, values)
+
+
+def simulate_ensemble(
+    asked: Ensemble, scenarios: int | None, seed: int | None, out: Path | None, plot: Path | None
+) -> None:
+    """Run, print, write. Everything that can be wrong with the files is found before the run."""
+    count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
+    if out:
+        ensemble_writer(out)
+        check_folder(out.parent)
+    check_plot(plot)
+    console = Console(stderr=True)
+    shown = (BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
+    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=count)
+        result = run_ensemble(
+            asked, count, seed, traces=plot is not None, progress=lambda done: bar.update(task, completed=done)
+        )
+    print_ensemble(result)
+    if out:
+        notes = {"configuration": ensemble_to_toml(asked), **{f"version_{k}": v for k, v in versions().items()}}
+        save_ensemble(result, out, notes)
+        console.print(f"wrote {out}")
+    if plot:
+        from dualwinch.simulation.plots import fan_chart
+        from dualwinch.simulation.plots import save as save_figure
+
+        save_figure(fan_chart(result), plot)
+        console.print(f"wrote {plot}")
+    if result.partial:
+        raise KeyboardInterrupt
+
+
+def print_ensemble(result: EnsembleResult) -> None:
+    """Print outcomes and statistics of an ensemble."""
+    console = Console()
+    kind = result.ensemble.experiment.controller.kind
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in result.outcome_counts.items())
+    console.print(f"[bold]{kind}[/bold] in '{result.ensemble.name}', seed {result.seed}: {counts}")
+    if result.partial:
+        console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept")
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("", style="bold", no_wrap=True)
+    for heading in ("mean", "median", "95 %", "worst"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("")
+    for name, leaf in describe(Metrics).items():
+        statistic = result.statistic(name)
+        values = (statistic.mean, statistic.median, statistic.p95, statistic.worst)
+        unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
+        table.add_row(name, *(f"{value:.4g}" for value in values), unit)
+    console.print(table)
+    if len(result.outcome_counts) > 1 or "completed" not in result.outcome_counts:
+        console.print("Statistics are those of the completed scenarios.")

@@ -1,0 +1,175 @@
+"""A tuning problem from the words of the command line, and as text that a study keeps for its workers."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from dualwinch.commands.simulate import experiment
+from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
+from dualwinch.config.experiment_file import flattened, load, override, parse_assignment, read_toml, to_toml
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.tuning.constraint import default_constraints
+from dualwinch.tuning.objective import DEFAULT_OBJECTIVES
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.space_entries import POWER, entry_from, space_of
+from dualwinch.tuning.space_record import space_from, space_to_record
+
+SCENARIOS = 8
+"""Scenarios a candidate is tuned on where nothing else is asked for."""
+
+ESTIMATOR = "controller.estimator"
+
+
+def problem_of(
+    case: int | None,
+    config: Path | None,
+    assignments: Sequence[str],
+    ensemble: str | None,
+    space: Sequence[str],
+    objectives: Sequence[str],
+    constraints: Sequence[str] | None,
+    scenarios: int | None,
+    seed: int,
+) -> Problem:
+    """The problem a command line asks for.
+
+    With an ensemble the calibrating Kalman filter is used unless a file or an assignment says otherwise: sensors there
+    are noisy and ropes are not quite the nominal ones.
+
+    Raises:
+        ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
+    """
+    values = dict(map(parse_assignment, assignments))
+    drawn: Ensemble | None = None
+    if ensemble is None:
+        base = override(experiment(case, config, None, []), values)
+        if scenarios is not None:
+            raise ConfigurationError("--scenarios: needs --ensemble")
+    else:
+        if config is None and ESTIMATOR not in values:
+            values[ESTIMATOR] = "calibrating-kalman"
+        drawn = reset(load_ensemble(ensemble, experiment(case, config, None, [])), values)
+        base = drawn.experiment
+    count = SCENARIOS if scenarios is None else scenarios
+    for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
+        if value < least:
+            raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
+    problem = Problem(
+        experiment=base,
+        ensemble=drawn,
+        space=space_of(_entries(space), base),
+        objectives=tuple(objectives or DEFAULT_OBJECTIVES),
+        constraints=default_constraints(drawn is not None) if constraints is None else tuple(constraints),
+        scenarios=count if drawn else 1,
+        seed=seed,
+    )
+    problem.check()
+    _ = problem.minimised, problem.bounded  # names and bounds are checked now
+    return problem
+
+
+def tuning_problem(
+    *,
+    case: int | None = None,
+    config: Path | None = None,
+    settings: Sequence[str] = (),
+    ensemble: str | None = None,
+    space: Sequence[str] = (),
+    objectives: Sequence[str] = (),
+    constraints: Sequence[str] | None = None,
+    scenarios: int | None = None,
+    seed: int = 1,
+) -> Problem:
+    """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
+
+    Args:
+        case: one of the paper's cases to start from.
+        config: a configuration file to start from.
+        settings: such as ``controller.estimator=none``.
+        ensemble: name or file of an ensemble; ``None``: the experiment is the only scenario.
+        space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
+        objectives: statistics to minimise; default: ``mean.mse``.
+        constraints: such as ``mean.chatter<=0.25*paper``; default: no slack, no peak, little chatter.
+        scenarios: of the ensemble, that a candidate is tuned on.
+        seed: of scenarios and search.
+
+    Raises:
+        ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
+    """
+    return problem_of(case, config, settings, ensemble, space, objectives, constraints, scenarios, seed)
+
+
+def definition_of(problem: Problem, method: str) -> dict[str, Any]:
+    """A problem as data that a study keeps."""
+    return {
+        "configuration": configuration(problem),
+        "ensemble": problem.ensemble.name if problem.ensemble else "",
+        "space": space_to_record(problem.space),
+        "objectives": list(problem.objectives),
+        "constraints": list(problem.constraints),
+        "scenarios": problem.scenarios,
+        "seed": problem.seed,
+        "method": method,
+    }
+
+
+def problem_from(definition: Mapping[str, Any]) -> Problem:
+    """The problem that `definition_of` took apart."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "study.toml"
+        file.write_text(definition["configuration"], encoding="utf-8")
+        drawn = load_ensemble(file) if definition["ensemble"] else None
+        base = drawn.experiment if drawn else load(file)
+    return Problem(
+        experiment=base,
+        ensemble=drawn,
+        space=space_from(definition["space"]),
+        objectives=tuple(definition["objectives"]),
+        constraints=tuple(definition["constraints"]),
+        scenarios=definition["scenarios"],
+        seed=definition["seed"],
+    )
+
+
+def configuration(problem: Problem) -> str:
+    """Ensemble or experiment as TOML."""
+    if problem.ensemble is None:
+        return to_toml(problem.experiment)
+    return ensemble_to_toml(replace(problem.ensemble, experiment=problem.experiment))
+
+
+def _entries(texts: Sequence[str]) -> dict[str, Any]:
+    entries: dict[str, Any] = {}
+    for text in texts:
+        if text.endswith(".toml"):
+            entries |= _read(Path(text))
+        else:
+            name, entry = entry_from(text)
+            if not name:
+                raise ConfigurationError(f"--space {text}: names no gain")
+            entries[name] = entry
+    if texts and not entries:
+        raise ConfigurationError("--space: is empty; name at least one gain, e.g. --space controller.nftsm.beta")
+    return entries
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Entries of a file's ``[space]`` table: ``controller.nftsm.beta = { lower = 0.005, upper = 5, log = true }``."""
+    _, table = read_toml(path)
+    if not isinstance(table.get("space"), dict) or set(table) != {"space"}:
+        raise ConfigurationError(f"{path}: must hold one table, [space]")
+    entries: dict[str, Any] = {}
+    for key, value in flattened(table["space"]):
+        name, _, last = key.rpartition(".")
+        if key == POWER:
+            entries[key] = value
+        elif last in {"lower", "upper", "log"}:
+            entries.setdefault(name, {})[last] = value
+        elif value is True:
+            entries[key] = {}
+        else:
+            raise ConfigurationError(f"{path}: space.{key}: must be true, or a table of lower, upper and log")
+    return entries

@@ -1,0 +1,124 @@
+"""Ensemble files: an experiment with a table of distributions, read with errors that name key, file and line."""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+from dualwinch.config.distribution_entries import SHAPES, check_range, drawn_from, entry_of
+from dualwinch.config.experiment_file import (
+    flattened,
+    known_keys,
+    located,
+    override,
+    read_toml,
+    to_toml,
+    toml_value,
+    validated,
+)
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.experiment import Experiment
+
+
+def built_in_ensembles() -> dict[str, Path]:
+    """Name → file of the ensembles that come with the product."""
+    with as_file(files("dualwinch.simulation") / "ensembles") as folder:
+        return {file.stem: file for file in sorted(folder.glob("*.toml"))}
+
+
+def find_ensemble(name: str | Path) -> Path:
+    """The file of an ensemble.
+
+    Args:
+        name: of one that comes with the product, such as ``sea``, or the path of a TOML file.
+
+    Raises:
+        ConfigurationError: it is neither.
+    """
+    known = built_in_ensembles()
+    if str(name) in known:
+        return known[str(name)]
+    path = Path(name)
+    if path.suffix or path.exists():
+        return path
+    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.4)
+    hint = f"did you mean '{near[0]}'?" if near else f"must be {', '.join(known)}"
+    raise ConfigurationError(f"unknown ensemble '{name}'; {hint} (or the path of a TOML file)")
+
+
+def load_ensemble(name: str | Path, base: Experiment | None = None) -> Ensemble:
+    """Read an ensemble.
+
+    Args:
+        name: of one that comes with the product, such as ``sea``, or the path of a TOML file.
+        base: what the file's experiment keys are set on (default: ``Experiment()``).
+
+    Raises:
+        ConfigurationError: there is no such ensemble, its file cannot be read or is no TOML, a key names nothing, a
+            value or a distribution is out of range.
+    """
+    path = find_ensemble(name)
+    text, table = read_toml(path)
+    heading, entries = table.pop("ensemble", {}), table.pop("distributions", {})
+    for key, group in (("ensemble", heading), ("distributions", entries)):
+        if not isinstance(group, dict):
+            raise ConfigurationError(f"{path}: {key}: must be a table, [{key}]")
+    for key, value in heading.items():
+        with located(path, text, f"ensemble.{key}"):
+            _check_heading(key, value)
+    values = dict(flattened(table))
+    for key, value in values.items():
+        with located(path, text, key):
+            validated(key, value)
+    experiment = override(base or Experiment(), values)
+    distributions: dict[str, Drawn] = {}
+    for key, entry in _entries(entries):
+        with located(path, text, f"distributions.{key}"):
+            distributions[key] = drawn_from(key, entry, experiment)
+    return Ensemble(heading.get("name", path.stem), heading.get("description", ""), experiment, distributions)
+
+
+def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
+    """A copy of an ensemble with some nominal values set; relative distributions follow.
+
+    Raises:
+        ConfigurationError: an unknown key, a value out of range, a key whose distribution does not follow the nominal
+            value, or a distribution that would leave its key's range.
+    """
+    for key in values:
+        drawn = ensemble.distributions.get(key)
+        if drawn is not None and not drawn.relative:
+            raise ConfigurationError(
+                f"{key}: is drawn in the ensemble '{ensemble.name}', whatever its nominal value; edit the file"
+            )
+    experiment = override(ensemble.experiment, values)
+    for key, drawn in ensemble.distributions.items():
+        check_range(key, drawn, experiment)
+    return replace(ensemble, experiment=experiment)
+
+
+def ensemble_to_toml(ensemble: Ensemble) -> str:
+    """The complete ensemble as TOML: name, distributions and every key of the experiment."""
+    lines = ["[ensemble]", f"name = {toml_value(ensemble.name)}", f"description = {toml_value(ensemble.description)}"]
+    lines += ["", "[distributions]", *(f"{key} = {entry_of(drawn)}" for key, drawn in ensemble.distributions.items())]
+    return "\n".join(lines) + "\n\n" + to_toml(ensemble.experiment)
+
+
+def _check_heading(key: str, value: Any) -> None:
+    if key not in {"name", "description"}:
+        raise ConfigurationError(f"unknown key 'ensemble.{key}'; must be name or description")
+    if not isinstance(value, str):
+        raise ConfigurationError(f"ensemble.{key} = {value}: must be a text")
+
+
+def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted key and content of every distribution, however the tables are nested."""
+    for name, value in table.items():
+        key = prefix + name
+        if key in known_keys() or not (isinstance(value, dict) and value) or set(SHAPES) & set(value):
+            yield key, value
+        else:
+            yield from _entries(value, f"{key}.")

@@ -1,0 +1,1 @@
+"""HTML reports, and the errata that stand in them."""

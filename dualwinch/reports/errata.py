@@ -1,0 +1,306 @@
+"""Where the paper is wrong or silent, and what dualwinch does instead; rendered to docs/errata.md and the report."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Note:
+    """One entry of the table.
+
+    Attributes:
+        id: E1 to E11 for errata, A1 to A13 for assumptions; code and configuration refer to it.
+        kind: ``erratum`` (the paper prints something wrong) or ``assumption`` (it leaves something open).
+        subject: what it is about, in a few words.
+        paper: what the paper prints or leaves open, with its section.
+        here: what dualwinch does.
+        keys: configuration keys, or the tables of keys, that hold it.
+        modules: source files that hold it.
+    """
+
+    id: str
+    kind: Literal["erratum", "assumption"]
+    subject: str
+    paper: str
+    here: str
+    keys: tuple[str, ...] = ()
+    modules: tuple[str, ...] = ()
+
+
+NOTES = (
+    Note(
+        "E1",
+        "erratum",
+        "direction of winch 2",
+        "The elongation of rope 2 is printed as x − R θ₂ (2.2), which counts paid-out rope as positive; the winch "
+        "equations (2.4) count retrieved rope as positive for both winches.",
+        "Retrieval is positive for angle, speed and torque of both winches: rope 2 is stretched by R₂ θ₂ + x.",
+        modules=("model/plant.py",),
+    ),
+    Note(
+        "E2",
+        "erratum",
+        "sign of friction and drag",
+        "Friction μ F_N and drag ½ C_d ρ A ẋ² are printed without a sign (2.3), so that they would push a vehicle "
+        "that moves backwards. The A of the drag is the symbol of the rope's cross-section.",
+        "Both oppose the motion: friction follows tanh(v / friction_velocity), drag follows v |v|. The drag has an "
+        "area of its own.",
+        keys=("plant.vehicle.drag_area", "plant.vehicle.friction_velocity"),
+        modules=("model/vehicle.py",),
+    ),
+    Note(
+        "E3",
+        "erratum",
+        "drum radius lost",
+        "With the tensions put in, the winch equations (2.4) lose the drum radius: a force stands among torques.",
+        "The rope's torque on the drum is R F, as in the equation the paper starts from.",
+        keys=("plant.winch_1.drum_radius", "plant.winch_2.drum_radius"),
+        modules=("model/winch.py",),
+    ),
+    Note(
+        "E4",
+        "erratum",
+        "phase of the vortices",
+        "The vortex force is a sine of 2π f t with the frequency f of this moment's speed (4.3). While the speed "
+        "changes, that is not the frequency the force has.",
+        "The paper's form is the default, so that results compare. With integrated_phase the frequency is integrated.",
+        keys=("disturbance.integrated_phase",),
+        modules=("model/disturbance.py",),
+    ),
+    Note(
+        "E5",
+        "erratum",
+        "jump in the reference",
+        "The constant-speed piece of the profile is printed as 1.8 t + 9 (4.1): the reference would jump by 25.2 m "
+        "at 18 s, past the track's end, and back at 29 s.",
+        "The piece is 1.8 t − 16.2, the only constant that joins its neighbours.",
+        keys=("reference.kind",),
+        modules=("model/reference.py",),
+    ),
+    Note(
+        "E6",
+        "erratum",
+        "acceleration in the observer",
+        "The disturbance observer (3.1.3) takes in the acceleration error ė₂, which nothing measures.",
+        "The speed error's difference over a sample stands for it, and with it the acceleration the last command "
+        "asked for: the observer needs no acceleration sensor.",
+        modules=("controllers/laws/observer.py",),
+    ),
+    Note(
+        "E7",
+        "erratum",
+        "factor lost in the switching control",
+        "From the condition on u_sw (3.1.1) to u_sw itself, the factor p/(q β) |e₂|^(p/q−1) is lost. With the control "
+        "as printed, the sliding variable follows the reaching law times that factor, not the reaching law.",
+        "The control is the printed one, to reproduce the paper.",
+        keys=("controller.nftsm",),
+        modules=("controllers/laws/nftsm.py",),
+    ),
+    Note(
+        "E8",
+        "erratum",
+        "one γ, two units",
+        "The same γ weighs the anti-saturation state in the sliding surface and in the force (3.1.2); it cannot have "
+        "both units.",
+        "Two gains: gamma in m/(N s²) for the surface, gamma_force in 1/s for the force.",
+        keys=("controller.auxiliary.gamma", "controller.auxiliary.gamma_force"),
+        modules=("controllers/laws/auxiliary.py",),
+    ),
+    Note(
+        "E9",
+        "erratum",
+        "algebraic loop in the winch control",
+        "The feedforward torque (3.3) contains the drum's acceleration, which the same torque causes.",
+        "The acceleration of the reference, divided by the drum radius, stands for it.",
+        modules=("controllers/coordinations/winch_pid.py", "controllers/controller.py"),
+    ),
+    Note(
+        "E10",
+        "erratum",
+        "sign of the tension error",
+        "The winch controllers' error is printed as tension minus command (3.3): positive gains would drive the "
+        "tension away from its command.",
+        "The error is command minus tension.",
+        keys=("controller.winch_1", "controller.winch_2"),
+        modules=("controllers/coordinations/winch_pid.py",),
+    ),
+    Note(
+        "E11",
+        "erratum",
+        "limit of the wrong winch",
+        "One condition of winch 2's saturation names winch 1's upper limit (3.2).",
+        "Both winches have the limits tension_min and tension_max, each used for its own winch.",
+        keys=("controller.coordination.tension_min", "controller.coordination.tension_max"),
+        modules=("controllers/coordinations/differential_tension.py",),
+    ),
+    Note(
+        "A1",
+        "assumption",
+        "rope that never ends",
+        "The stiffness E A / x of rope 2 (2.2) is infinite at the start, where x = 0.",
+        "Each rope has a dead length between winch and rail that stays at the rail's end.",
+        keys=("plant.track.rope_offset",),
+        modules=("model/rope.py",),
+    ),
+    Note(
+        "A2",
+        "assumption",
+        "slack ropes",
+        "The tension equations (2.2) let a rope push, although the text says that ropes only pull.",
+        "Spring and damper together never go below zero; a rope shorter than its rest length gives nothing. With "
+        "rope_slack = false the rope is the paper's two-sided one.",
+        keys=("plant.rope_slack",),
+        modules=("model/rope.py",),
+    ),
+    Note(
+        "A3",
+        "assumption",
+        "rail friction",
+        "The friction coefficient μ is not in Table 1.",
+        "0.1, with a change of sign smoothed over 0.01 m/s.",
+        keys=("plant.vehicle.friction_coefficient", "plant.vehicle.friction_velocity"),
+        modules=("model/vehicle.py",),
+    ),
+    Note(
+        "A4",
+        "assumption",
+        "area of the drag",
+        "The area A_v of the drag is not given.",
+        "6 m²: diameter times height of the vehicle.",
+        keys=("plant.vehicle.drag_area",),
+        modules=("model/vehicle.py",),
+    ),
+    Note(
+        "A5",
+        "assumption",
+        "winch friction",
+        "The friction torque τ_f of the winches is not given.",
+        "None by default; Coulomb and viscous friction can be set.",
+        keys=(
+            "plant.winch_1.coulomb_friction",
+            "plant.winch_1.viscous_friction",
+            "plant.winch_2.coulomb_friction",
+            "plant.winch_2.viscous_friction",
+        ),
+        modules=("model/winch.py",),
+    ),
+    Note(
+        "A6",
+        "assumption",
+        "added mass",
+        "The water that moves with the vehicle is neglected; for a full cylinder of its size it would be about "
+        "9.4 × 10³ kg, as much as the vehicle.",
+        "None by default; added_mass adds it.",
+        keys=("plant.vehicle.added_mass",),
+        modules=("model/vehicle.py",),
+    ),
+    Note(
+        "A7",
+        "assumption",
+        "chatter of the odd power",
+        "The term |e₂|^(1/3) (3.1.1) has an infinite slope at zero; sampled, it chatters.",
+        "Below a speed error of 10⁻⁵ m/s every odd power is smoothed.",
+        keys=("controller.nftsm.smoothing",),
+        modules=("controllers/laws/nftsm.py",),
+    ),
+    Note(
+        "A8",
+        "assumption",
+        "fuzzy rules",
+        "Labels, membership functions, rules and scales of the fuzzy system (3.1.3) are not given.",
+        "Five triangular labels an input, product inference, a symmetric table of rules; two scales and a low-pass "
+        "filter bring the inputs to it.",
+        keys=(
+            "controller.observer.error_scale",
+            "controller.observer.rate_scale",
+            "controller.observer.filter_time",
+        ),
+        modules=("controllers/laws/fuzzy.py", "controllers/laws/observer.py"),
+    ),
+    Note(
+        "A9",
+        "assumption",
+        "gains of the observer",
+        "L₀ and K_f (3.1.3) are not given.",
+        "5 1/s each: the gain lies between 5 and 10 1/s.",
+        keys=("controller.observer.l0", "controller.observer.kf"),
+        modules=("controllers/laws/observer.py",),
+    ),
+    Note(
+        "A10",
+        "assumption",
+        "gains of the anti-saturation system",
+        "γ and k_a (3.1.2) are not given.",
+        "10⁻⁵ for both gammas, 1 1/s for k_a.",
+        keys=("controller.auxiliary",),
+        modules=("controllers/laws/auxiliary.py",),
+    ),
+    Note(
+        "A11",
+        "assumption",
+        "gains of the winch controllers",
+        "The PID gains of the winch controllers (3.3) are not given.",
+        "5 × 10⁻⁴ N m/N, 2 × 10⁻² N m/(N s) and no derivative, for both winches.",
+        keys=("controller.winch_1", "controller.winch_2"),
+        modules=("controllers/coordinations/winch_pid.py",),
+    ),
+    Note(
+        "A12",
+        "assumption",
+        "structure of the PID cascade",
+        "The baseline is described by four numbers (4.1).",
+        "A position loop gives a speed, a speed loop an acceleration, which the mass turns into a force; the "
+        "integrals are held while they would push the force further beyond its limit. Coordination and winch "
+        "controllers are the same as for the other controllers.",
+        keys=("controller.pid_cascade",),
+        modules=("controllers/laws/pid_cascade.py",),
+    ),
+    Note(
+        "A13",
+        "assumption",
+        "window of the steady state",
+        "The stretch of time behind the steady-state figures (4.3) is not given.",
+        "The constant-speed phase of the reference: 18 to 29 s of the profile, the last fifth of a uniform run "
+        "(20 to 25 s).",
+        keys=("reference.accelerate_until", "reference.cruise_until"),
+        modules=("model/reference.py",),
+    ),
+)
+"""Every entry, errata first."""
+
+INTRODUCTION = """\
+The paper is Wu et al., "Motion Control of a Flexible-Towed Underwater Vehicle Based on Dual-Winch Differential
+Tension Coordination Control", J. Mar. Sci. Eng. 2025, 13(6), 1120, doi:10.3390/jmse13061120. Its sections are given
+in parentheses. An erratum (E) is something it prints that cannot be meant; an assumption (A) is something it leaves
+open and a simulation needs.
+"""
+
+
+def places(note: Note) -> tuple[str, ...]:
+    """Configuration keys and source files of a note, in that order."""
+    return note.keys + note.modules
+
+
+def errata_markdown() -> str:
+    """The table as Markdown: the whole content of docs/errata.md."""
+    lines = ["# Errata and assumptions", "", INTRODUCTION]
+    for kind, heading in (("erratum", "Errata"), ("assumption", "Assumptions")):
+        paper = "the paper prints" if kind == "erratum" else "the paper leaves open"
+        lines += [
+            f"## {heading}",
+            "",
+            f"| | about | {paper} | dualwinch does | where |",
+            "|---|---|---|---|---|",
+        ]
+        for note in NOTES:
+            if note.kind == kind:
+                cells = (
+                    note.id,
+                    note.subject,
+                    note.paper,
+                    note.here,
+                    ", ".join(f"`{place}`" for place in places(note)),
+                )
+                lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    return "\n".join(lines).rstrip("\n") + "\n"

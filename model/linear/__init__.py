@@ -1,0 +1,1 @@
+"""Linear analysis of the plant: operating points, exact linear models, their modes, zeros and files."""

@@ -1,0 +1,132 @@
+"""Exact linearisation of the plant at an operating point: Jacobians of the very functions that are simulated."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
+from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
+from dualwinch.model.quantity import describe, leaves, numbers
+from dualwinch.model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
+
+STATES = tuple(describe(PlantState))
+INPUTS = ("tau_1", "tau_2", "D", "current")
+OUTPUTS = ("x", "v", "F1", "F2", "omega_1", "omega_2")
+
+UNITS = {
+    **{key: leaf.quantity.unit for group in (PlantState, Torques) for key, leaf in describe(group).items()},
+    "D": describe(Environment)["force"].quantity.unit,
+    "current": describe(Environment)["current"].quantity.unit,
+    **{name: describe(OperatingPoint)[name].quantity.unit for name in ("F1", "F2")},
+}
+"""Name → unit of every state, input and output."""
+
+
+def linearise(
+    plant: Plant | None = None,
+    x: float = 25.0,
+    v: float = 0.0,
+    preload: float = PRELOAD,
+    *,
+    current: float = 0.0,
+    force: float = 0.0,
+    tension_min: float = TENSION_MIN,
+    tension_max: float = TENSION_MAX,
+    dt: float | None = None,
+) -> LinearSystem:
+    """The plant without controller, linearised at an operating point.
+
+    States are those of `PlantState`; inputs the motor torques tau_1 and tau_2, the disturbance force D and the
+    ambient current; outputs x, v, F1, F2, omega_1, omega_2. In a cruise, position and rope lengths are frozen at x:
+    the system holds for motions that are quick against length/v.
+
+    Args:
+        plant: default: the paper's.
+        x: position in m.
+        v: speed in m/s.
+        preload: sum of both tensions in N.
+        current: ambient current in m/s, constant.
+        force: disturbance force in N along the track, constant.
+        tension_min: lower limit of a tension in N, as `model.linear.operating_point.operating_point` uses it.
+        tension_max: upper limit of a tension in N.
+        dt: sample time in s of a discrete system whose inputs are held; None: continuous time.
+
+    Raises:
+        ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
+    """
+    given = plant or Plant()
+    (system,) = linearise_sweep(
+        given, x, v, preload, current=current, force=force, tension_min=tension_min, tension_max=tension_max, dt=dt
+    )
+    return system
+
+
+def linearise_sweep(
+    plant: Plant,
+    x: ArrayLike = 25.0,
+    v: ArrayLike = 0.0,
+    preload: ArrayLike = PRELOAD,
+    *,
+    current: float = 0.0,
+    force: float = 0.0,
+    tension_min: float = TENSION_MIN,
+    tension_max: float = TENSION_MAX,
+    dt: float | None = None,
+) -> list[LinearSystem]:
+    """Many linearisations at once: x, v and preload are broadcast against each other (see `linearise`).
+
+    Raises:
+        ConfigurationError: as `linearise`, for the first point that is wrong.
+    """
+    points = operating_points(
+        x, v, preload, plant, current=current, force=force, tension_min=tension_min, tension_max=tension_max
+    )
+    return linearise_at(points, plant, dt)
+
+
+def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | None = None) -> list[LinearSystem]:
+    """The plant linearised at operating points that are known already (see `linearise`).
+
+    Raises:
+        ConfigurationError: a rope is slack: there the plant has a kink, and no Jacobian.
+    """
+    for point in points:
+        if point.slack_1 or point.slack_2:
+            raise ConfigurationError(
+                f"rope {1 if point.slack_1 else 2} is slack at x = {point.x:g} m, v = {point.v:g} m/s: "
+                "the plant has no linearisation there; tension_min > 0 keeps ropes taut"
+            )
+    columns = [
+        [leaves(group) for group in groups]
+        for groups in ((point.state, point.torques, point.environment) for point in points)
+    ]
+    arguments = [np.array([list(groups[k].values()) for groups in columns]).T for k in range(3)]
+    arguments.append(np.repeat(np.array([list(numbers(plant).values())]).T, len(points), axis=1))
+    jacobians = [
+        np.array(np.split(side_by_side.full(), len(points), axis=1))
+        for side_by_side in _jacobians(plant.rope_slack)(*arguments)
+    ]
+    systems = [
+        LinearSystem(A, B, C, D, None, STATES, INPUTS, OUTPUTS, UNITS, numbers(point))
+        for A, B, C, D, point in zip(*jacobians, points, strict=True)
+    ]
+    return systems if dt is None else [system.discretised(dt) for system in systems]
+
+
+@cache
+def _jacobians(rope_slack: bool) -> ca.Function:
+    """``(state, torques, environment, parameters) -> (A, B, C, D)``."""
+    plant, p = symbolic_plant(rope_slack)
+    x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
+    state, environment = PlantState(*ca.vertsplit(x)), Environment(*ca.vertsplit(w))
+    dx = ca.vertcat(*leaves(derivative(state, Torques(*ca.vertsplit(u)), environment, plant)).values())
+    force_1, force_2 = tensions(state, plant)
+    y = ca.vertcat(state.x, state.v, force_1, force_2, state.omega_1, state.omega_2)
+    inputs = ca.vertcat(u, w)
+    matrices = [ca.jacobian(dx, x), ca.jacobian(dx, inputs)[:, :4], ca.jacobian(y, x), ca.jacobian(y, inputs)[:, :4]]
+    return ca.Function("jacobians", [x, u, w, p], [ca.densify(matrix) for matrix in matrices])

@@ -1,0 +1,186 @@
+"""Operating points: where the plant is linearised. At rest an equilibrium, else a steady cruise."""
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualwinch.model.linear.operating_limits import FASTEST, check_place, check_range, remarks, violations
+from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
+from dualwinch.model.quantity import Quantity, leaves, numbers
+from dualwinch.model.steady_cruise import (
+    PRELOAD,
+    TENSION_MAX,
+    TENSION_MIN,
+    resistance,
+    shared_tensions,
+    steady_cruise,
+)
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """One instant of a steady cruise (see `model.steady_cruise`), or an equilibrium where v is zero."""
+
+    x: Annotated[float, Quantity("m", "position of the vehicle along the track")]
+    v: Annotated[float, Quantity("m/s", "speed of the vehicle")]
+    theta_1: Annotated[float, Quantity("rad", "angle of drum 1")]
+    omega_1: Annotated[float, Quantity("rad/s", "speed of drum 1")]
+    theta_2: Annotated[float, Quantity("rad", "angle of drum 2")]
+    omega_2: Annotated[float, Quantity("rad/s", "speed of drum 2")]
+    tau_1: Annotated[float, Quantity("N m", "motor torque of winch 1")]
+    tau_2: Annotated[float, Quantity("N m", "motor torque of winch 2")]
+    F1: Annotated[float, Quantity("N", "tension of rope 1")]
+    F2: Annotated[float, Quantity("N", "tension of rope 2")]
+    preload: Annotated[float, Quantity("N", "sum of both tensions asked for")]
+    force: Annotated[float, Quantity("N", "disturbance force along the track")]
+    current: Annotated[float, Quantity("m/s", "ambient current along the track")]
+    residual: Annotated[float, Quantity("m/s^2", "largest acceleration left (round-off)")]
+    tension_rate: Annotated[float, Quantity("N/s", "largest rate of a tension left (round-off)")]
+    slack_1: Annotated[bool, Quantity("", "rope 1 hangs loose")]
+    slack_2: Annotated[bool, Quantity("", "rope 2 hangs loose")]
+    violations: Annotated[tuple[str, ...], Quantity("", "limits that are not respected, in words")]
+    remarks: Annotated[tuple[str, ...], Quantity("", "what else is to be known, in words")]
+
+    @property
+    def state(self) -> PlantState:
+        """The plant's state."""
+        return PlantState(self.x, self.v, self.theta_1, self.omega_1, self.theta_2, self.omega_2)
+
+    @property
+    def torques(self) -> Torques:
+        """The plant's input."""
+        return Torques(self.tau_1, self.tau_2)
+
+    @property
+    def environment(self) -> Environment:
+        """What acts from outside."""
+        return Environment(self.force, self.current)
+
+
+def operating_point(
+    x: float = 25.0,
+    v: float = 0.0,
+    preload: float = PRELOAD,
+    plant: Plant | None = None,
+    *,
+    current: float = 0.0,
+    force: float = 0.0,
+    tension_min: float = TENSION_MIN,
+    tension_max: float = TENSION_MAX,
+) -> OperatingPoint:
+    """State, torques and tensions with which the vehicle passes x at the constant speed v.
+
+    The tensions differ by what friction, drag and disturbance ask for. Their sum is the preload, or as near to it as
+    the limits allow, as the controller shares them (paper Section 3.2). An operating point that needs more than
+    tension_max, or torques beyond the winches' limits, is returned with its violations in words.
+
+    Args:
+        x: position in m.
+        v: speed in m/s, -10 to 10; negative: towards winch 2.
+        preload: sum of both tensions in N, between twice tension_min and twice tension_max.
+        plant: default: the paper's.
+        current: ambient current in m/s, constant.
+        force: disturbance force in N along the track, constant.
+        tension_min: lower limit of a tension in N; 0 lets a rope go slack.
+        tension_max: upper limit of a tension in N.
+
+    Raises:
+        ConfigurationError: a point off the track, a rope at its shortest length, a speed, preload or limit out of
+            range.
+    """
+    given = plant or Plant()
+    return operating_points(
+        x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
+    )[0]
+
+
+def operating_points(
+    x: ArrayLike,
+    v: ArrayLike,
+    preload: ArrayLike,
+    plant: Plant,
+    *,
+    current: float = 0.0,
+    force: float = 0.0,
+    tension_min: float = TENSION_MIN,
+    tension_max: float = TENSION_MAX,
+) -> list[OperatingPoint]:
+    """Many operating points at once: x, v and preload are broadcast against each other (see `operating_point`).
+
+    Raises:
+        ConfigurationError: as `operating_point`, for the first point that is wrong.
+    """
+    asked = np.broadcast_arrays(*np.atleast_1d(x, v, preload))
+    points = np.array([np.ravel(values).astype(np.float64) for values in asked])
+    check_range("tension_min", tension_min, 0.0, math.inf, "N")
+    check_range("tension_max", tension_max, tension_min, math.inf, "N")
+    check_range("force", force, -math.inf, math.inf, "N")
+    check_range("current", current, -FASTEST, FASTEST, "m/s")
+    for place, speed, total in points.T:
+        check_place(float(place), plant.track)
+        check_range("v", float(speed), -FASTEST, FASTEST, "m/s")
+        check_range("preload", float(total), 2 * tension_min, 2 * tension_max, "N", strictly=True)
+    outside = np.array([[force], [current], [tension_min], [tension_max]])
+    inputs = np.vstack([points, np.repeat(outside, points.shape[1], axis=1)])
+    parameters = np.repeat(np.array([list(numbers(plant).values())]).T, points.shape[1], axis=1)
+    found = _cruise(plant.rope_slack)(inputs, parameters).full()
+    left = _left(plant.rope_slack)(found[:6], found[6:8], inputs[3:5], parameters).full()
+    table = np.vstack([found, left])
+    limits = (tension_min, tension_max)
+    return [_point(column, inputs[:, k], plant, limits) for k, column in enumerate(table.T)]
+
+
+@cache
+def _cruise(rope_slack: bool) -> ca.Function:  # the key of a cache
+    """``(x, v, preload, force, current, tension_min, tension_max), p -> state, torques, tensions``."""
+    plant, p = symbolic_plant(rope_slack)
+    point = ca.SX.sym("point", 7)
+    x, v, preload, force, current, tension_min, tension_max = ca.vertsplit(point)
+    environment = Environment(force, current)
+    shared = shared_tensions(resistance(v, environment, plant), preload, tension_min, tension_max)
+    cruise = steady_cruise(x, v, shared, plant)
+    values = [*leaves(cruise.state).values(), *leaves(cruise.torques).values(), cruise.F1, cruise.F2]
+    return ca.Function("steady_cruise", [point, p], [ca.vertcat(*values)])
+
+
+@cache
+def _left(rope_slack: bool) -> ca.Function:
+    """``state, torques, (force, current), p -> what is left``: largest acceleration and rate of a tension."""
+    plant, p = symbolic_plant(rope_slack)
+    x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 2)
+    state = PlantState(*ca.vertsplit(x))
+    rate = derivative(state, Torques(*ca.vertsplit(u)), Environment(*ca.vertsplit(w)), plant)
+    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    accelerations = ca.vertcat(rate.v, radius_1 * rate.omega_1, radius_2 * rate.omega_2)
+    tension_rates = ca.jtimes(ca.vertcat(*tensions(state, plant)), x, ca.vertcat(*leaves(rate).values()))
+    left = [ca.norm_inf(accelerations), ca.norm_inf(tension_rates)]
+    return ca.Function("left", [x, u, w, p], [ca.vertcat(*left)])
+
+
+def _point(
+    column: NDArray[np.float64], asked: NDArray[np.float64], plant: Plant, limits: tuple[float, float]
+) -> OperatingPoint:
+    values = [float(value) + 0.0 for value in column]  # -0.0 becomes 0.0
+    state, torques, forces, left = PlantState(*values[:6]), Torques(*values[6:8]), values[8:10], values[10:]
+    _, v, preload, force, current = (float(value) for value in asked[:5])
+    slack = [plant.rope_slack and tension <= 0 for tension in forces]
+    return OperatingPoint(
+        **leaves(state),
+        **leaves(torques),
+        F1=forces[0],
+        F2=forces[1],
+        preload=preload,
+        force=force,
+        current=current,
+        residual=left[0],
+        tension_rate=left[1],
+        slack_1=slack[0],
+        slack_2=slack[1],
+        violations=violations(v, forces, values[6:8], plant, limits),
+        remarks=remarks(preload, forces),
+    )

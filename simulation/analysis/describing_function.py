@@ -1,0 +1,129 @@
+"""How loop gain and margins depend on the amplitude of the speed error: describing functions of the odd powers.
+
+The sliding-mode law feeds back |e2|^(2−p/q), whose slope at zero is infinite but for the smoothing, and |e2|^(p/q),
+whose slope is zero there. A Jacobian sees these slopes alone. For a speed error ``A sin(w t)`` the gain that counts is
+the first harmonic's, the describing function, and a loop with it in the slope's place is linear for that amplitude.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.system import LinearSystem
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.margins import Margins, margins
+from dualwinch.simulation.experiment import Experiment
+
+Floats = NDArray[np.float64]
+
+KINDS = ("fando-nftsm", "nftsm")
+"""Position laws with odd powers of the speed error."""
+
+AMPLITUDES = tuple(float(amplitude) for amplitude in np.geomspace(1e-7, 1e-1, 25))
+"""Amplitudes in m/s that are looked at where nothing else is asked for."""
+
+PROBES = (1e-3, 1e-2, 1e-1)
+"""Smoothings in m/s at which the loop is linearised, to take the two slopes' shares in it apart."""
+
+
+@dataclass(frozen=True)
+class AmplitudePoint:
+    """The loop for one amplitude of the speed error.
+
+    Attributes:
+        amplitude: of e2 in m/s.
+        terminal_gain: describing function of sig(e2, 2 − p/q), over the smoothing's units (m/s)^(1−p/q).
+        surface_gain: that of sig(e2, p/q), in (m/s)^(p/q−1).
+        system: the loop, cut open.
+        margins: its margins.
+    """
+
+    amplitude: float
+    terminal_gain: float
+    surface_gain: float
+    system: LinearSystem
+    margins: Margins
+
+
+def describing_gain(amplitude: float, exponent: float, smoothing: float) -> float:
+    """First harmonic over amplitude of ``z (z² + eps²)^((a−1)/2)`` for ``z = A sin(w t)``: a real gain.
+
+    It is ``eps^(a−1) 2F1((1−a)/2, 3/2; 2; −(A/eps)²)``: the slope at zero for small amplitudes, a constant times
+    ``A^(a−1)`` for large ones.
+
+    Args:
+        amplitude: A, in the unit of z.
+        exponent: a.
+        smoothing: eps, in the unit of z.
+    """
+    from scipy.special import hyp2f1
+
+    size = (amplitude / smoothing) ** 2
+    return float(smoothing ** (exponent - 1) * hyp2f1((1 - exponent) / 2, 1.5, 2.0, -size))
+
+
+def amplitude_sweep(
+    experiment: Experiment,
+    x: float = 25.0,
+    v: float = 0.0,
+    cut: str = "u",
+    amplitudes: Sequence[float] = AMPLITUDES,
+) -> list[AmplitudePoint]:
+    """Gain and margins of the cut loop for amplitudes of the speed error.
+
+    Exact for the law inside its boundary layer and without cut-off forces; higher harmonics are neglected, as always
+    with describing functions. The observer's gain is that of small errors, ``l0``.
+
+    Args:
+        experiment: plant, gains, sample time and delay.
+        x: position in m.
+        v: speed in m/s.
+        cut: where the loop is opened (see `simulation.analysis.linear_loop.linear_broken_loop`).
+        amplitudes: of e2 in m/s, > 0.
+
+    Raises:
+        ConfigurationError: a law without odd powers, an amplitude that is not positive, or no steady cruise.
+    """
+    kind = experiment.controller.kind
+    if kind not in KINDS:
+        raise ConfigurationError(
+            f'controller.kind = "{kind}": has no odd power of the speed error; must be "fando-nftsm" or "nftsm"'
+        )
+    for amplitude in amplitudes:
+        if not 0 < amplitude < np.inf:
+            raise ConfigurationError(f"amplitude = {amplitude:g}: must be a finite number > 0 m/s")
+    gains = experiment.controller.nftsm
+    ratio = gains.p / gains.q
+    template, parts = _parts(experiment, x, v, cut)
+    points = []
+    for amplitude in amplitudes:
+        terminal = describing_gain(amplitude, 2 - ratio, gains.smoothing)
+        surface = describing_gain(amplitude, ratio, gains.smoothing)
+        weights = np.array([1.0, terminal, surface])
+        matrices = {name: np.tensordot(weights, part, axes=1) for name, part in parts.items()}
+        system = replace(template, **matrices)
+        points.append(AmplitudePoint(amplitude, terminal, surface, system, margins(system)))
+    return points
+
+
+def _parts(experiment: Experiment, x: float, v: float, cut: str) -> tuple[LinearSystem, dict[str, Floats]]:
+    """A system to fill in, and name → (3, rows, columns): the matrix without both slopes, and what a slope of 1 adds.
+
+    The force is linear in both slopes and everything else is linear in the force, so that three linearisations tell
+    the three shares exactly. The smoothing sets both slopes: eps^(1−p/q) and eps^(p/q−1).
+    """
+    gains = experiment.controller.nftsm
+    power = gains.p / gains.q - 1
+    systems = []
+    for smoothing in PROBES:
+        controller = replace(experiment.controller, nftsm=replace(gains, smoothing=smoothing))
+        systems.append(linear_broken_loop(replace(experiment, controller=controller), x, v, cut))
+    slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
+    shares = np.linalg.inv(slopes)
+    return systems[0], {
+        name: np.tensordot(shares, np.array([getattr(system, name) for system in systems]), axes=1)
+        for name in ("A", "B", "C", "D")
+    }

@@ -1,0 +1,164 @@
+"""Exact linearisation of the sampled closed loop, whole or cut open.
+
+One sample of plant and controller is a map from state to state. Its Jacobian at steady cruise tells how deviations
+from the moving steady trajectory go on. In a cruise the rope lengths are frozen at the point, so the system holds for
+motions that are quick against length/v.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.controllers.controller import initial_controller_state
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.quantity import describe, nearest
+from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators import Motion
+from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
+from dualwinch.simulation.loop.row import COLUMNS
+from dualwinch.simulation.loop.structure import Structure, structure_of
+
+Floats = NDArray[np.float64]
+
+INPUTS = {
+    "reference.x": ("x_ref", "m"),
+    "reference.v": ("v_ref", "m/s"),
+    "reference.a": ("a_ref", "m/s^2"),
+    "current": ("current", "m/s"),
+    "normal_force_variation": ("normal_force_variation", "N"),
+    "noise.position": ("position_noise", "m"),
+    "noise.speed": ("speed_noise", "m/s"),
+    "noise.tension_1": ("tension_1_noise", "N"),
+    "noise.tension_2": ("tension_2_noise", "N"),
+}
+"""Signal from outside → its name and unit as an input of the closed loop."""
+
+OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau1", "tau2", "d_hat")
+"""Columns of a result that are outputs of the closed loop, where the controller has them."""
+
+
+def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) -> LinearSystem:
+    """The closed loop over one sample, around steady cruise.
+
+    States are those of plant and controller that move anything; see `INPUTS` and `OUTPUTS`. Its matrices are exact
+    Jacobians of the step that is simulated, with perfect sensors and calm sea; noises are inputs.
+
+    Args:
+        experiment: plant, gains, sample time and delay.
+        x: position in m.
+        v: speed in m/s.
+
+    Raises:
+        ConfigurationError: no steady cruise there (see `simulation.analysis.loop_cruise.loop_cruise`).
+    """
+    cruise = loop_cruise(experiment, x, v)
+    loop = cruise.loop
+    A, B, C, D = _jacobians(structure_of_cruise(cruise), "")(cruise.state, cruise.exogenous, cruise.parameters)
+    outputs = [name for name in OUTPUTS if name in loop.columns]
+    rows, columns = [loop.columns.index(name) for name in outputs], [loop.exogenous.index(name) for name in INPUTS]
+    matrices = (A.full(), B.full()[:, columns], C.full()[rows], D.full()[np.ix_(rows, columns)])
+    units = {name: COLUMNS[name].unit for name in outputs} | dict(INPUTS.values())
+    return _named(cruise, matrices, tuple(name for name, _ in INPUTS.values()), tuple(outputs), units)
+
+
+def linear_broken_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0, cut: str = "u") -> LinearSystem:
+    """The loop cut at one signal: from what leaves the cut to minus what comes back to it.
+
+    The sign is that of negative feedback: closing the loop gives 1/(1 + L).
+
+    Args:
+        experiment: plant, gains, sample time and delay.
+        x: position in m.
+        v: speed in m/s.
+        cut: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque.
+
+    Raises:
+        ConfigurationError: another cut, or no steady cruise there.
+    """
+    if cut not in CUTS:
+        raise ConfigurationError(f"unknown cut '{cut}'; did you mean '{nearest(cut, CUTS)}'?")
+    cruise = loop_cruise(experiment, x, v)
+    column = CUTS[cut]
+    steady = cruise.row[column]
+    A, B, C, D = _jacobians(structure_of_cruise(cruise), cut)(cruise.state, cruise.exogenous, cruise.parameters, steady)
+    row = [cruise.loop.columns.index(column)]
+    unit = COLUMNS[column].unit
+    names = f"{cut}_in", f"{cut}_out"
+    matrices = (A.full(), B.full(), -C.full()[row], -D.full()[row])
+    return _named(cruise, matrices, names[:1], names[1:], dict.fromkeys(names, unit))
+
+
+def structure_of_cruise(cruise: LoopCruise) -> Structure:
+    """The structure that was linearised: ropes taut."""
+    return replace(structure_of(cruise.experiment), rope_slack=False)
+
+
+@cache
+def _jacobians(structure: Structure, cut: str) -> ca.Function:
+    """``(state, exogenous, parameters[, cut]) -> A, B, C, D`` of a step; B and D are for the cut where there is one."""
+    step = closed_loop(structure, cuts=(cut,) if cut else ()).step
+    symbols = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
+    following, row, _ = step(*symbols)
+    state, outside = symbols[0], symbols[3] if cut else symbols[1]
+    wanted = [ca.jacobian(what, by) for what in (following, row) for by in (state, outside)]
+    return ca.Function("jacobians", symbols, wanted)
+
+
+def _named(
+    cruise: LoopCruise,
+    matrices: tuple[Floats, Floats, Floats, Floats],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    units: dict[str, str],
+) -> LinearSystem:
+    """A system of the states that matter: something depends on them, and they depend on something."""
+    A, B, C, D = matrices
+    matters = C.any(axis=0)
+    while True:
+        grown = matters | A[matters].any(axis=0)
+        if (grown == matters).all():
+            break
+        matters = grown
+    matters &= A.any(axis=1) | B.any(axis=1)
+    kept = np.flatnonzero(matters)
+    names, state_units = state_names(cruise)
+    states = tuple(names[place] for place in kept)
+    return LinearSystem(
+        A[np.ix_(kept, kept)],
+        B[kept],
+        C[:, kept],
+        D,
+        cruise.experiment.simulation.sample_time,
+        states,
+        inputs,
+        outputs,
+        units | {name: state_units[name] for name in states},
+        cruise.row | {"preload": cruise.experiment.controller.coordination.preload, "residual": cruise.residual},
+    )
+
+
+def state_names(cruise: LoopCruise) -> tuple[list[str], dict[str, str]]:
+    """Short names of the closed loop's states, and their units by these names."""
+    controller = initial_controller_state(cruise.experiment.controller)
+    groups = {"motion.": Motion} | {
+        f"controller.{part}.": type(getattr(controller, part)) for part in ("position", "estimator", "coordination")
+    }
+    known = {
+        prefix + key: leaf.quantity.unit for prefix, group in groups.items() for key, leaf in describe(group).items()
+    }
+    names, units = [], {}
+    for state in cruise.loop.states:
+        name = state
+        for prefix in ("motion.plant.", "controller.position.", "controller.coordination.", "controller."):
+            if state.startswith(prefix):
+                name = state.removeprefix(prefix)
+                break
+        torque = state.startswith("queue.")
+        names.append(name)
+        units[name] = "N m" if torque else known.get(state, "1")
+    return names, units

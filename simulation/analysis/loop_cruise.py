@@ -1,0 +1,223 @@
+"""Steady cruise of the sampled closed loop: the state that repeats from sample to sample while the vehicle moves on."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.controllers.limits import force_limit
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.operating_point import operating_point
+from dualwinch.model.plant import Plant, PlantState, tensions
+from dualwinch.model.quantity import leaves, numbers, with_leaves
+from dualwinch.model.vehicle import drag, friction
+from dualwinch.simulation.check import check
+from dualwinch.simulation.exogenous.sensors import Sensors
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
+from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of
+
+Floats = NDArray[np.float64]
+
+BOOKKEEPING = ("metrics.", "encoders.", "sample", "motion.phase")
+"""States that grow for ever and move nothing while sensors are perfect and no vortices shed."""
+
+POSITIONS = ("motion.plant.x", "controller.estimator.x", "controller.position.x")
+"""States that move on with the vehicle: its position, and what estimators take for it."""
+
+ITERATIONS, TOLERANCE = 30, 1e-7
+"""Newton steps at most, and the largest change of a state over a sample that counts as none, over its size.
+
+A drum angle of tens of rad in double precision leaves a tension uncertain by some 1e-8 N.
+"""
+
+BOUNDLESS = 1e9
+"""A limit in N that nothing reaches."""
+
+PRESSED = 1.0
+"""Integral in N s that presses a torque against its limit, where a tension command is at its limit."""
+
+
+@dataclass(frozen=True)
+class LoopCruise:
+    """A point of the closed loop around which it is linear.
+
+    Attributes:
+        loop: the closed loop with ropes that never go slack: the same wherever they are taut.
+        experiment: what it is of, with perfect sensors and no disturbance.
+        state, exogenous, parameters: values of the closed loop's vectors.
+        row: column → value of the result's row there.
+        residual: largest change of a state over a sample beyond the cruise's own, over the state's size.
+    """
+
+    loop: ClosedLoop
+    experiment: Experiment
+    state: Floats
+    exogenous: Floats
+    parameters: Floats
+    row: dict[str, float]
+    residual: float
+
+
+def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
+    """Solve for steady cruise through a position; at v = 0 that is rest.
+
+    Everything repeats but what the motion itself carries on: positions by ``v Ts``, drums by what keeps the tensions.
+    Sensors are taken as perfect and disturbances as absent.
+
+    Args:
+        experiment: plant, gains and sample time.
+        x: position in m, on the track.
+        v: speed in m/s.
+
+    Raises:
+        ConfigurationError: a position off the track, a speed whose resistance the ropes cannot overcome, or gains
+            with which nothing is steady.
+    """
+    calm = _calm(experiment)
+    _check(calm, v)
+    structure = replace(structure_of(calm), rope_slack=False)
+    loop = closed_loop(structure)
+    parameters = np.array(list(parameters_of(calm).values()))
+    start = _first_guess(calm, loop, x, v)
+    state, exogenous, residual = _solved(structure, parameters, *start, v)
+    if not residual < TOLERANCE:
+        # a law whose integrals are far off starts at its limits, where it has no slope: first without limits
+        coordination = replace(calm.controller.coordination, tension_min=-BOUNDLESS, tension_max=BOUNDLESS)
+        free = replace(calm, controller=replace(calm.controller, coordination=coordination))
+        solution = _solved(structure, np.array(list(parameters_of(free).values())), *start, v)[0]
+        taken = [name.startswith(("controller.position.", "controller.estimator.")) for name in loop.states]
+        state, exogenous, residual = _solved(structure, parameters, np.where(taken, solution, start[0]), start[1], v)
+    row = dict(zip(loop.columns, np.array(loop.step(state, exogenous, parameters)[1]).ravel().tolist(), strict=True))
+    _check_solution(calm, row, residual, v)
+    row |= {"x": x, "v": v}  # as asked for, without round-off
+    return LoopCruise(loop, calm, state, exogenous, parameters, row, residual)
+
+
+def _solved(
+    structure: Structure, parameters: Floats, state: Floats, exogenous: Floats, v: float
+) -> tuple[Floats, Floats, float]:
+    """Newton's method on state and reference position: both, and the residual."""
+    loop, evaluate = closed_loop(structure), _residual_function(structure)
+    state, exogenous = state.copy(), exogenous.copy()
+    rows = np.array([not name.startswith(BOOKKEEPING) for name in loop.states])
+    unknown = rows & np.array([name != "motion.plant.x" for name in loop.states])
+    place = loop.exogenous.index("reference.x")
+    residual = np.inf
+    for _ in range(ITERATIONS):
+        change, slope_state, slope_reference = (np.array(value) for value in evaluate(state, exogenous, parameters, v))
+        kept, last = change.ravel()[rows], residual
+        residual = float(np.max(np.abs(kept) / np.maximum(np.abs(state[rows]), 1.0)))
+        if not np.isfinite(residual) or (last < TOLERANCE and residual >= last / 2):
+            break
+        matrix = np.column_stack([slope_state[np.ix_(rows, unknown)], slope_reference[rows, place]])
+        step = _least_step(matrix, kept)
+        state[unknown] += step[:-1]
+        exogenous[place] += step[-1]
+    return state, exogenous, residual
+
+
+def _least_step(matrix: Floats, change: Floats) -> Floats:
+    """Newton step, in units in which rows and columns are of one size; zero along what moves nothing."""
+    rows, columns = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
+    for _ in range(4):
+        scaled = np.abs(matrix / rows[:, None] * columns)
+        rows *= np.where(scaled.any(axis=1), np.sqrt(scaled.max(axis=1)), 1.0)
+        columns /= np.where(scaled.any(axis=0), np.sqrt(scaled.max(axis=0)), 1.0)
+    return columns * np.linalg.lstsq(matrix / rows[:, None] * columns, -change / rows, rcond=1e-13)[0]
+
+
+def _calm(experiment: Experiment) -> Experiment:
+    disturbance = replace(experiment.disturbance, vortex=False, current_sigma=0.0, normal_force_sigma=0.0)
+    # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
+    sensors = Sensors(position_noise=1.0, speed_noise=1.0, tension_noise=1.0)
+    return replace(experiment, disturbance=disturbance, sensors=sensors)
+
+
+def _check(experiment: Experiment, v: float) -> None:
+    check(experiment)
+    vehicle = experiment.plant.vehicle
+    limit = force_limit(experiment.controller.coordination)
+    needed = friction(v, vehicle) + drag(v, vehicle)
+    if not abs(needed) < limit:
+        raise ConfigurationError(
+            f"v = {v:g}: cruise needs a force of {needed:.4g} N, must be within ±{limit:g} N "
+            "(tension_max - reserve - tension_min)"
+        )
+
+
+def _check_solution(experiment: Experiment, row: dict[str, float], residual: float, v: float) -> None:
+    kind = experiment.controller.kind
+    if not residual < TOLERANCE:
+        raise ConfigurationError(f"v = {v:g}: '{kind}' with these gains comes to no steady cruise")
+    if row["u"] != row["u_sat"] or min(row["F1"], row["F2"]) <= 0:
+        raise ConfigurationError(
+            f"v = {v:g}: steady cruise of '{kind}' is beyond its limits: force command {row['u']:.4g} N, "
+            f"tensions {row['F1']:.4g} and {row['F2']:.4g} N"
+        )
+
+
+def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -> tuple[Floats, Floats]:
+    """The steady cruise of a perfect controller: no errors, tensions as commanded."""
+    plant, limits = experiment.plant, experiment.controller.coordination
+    point = operating_point(x, v, limits.preload, plant, tension_min=limits.tension_min, tension_max=limits.command_max)
+    guess = dict.fromkeys(loop.states, 0.0) | initial_state_of(experiment) | leaves(point.state, "motion.plant.")
+    guess |= _pressed_integrals(guess, point.F1 - point.F2, experiment)
+    known = {"x": x, "v": v, "primed": 1.0}
+    for name in guess:
+        if name.startswith("controller.") and name.rsplit(".", 1)[1] in known:
+            guess[name] = known[name.rsplit(".", 1)[1]]
+    outside = dict.fromkeys(loop.exogenous, 0.0) | {"reference.x": x, "reference.v": v}
+    return np.array([guess[name] for name in loop.states]), np.array([outside[name] for name in loop.exogenous])
+
+
+def _pressed_integrals(guess: dict[str, float], force: float, experiment: Experiment) -> dict[str, float]:
+    """Integrals of the winches whose command is at a limit.
+
+    The torque limit is that of the command too: such a winch rests on the very edge of its limit, and any ripple
+    leaves its integral on the far side of it. There it holds its torque, which is what it does in a run.
+    """
+    limits = experiment.controller.coordination
+    wanted = {"winch_1": (limits.preload + force) / 2, "winch_2": (limits.preload - force) / 2}
+    found = {}
+    for winch, command in wanted.items():
+        key = f"controller.coordination.{winch}.integral"
+        if key in guess and not limits.tension_min < command < limits.command_max:
+            found[key] = -PRESSED if command <= limits.tension_min else PRESSED
+    return found
+
+
+@cache
+def _residual_function(structure: Structure) -> ca.Function:
+    """``(state, exogenous, parameters, v) -> (change, d change/d state, d change/d exogenous)`` over a sample.
+
+    The change of a position is that beyond ``v Ts``; in a drum angle's place stands its rope's change of tension.
+    """
+    loop = closed_loop(structure)
+    sizes = {"state": len(loop.states), "exogenous": len(loop.exogenous), "parameters": len(loop.parameters)}
+    symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    v = ca.SX.sym("v")
+    following = loop.step(*symbols.values())[0]
+    values = dict(zip(loop.parameters, ca.vertsplit(symbols["parameters"]), strict=True))
+    template = Plant(rope_slack=structure.rope_slack)
+    plant = with_leaves(template, {f"plant.{key}": values[f"plant.{key}"] for key in numbers(template)}, "plant.")
+
+    def forces(vector: ca.SX) -> tuple[ca.SX, ca.SX]:
+        of_state = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
+        return tensions(PlantState(*(of_state[f"motion.plant.{key}"] for key in PlantState.__annotations__)), plant)
+
+    before, after = forces(symbols["state"]), forces(following)
+    changes = []
+    for place, name in enumerate(loop.states):
+        change = following[place] - symbols["state"][place]
+        if name in {"motion.plant.theta_1", "motion.plant.theta_2"}:
+            rope = int(name[-1]) - 1
+            change = (after[rope] - before[rope]) * 1e-3
+        elif name in POSITIONS:
+            change = (change - v * values["simulation.sample_time"]) * 1e3
+        changes.append(change)
+    change = ca.vertcat(*changes)
+    slopes = [ca.jacobian(change, symbols["state"]), ca.jacobian(change, symbols["exogenous"])]
+    return ca.Function("steady", [*symbols.values(), v], [change, *slopes])

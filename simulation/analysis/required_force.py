@@ -1,0 +1,98 @@
+"""The force that a run asks of its two motors: what holds the vehicle on its reference, whatever the controller."""
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.controllers.limits import strength
+from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
+from dualwinch.model.plant import Environment, symbolic_plant, vehicle_acceleration
+from dualwinch.model.quantity import numbers, with_leaves
+from dualwinch.model.reference import setpoint
+from dualwinch.model.scalar import Scalar
+from dualwinch.model.vehicle import Vehicle, inertia
+from dualwinch.model.winch import drum_acceleration
+from dualwinch.simulation.exogenous.signals import sea_signals
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import DISTURBANCE_NUMBERS
+
+Floats = NDArray[np.float64]
+
+EVERY = 50
+"""Samples between two instants looked at: what the sea does takes seconds."""
+
+
+def required_force(experiment: Experiment, every: int = EVERY) -> Floats:
+    """Net force in N, at the ropes, that the motors have to give at every so many samples (instants,).
+
+    It follows from the equations of vehicle and drums (paper Sections 2.3, 2.4) with ropes that do not stretch: masses
+    times the reference's acceleration, and friction, drag and vortices at its speed. The motors can give
+    ``tension_max - tension_min`` either way (paper Section 3.1.1).
+    """
+    return np.asarray(force_law()(outside_at(experiment, every), force_parameters(experiment)), float).ravel()
+
+
+def outside_at(experiment: Experiment, every: int) -> Floats:
+    """What `force_law` receives at every so many samples, (6, instants)."""
+    simulation = experiment.simulation
+    t = np.arange(0, experiment.samples, every) * simulation.sample_time
+    wanted = setpoint(t, experiment.reference)
+    current, load = (signal[::every] for signal in sea_signals(experiment))
+    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load], dtype=np.float64)
+
+
+def within_reach(experiment: Experiment) -> bool:
+    """Whether a run asks for no more force than the motors can give."""
+    limit = strength(experiment.controller.coordination)
+    return bool(np.abs(required_force(experiment)).max() <= limit)
+
+
+def shortfall(experiment: Experiment) -> float:
+    """How far in m a run falls behind at most, with all the force there is until it has caught up; 0: it need not.
+
+    From the force alone: that a slower vehicle has less drag is left out.
+    """
+    limit = strength(experiment.controller.coordination)
+    step, mass = EVERY * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
+    furthest = behind = rate = 0.0
+    way = 1.0
+    for force in required_force(experiment).tolist():
+        if behind == 0:
+            way = 1.0 if force > 0 else -1.0
+        rate += step * (way * force - limit) / mass
+        behind += step * rate
+        if behind <= 0:
+            behind = rate = 0.0
+        furthest = max(furthest, behind)
+    return furthest
+
+
+def force_parameters(experiment: Experiment) -> Floats:
+    """The parameters of `force_law`: the simulated plant's, and the vortices'."""
+    disturbance = [float(getattr(experiment.disturbance, key)) for key in DISTURBANCE_NUMBERS]
+    return np.array([*numbers(experiment.plant).values(), *disturbance])
+
+
+@cache
+def force_law() -> ca.Function:
+    """``force(outside, parameters)`` of time, position, speed, acceleration, current and change of the rail load."""
+    plant, p = symbolic_plant(rope_slack=True)
+    switches, outside = ca.SX.sym("switches", len(DISTURBANCE_NUMBERS)), ca.SX.sym("outside", 6)
+    disturbance = with_leaves(Disturbance(), dict(zip(DISTURBANCE_NUMBERS, ca.vertsplit(switches), strict=True)))
+    t, x, v, a, current, load = ca.vertsplit(outside)
+    vehicle = plant.vehicle
+    vortex = vortex_force(t, v, _phase(x, disturbance, vehicle), disturbance, vehicle)
+    free = vehicle_acceleration(v, 0.0, Environment(vortex, current, load), vehicle)
+    force = inertia(vehicle) * (a - free)
+    for winch, way in ((plant.winch_1, 1), (plant.winch_2, -1)):
+        turn = way / winch.drum_radius
+        idle = drum_acceleration(turn * v, 0.0, 0.0, winch)
+        force += turn * winch.inertia * (turn * a - idle)
+    return ca.Function("force", [outside, ca.vertcat(p, switches)], [force])
+
+
+def _phase(x: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
+    """Integral of the vortex frequency, which is proportional to the speed, over the way to x in m."""
+    return vortex_frequency(x, disturbance, vehicle)

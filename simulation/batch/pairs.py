@@ -1,0 +1,85 @@
+"""Sets of parameters in scenarios: what a compiled rollout needs of each pair."""
+
+from collections.abc import Sequence
+from weakref import WeakValueDictionary
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualwinch.simulation.batch.request import check_batch
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.exogenous.kept_signals import signals
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.start import starts
+from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+
+Floats = NDArray[np.float64]
+
+
+class Pairs:
+    """Every set of parameters (n) with every scenario (m).
+
+    Attributes:
+        names: keys of the parameters that vary.
+        values: (n, names).
+        experiments: of the scenarios.
+        structure, loop: the closed loop of them all.
+        zeros: parameters that are zero in all scenarios and do not vary; the loop leaves out what they multiply.
+        indices: (set, scenario) of all pairs, a scenario's together; (pairs, 2).
+    """
+
+    def __init__(self, names: Sequence[str], parameters: ArrayLike, scenarios: Sequence[Experiment | Scenario]) -> None:
+        """Check that everything goes together.
+
+        Raises:
+            ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go
+                together.
+        """
+        self.names, self.values = tuple(names), np.asarray(parameters, float)
+        self.experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
+        check_batch(self.names, self.values, scenarios)
+        believed = [one.nominal if isinstance(one, Scenario) else None for one in scenarios]
+        numbers = [parameters_of(one, nominal) for one, nominal in zip(self.experiments, believed, strict=True)]
+        drawn = {key for one in scenarios if isinstance(one, Scenario) for key in one.draws}
+        self.zeros = zeros_of(*numbers, varying=[*names, *drawn])
+        self.structure = structure_of(self.experiments[0])
+        self.loop = closed_loop(self.structure, self.zeros)
+        self.places = [self.loop.parameters.index(name) for name in names]
+        self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
+        self._vectors = np.array([list(one.values()) for one in numbers])
+        # tables in use: to ask `signals` for one takes a hash of the whole experiment, in every lane of every block
+        self._tables: WeakValueDictionary[int, Floats] = WeakValueDictionary()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n, m)."""
+        return len(self.values), len(self.experiments)
+
+    @property
+    def samples(self) -> int:
+        """Samples of every run."""
+        return self.experiments[0].samples
+
+    @property
+    def sample_time(self) -> float:
+        """Sampling period in s."""
+        return self.experiments[0].simulation.sample_time
+
+    def vectors(self, indices: NDArray[np.int64]) -> Floats:
+        """All parameters of some pairs as the loop takes them, (pairs, parameters)."""
+        sets, scenarios = indices.T
+        vectors = self._vectors[scenarios]
+        vectors[:, self.places] = self.values[sets]
+        return vectors
+
+    def starts(self, vectors: Floats) -> Floats:
+        """States before the first sample (pairs, states) of the parameters (pairs, parameters)."""
+        return starts(self.structure, vectors)
+
+    def signals(self, j: int) -> Floats:
+        """What a scenario's runs receive from outside, (samples, exogenous); not to be written to."""
+        table = self._tables.get(j)
+        if table is None:
+            table = self._tables[j] = signals(self.experiments[j])
+        return table

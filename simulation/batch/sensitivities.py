@@ -1,0 +1,144 @@
+"""How runs change with their gains: exact derivatives of the tracking error and of the figures of merit."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivity
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.batch.pairs import Pairs
+from dualwinch.simulation.batch.rollout import NOT_RUN
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.metrics import Metrics, metrics_of
+from dualwinch.simulation.loop.start import start_slopes
+from dualwinch.simulation.simulate import OUTCOMES
+
+Floats = NDArray[np.float64]
+
+STEPS = frozenset({"sensors.position_resolution", "sensors.encoder_counts"})
+"""Parameters of sensors that read in steps. Their derivative is zero almost everywhere, which says nothing; the
+derivatives are those of sensors without steps, along the run with them."""
+
+GAINS = ("controller.", "nominal.")
+"""What runs can be differentiated by: everything the controller knows."""
+
+TINY = 1e-100
+"""Step of the complex-step derivative: exact, as nothing is subtracted."""
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Runs and their derivatives by p gains, for n sets of gains in m scenarios.
+
+    Attributes:
+        names: the gains.
+        outcomes: (n, m) words, as in `simulation.batch.rollout.BatchResult`.
+        metrics: figure of merit → (n, m).
+        gradients: figure of merit → (n, m, p).
+        errors: (n, m, kept) tracking error e in m; NaN after an early end.
+        slopes: (n, m, kept, p) derivatives of e.
+        interrupted: whether an interrupt ended the call; what is left out is ``not_run`` and NaN.
+    """
+
+    names: tuple[str, ...]
+    outcomes: NDArray[np.str_]
+    metrics: dict[str, Floats]
+    gradients: dict[str, Floats]
+    errors: Floats
+    slopes: Floats
+    interrupted: bool = False
+
+
+def sensitivities(
+    names: Sequence[str],
+    parameters: ArrayLike,
+    scenarios: Sequence[Experiment | Scenario],
+    *,
+    stride: int = 1,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Sensitivities:
+    """Run every set of gains in every scenario, with exact forward sensitivities.
+
+    The derivatives are those of the compiled steps themselves (no differences are taken): exact where the run is
+    smooth in the gains. Where a limit, a slack rope or a dry friction switches they are one-sided.
+
+    Args:
+        names: keys of the gains, as for `simulation.batch.rollout.rollout`: ``controller.*`` or ``nominal.*``.
+        parameters: (n, p), a value for each name.
+        scenarios: m experiments or draws of one structure and length.
+        stride: every how many samples error and slopes are kept; 0 keeps none. A set in a scenario takes
+            8 (p + 1) bytes a sample.
+        threads: default: one a core.
+        progress: called now and then with the share that is done.
+
+    Raises:
+        ConfigurationError, DualwinchError: as `simulation.batch.rollout.rollout`.
+    """
+    pairs = Pairs(names, parameters, scenarios)
+    _check_names(pairs.names)
+    smooth = closed_loop(pairs.structure, pairs.zeros | STEPS)
+    run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.places))
+    shape, p = pairs.shape, len(pairs.names)
+    kept = -(-pairs.samples // stride) if stride else 0
+    result = Sensitivities(
+        names=pairs.names,
+        outcomes=np.full(shape, NOT_RUN, dtype="U10"),
+        metrics={field.name: np.full(shape, np.nan) for field in fields(Metrics)},
+        gradients={field.name: np.full((*shape, p), np.nan) for field in fields(Metrics)},
+        errors=np.full((*shape, kept), np.nan),
+        slopes=np.full((*shape, kept, p), np.nan),
+    )
+    wanted = pairs.loop.exogenous.index("reference.x")
+
+    def one(i: int, j: int) -> None:
+        for first in range(0, p, run.directions):
+            gains = range(first, min(first + run.directions, p))
+            outcome, final, tangent, x, slopes = _run(run, pairs, i, j, gains, stride)
+            result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
+            for name, gradient in _gradients(pairs.loop.states, final, tangent).items():
+                result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
+            result.errors[i, j, : len(x)] = x - pairs.signals(j)[:: max(stride, 1), wanted][: len(x)]
+            metrics = metrics_of(dict(zip(pairs.loop.states, final.tolist(), strict=True)))
+            for name, table in result.metrics.items():
+                table[i, j] = getattr(metrics, name)
+            result.outcomes[i, j] = OUTCOMES[outcome]
+
+    whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices.tolist()], threads, progress)
+    return replace(result, interrupted=not whole)
+
+
+def _check_names(names: tuple[str, ...]) -> None:
+    if not names:
+        raise ConfigurationError("names: must be at least one gain")
+    for name in names:
+        if not name.startswith(GAINS):
+            raise ConfigurationError(f"no sensitivity to '{name}': must be a gain, {' or '.join(GAINS)}*")
+
+
+def _run(
+    run: Sensitivity, pairs: Pairs, i: int, j: int, gains: range, stride: int
+) -> tuple[int, Floats, Floats, Floats, Floats]:
+    """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
+    directions = np.zeros((len(pairs.names), run.directions))
+    directions[list(gains), range(len(gains))] = 1.0
+    vectors = pairs.vectors(np.array([[i, j]]))
+    (vector,), (state,) = vectors, pairs.starts(vectors)
+    by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.places]
+    tangent = np.ascontiguousarray(by_parameters @ directions)
+    outcome, _, x, slopes = run(vector, directions, pairs.signals(j), state, tangent, stride)
+    return outcome, state, tangent, x, slopes
+
+
+def _gradients(names: tuple[str, ...], final: Floats, tangents: Floats) -> dict[str, Floats]:
+    """Derivatives of the metrics along tangents of the final state (states, directions), by a complex step."""
+    moved = np.empty(tangents.shape, complex)
+    moved.real, moved.imag = final[:, np.newaxis], TINY * tangents
+    with np.errstate(invalid="ignore"):  # a run that diverged
+        metrics = metrics_of(dict(zip(names, moved, strict=True)))
+    return {name: np.imag(value) / TINY for name, value in vars(metrics).items()}

@@ -1,0 +1,1 @@
+"""Ensembles: experiments with drawn values, their runs, statistics and files; paired comparisons."""

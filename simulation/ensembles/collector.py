@@ -1,0 +1,94 @@
+"""Gathers finished scenarios into a result; each takes about 2 kB, however long its run was."""
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+from dualwinch.simulation.ensembles.result import METRICS, EnsembleResult, Traces
+from dualwinch.simulation.loop.metrics import Metrics
+
+TRACED = ("e", "F1", "F2")
+"""Columns whose traces are kept."""
+
+SAMPLED = 2000
+"""Scenarios whose traces are kept one by one (12 MB); of all others only their extremes."""
+
+
+@dataclass(frozen=True)
+class Finished:
+    """One scenario after its run.
+
+    Attributes:
+        scenario: what was run.
+        metrics, outcome, end_time: what it came to; the time in s.
+        t: (rows,) times in s of the trace.
+        trace: (columns of `TRACED`, rows) float32.
+    """
+
+    scenario: Scenario
+    metrics: Metrics
+    outcome: str
+    end_time: float
+    t: NDArray[np.float64]
+    trace: NDArray[np.float32]
+
+
+class Collector:
+    """Finished scenarios of an ensemble so far."""
+
+    def __init__(self, ensemble: Ensemble) -> None:
+        self.ensemble = ensemble
+        self._draws: list[tuple] = []
+        self._ends: list[tuple[str, float]] = []
+        self._metrics: list[NDArray[np.float64]] = []
+        self._t = np.empty(0)
+        self._sampled: list[NDArray[np.float32]] = []
+        self._lowest = self._highest = np.empty(0, np.float32)
+
+    def __len__(self) -> int:
+        return len(self._metrics)
+
+    def add(self, one: Finished) -> None:
+        """Take one scenario in."""
+        if one.outcome == "completed" and one.t.size:
+            if not self._sampled:
+                self._t, self._lowest, self._highest = one.t, one.trace, one.trace
+            if len(self._sampled) < SAMPLED:
+                self._sampled.append(one.trace)
+            self._lowest = np.minimum(self._lowest, one.trace)
+            self._highest = np.maximum(self._highest, one.trace)
+        self._draws.append(tuple(one.scenario.draws.values()))
+        self._ends.append((one.outcome, one.end_time))
+        self._metrics.append(np.array(astuple(one.metrics)))
+
+    def result(self, seed: int, asked: int) -> EnsembleResult:
+        """The result of the scenarios taken in; of an interrupted `add` nothing is seen.
+
+        Args:
+            seed: of the draws.
+            asked: number of scenarios asked for.
+        """
+        count = len(self)
+        outcomes, end_times = zip(*self._ends[:count], strict=True)
+        draws = zip(*self._draws[:count], strict=True)
+        return EnsembleResult(
+            ensemble=self.ensemble,
+            seed=seed,
+            asked=asked,
+            draws={key: np.array(values) for key, values in zip(self.ensemble.drawn_keys, draws, strict=True)},
+            outcomes=outcomes,
+            end_times=np.array(end_times),
+            metrics=dict(zip(METRICS, np.array(self._metrics).T, strict=True)),
+            traces=self._traces() if self._sampled else None,
+        )
+
+    def _traces(self) -> Traces:
+        sampled = np.array(self._sampled)
+        return Traces(
+            t=self._t,
+            sampled={column: sampled[:, place] for place, column in enumerate(TRACED)},
+            lowest={column: self._lowest[place] for place, column in enumerate(TRACED)},
+            highest={column: self._highest[place] for place, column in enumerate(TRACED)},
+        )

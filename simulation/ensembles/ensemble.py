@@ -1,0 +1,142 @@
+"""An ensemble: an experiment some of whose values are drawn anew in every scenario."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantity import leaves, with_leaves
+from dualwinch.simulation.ensembles.distributions import Distribution, Value
+from dualwinch.simulation.experiment import Experiment
+
+SEED_KEY = "disturbance.seed"
+"""Key of the seed of a scenario's own signals: drawn as well, unless the ensemble says otherwise."""
+
+EDGE = 0.02
+"""Share of all draws that lie beyond an extreme one, on either side."""
+
+SEEDS = 2**53
+"""Number of seeds a scenario's own is drawn from: whole numbers that every file format keeps."""
+
+COMPILED = frozenset(
+    {
+        "controller.kind",
+        "controller.estimator",
+        "controller.coordination.kind",
+        "plant.rope_slack",
+        "simulation.integrator",
+        "simulation.substeps",
+        "simulation.delay_samples",
+    }
+)
+"""Keys that shape the compiled code, one for all scenarios (`simulation.loop.structure`)."""
+
+TIMING = frozenset({"reference.kind", "simulation.sample_time", "simulation.duration"})
+"""Keys that set the instants of the samples, which all scenarios share."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """How one value is drawn.
+
+    Attributes:
+        distribution: what it is drawn from.
+        relative: whether the draw is a factor on the nominal value.
+        together: name of a group; all of a group get the same quantile of their own distribution, so that they rise
+            and fall together. ``None``: drawn for itself.
+    """
+
+    distribution: Distribution
+    relative: bool = False
+    together: str | None = None
+
+    def value(self, share: float, nominal: Value) -> Value:
+        """The value at a quantile, with the nominal value for a relative one."""
+        drawn = self.distribution.quantile(share)
+        return _scaled(drawn, nominal) if self.relative else drawn
+
+    def ends(self, nominal: Value) -> tuple[Value, ...]:
+        """The values that show whether every draw is allowed."""
+        return tuple(_scaled(end, nominal) if self.relative else end for end in self.distribution.ends)
+
+
+def _scaled(factor: Value, nominal: Value) -> float:
+    return float(factor) * float(nominal)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One draw of an ensemble.
+
+    Attributes:
+        index: its number in the ensemble, from 0.
+        experiment: what is simulated, the drawn values in it.
+        nominal: the plant the controller was designed for, without the draws.
+        draws: key → drawn value, ``disturbance.seed`` among them.
+        extreme: whether it is a corner of what may happen, not one draw like the others.
+    """
+
+    index: int
+    experiment: Experiment
+    nominal: Plant
+    draws: dict[str, Value]
+    extreme: bool = False
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """An experiment and the distributions of some of its values.
+
+    Attributes:
+        name: what it is called.
+        description: one line on what it stands for.
+        experiment: the nominal values; the controller believes in this plant in every scenario.
+        distributions: dotted key of a value → how it is drawn.
+    """
+
+    name: str
+    description: str
+    experiment: Experiment
+    distributions: Mapping[str, Drawn]
+
+    @property
+    def drawn_keys(self) -> tuple[str, ...]:
+        """Keys of all drawn values, the seed of the scenario's own signals last."""
+        return (*(key for key in self.distributions if key != SEED_KEY), SEED_KEY)
+
+    def scenario(self, index: int, seed: int, *, extreme: bool = False) -> Scenario:
+        """Draw one scenario.
+
+        Every value has a random stream of its own, named by seed, index and key (or group). So a scenario is the same
+        bits however many are drawn, and a further distribution leaves the draws of the others as they are.
+
+        Args:
+            index: number of the scenario, from 0.
+            seed: the ensemble's seed, a whole number >= 0.
+            extreme: whether every value is drawn from the ends of its distribution, by chance the one or the other:
+                a corner of what may happen, which a few draws hardly ever come near.
+        """
+        nominal = leaves(self.experiment)
+        draws: dict[str, Value] = {}
+        for key in self.drawn_keys:
+            drawn = self.distributions.get(key)
+            if drawn is None:
+                draws[key] = int(_stream(seed, index, key).integers(SEEDS))
+            else:
+                name = key if drawn.together is None else f"together: {drawn.together}"
+                share = _stream(seed, index, name).random()
+                if extreme:
+                    share = EDGE if share < 0.5 else 1 - EDGE
+                draws[key] = drawn.value(share, nominal[key])
+        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws, extreme)
+
+    def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
+        """The first `count` scenarios, one after the other."""
+        return (self.scenario(index, seed) for index in range(count))
+
+
+def _stream(seed: int, index: int, name: str) -> np.random.Generator:
+    word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, word)))

@@ -1,0 +1,185 @@
+"""Paired statistics: controllers that ran in the same scenarios, with confidence intervals on their differences."""
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.simulation.analysis.least_error import least_mse
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+
+Floats = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+"""Probability that an interval is to cover."""
+
+RESAMPLES = 4000
+"""Bootstrap samples behind an interval."""
+
+PORTION = 2**18
+"""Numbers drawn at a time, so that memory does not grow."""
+
+COMPARED = ("mse", "mae", "max_abs_error", "chatter", "peak_tension", "energy")
+"""Figures of merit whose ratios are given: all positive, small is good."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with its confidence interval, a percentile bootstrap over the scenarios at level `CONFIDENCE`."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Paired:
+    """One figure of merit of a controller over that of the first, in the scenarios that both ran to their end.
+
+    Attributes:
+        pairs: number of those scenarios.
+        ratio_of_means: mean of the one over mean of the other.
+        median_ratio: median of the scenarios' own ratios.
+        better: share of the scenarios in which it is smaller than the first's.
+    """
+
+    pairs: int
+    ratio_of_means: Interval
+    median_ratio: Interval
+    better: float
+
+
+@dataclass(frozen=True)
+class Contender:
+    """What one controller came to.
+
+    Attributes:
+        controller: its laws and gains.
+        outcomes: (scenarios,) ``completed``, ``diverged`` or ``left_track``.
+        metrics: figure of merit → (scenarios,), as in `simulation.loop.metrics.Metrics`.
+    """
+
+    controller: Controller
+    outcomes: NDArray[np.str_]
+    metrics: dict[str, Floats]
+
+    @cached_property
+    def completed(self) -> NDArray[np.bool_]:
+        """(scenarios,) whether each ran to its end."""
+        return self.outcomes == "completed"
+
+    def summary(self) -> dict[str, float | int | dict[str, int]]:
+        """Statistics over the scenarios that ran to their end (a run that ended early measured something else).
+
+        Returns:
+            ``mean_mse``, ``median_mse``, ``p95_mse`` in m²; ``mean_chatter`` in N; ``max_tension``, ``min_tension``
+            in N, the extremes of all; ``slack_share``, the share of samples with a slack rope, and
+            ``saturated_share``, that with the force command beyond its limit, each a mean over the scenarios;
+            ``slack_scenarios``, the number of scenarios with any slack sample; ``outcomes``, counts of all scenarios.
+            NaN where no scenario ran to its end.
+        """
+        kept = {name: values[self.completed] for name, values in self.metrics.items()}
+        mse, empty = kept["mse"], not self.completed.any()
+        return {
+            "mean_mse": np.nan if empty else float(mse.mean()),
+            "median_mse": np.nan if empty else float(np.median(mse)),
+            "p95_mse": np.nan if empty else float(np.quantile(mse, 0.95)),
+            "mean_chatter": np.nan if empty else float(kept["chatter"].mean()),
+            "max_tension": np.nan if empty else float(kept["peak_tension"].max()),
+            "min_tension": np.nan if empty else float(kept["min_tension"].min()),
+            "slack_share": np.nan if empty else float(kept["slack_share"].mean()),
+            "slack_scenarios": int((kept["slack_share"] > 0).sum()),
+            "saturated_share": np.nan if empty else float(kept["saturated_share"].mean()),
+            "outcomes": dict(Counter(self.outcomes.tolist()).most_common()),
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Controllers in the same scenarios.
+
+    Attributes:
+        ensemble: what the scenarios were drawn from.
+        seed: of the draws, and of the resampling.
+        asked: number of scenarios asked for; more than there are where the run was interrupted.
+        contenders: name → what it came to, the first being what the others are compared with.
+    """
+
+    ensemble: Ensemble
+    seed: int
+    asked: int
+    contenders: dict[str, Contender]
+
+    def __len__(self) -> int:
+        """Number of scenarios that every controller ran."""
+        return len(next(iter(self.contenders.values())).outcomes)
+
+    @property
+    def partial(self) -> bool:
+        """Whether the run was interrupted."""
+        return len(self) < self.asked
+
+    @cached_property
+    def least_mse(self) -> Floats:
+        """(scenarios,) What no controller gets below that does not foresee them, in m² (`least_error`).
+
+        0 in a scenario that asks for no more force than the motors can give.
+
+        Raises:
+            DualwinchError: the solver found no optimum.
+        """
+        scenarios = self.ensemble.scenarios(len(self), self.seed)
+        return np.array([least_mse(one.experiment) for one in scenarios])
+
+    def mean_mse_within_reach(self, name: str) -> float:
+        """Mean of a controller's MSE in m² over the completed scenarios that the motors can hold; NaN without any."""
+        one = self.contenders[name]
+        values = one.metrics["mse"][one.completed & (self.least_mse == 0)]
+        return float(values.mean()) if len(values) else np.nan
+
+    def paired(self, name: str) -> dict[str, Paired]:
+        """Ratios of a controller's figures of merit to the first controller's.
+
+        Returns:
+            Name of `COMPARED` → ratios; NaN where no scenario was run to its end by both.
+        """
+        first, other = next(iter(self.contenders.values())), self.contenders[name]
+        both = first.completed & other.completed
+        return {
+            metric: paired_ratio(other.metrics[metric][both], first.metrics[metric][both], self.seed)
+            for metric in COMPARED
+        }
+
+
+def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
+    """How paired values compare, with percentile-bootstrap intervals: pairs are drawn anew, with replacement.
+
+    Args:
+        values: (pairs,) positive.
+        references: (pairs,) positive, of the same scenarios.
+        seed: of the resampling; the same seed gives the same intervals.
+    """
+    count = len(values)
+    if not count:
+        nothing = Interval(np.nan, np.nan, np.nan)
+        return Paired(0, nothing, nothing, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = values / references
+        drawn = np.empty((2, RESAMPLES))
+        generator = np.random.default_rng(seed)
+        portion = max(1, PORTION // count)
+        for start in range(0, RESAMPLES, portion):
+            end = min(start + portion, RESAMPLES)
+            chosen = generator.integers(count, size=(end - start, count))
+            drawn[0, start:end] = values[chosen].mean(axis=1) / references[chosen].mean(axis=1)
+            drawn[1, start:end] = np.median(ratios[chosen], axis=1)
+        estimates = values.mean() / references.mean(), np.median(ratios)
+        tail = (1 - CONFIDENCE) / 2
+        intervals = [
+            Interval(float(estimate), *map(float, np.quantile(samples, (tail, 1 - tail))))
+            for estimate, samples in zip(estimates, drawn, strict=True)
+        ]
+    return Paired(count, *intervals, better=float((values < references).mean()))

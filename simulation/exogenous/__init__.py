@@ -1,0 +1,1 @@
+"""What comes from outside: reference, sea and sensors, drawn ahead of a run."""

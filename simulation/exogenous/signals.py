@@ -1,0 +1,145 @@
+"""Signals a run receives from outside, drawn sample by sample ahead of it: reference, sea, sensor noise."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.quantity import leaves
+from dualwinch.model.reference import Reference, Setpoint, setpoint
+from dualwinch.simulation.exogenous.sensors import Noise
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import Exogenous
+
+Floats: TypeAlias = NDArray[np.float64]
+
+CHANNELS: tuple[str, ...] = (
+    "current",
+    "normal force",
+    "position noise",
+    "speed noise",
+    "tension 1 noise",
+    "tension 2 noise",
+)
+"""Random signals; each has a stream of its own, so that switching one on leaves the others as they are."""
+
+SIGNALS = len(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
+"""Number of signals a sample receives."""
+
+CHUNK = 2**14
+"""Samples that are drawn at a time: what they need stays in a processor's cache."""
+
+
+class GaussMarkov:
+    """First-order Gauss–Markov signal, stationary from its first sample; drawn piece by piece."""
+
+    def __init__(
+        self, sigma: float, correlation_time: float, sample_time: float, generator: np.random.Generator
+    ) -> None:
+        """Set the signal up.
+
+        Args:
+            sigma: standard deviation.
+            correlation_time: in s; the autocorrelation decays by 1/e over it.
+            sample_time: in s.
+            generator: source of the draws.
+        """
+        self.sigma, self.generator = sigma, generator
+        self.decay = np.exp(-sample_time / correlation_time)
+        self._carried: Floats | None = None
+
+    def draw(self, samples: int) -> Floats:
+        """The next samples (samples,); the same numbers however they are divided into pieces."""
+        from scipy.signal import lfilter
+
+        draws = self.generator.standard_normal(samples)
+        fresh = draws[1:] if self._carried is None else draws
+        fresh *= np.sqrt(1 - self.decay**2)
+        carried = np.zeros(1) if self._carried is None else self._carried
+        values, self._carried = lfilter([1.0], [1.0, -self.decay], draws, zi=carried)
+        return self.sigma * np.asarray(values)
+
+
+class _Outside:
+    """The signals of an experiment, drawn chunk after chunk."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        sample_time, disturbance, sensors = (
+            experiment.simulation.sample_time,
+            experiment.disturbance,
+            experiment.sensors,
+        )
+        seeds = np.random.SeedSequence(disturbance.seed).spawn(len(CHANNELS))
+        streams = dict(zip(CHANNELS, map(np.random.default_rng, seeds), strict=True))
+        load = disturbance.normal_force_sigma * experiment.plant.vehicle.normal_force
+        self._current = GaussMarkov(
+            disturbance.current_sigma, disturbance.current_time, sample_time, streams["current"]
+        )
+        self._load = GaussMarkov(load, disturbance.normal_force_time, sample_time, streams["normal force"])
+        self._noise = [
+            (streams["position noise"], sensors.position_noise),
+            (streams["speed noise"], sensors.speed_noise),
+            (streams["tension 1 noise"], sensors.tension_noise),
+            (streams["tension 2 noise"], sensors.tension_noise),
+        ]
+        self._experiment = experiment
+
+    def sea(self, samples: int) -> tuple[Floats, Floats]:
+        """Current in m/s and change of the rail load in N, each (samples,): the next to be drawn."""
+        limit = self._experiment.disturbance.current_limit
+        current = self._current.draw(samples).clip(-limit, limit) if self._current.sigma > 0 else np.zeros(samples)
+        return current, self._load.draw(samples) if self._load.sigma > 0 else np.zeros(samples)
+
+    def fill(self, table: Floats, start: int) -> None:
+        """Fill a table (samples, exogenous) with the signals from the sample `start` on, the next to be drawn."""
+        n, experiment = len(table), self._experiment
+        current, load = self.sea(n)
+        x, v, a, steady = _reference(
+            experiment.reference, experiment.steady_window, experiment.simulation.sample_time, start, n
+        )
+        signals = Exogenous(
+            reference=Setpoint(x, v, a),
+            noise=Noise(*(stream.standard_normal(n) if sigma > 0 else 0.0 for stream, sigma in self._noise)),
+            current=current,
+            normal_force_variation=load,
+            steady=steady,
+        )
+        for place, column in enumerate(leaves(signals).values()):
+            table[:, place] = column
+
+
+@lru_cache(maxsize=16)
+def _reference(reference: Reference, window: tuple[float, float], sample_time: float, start: int, n: int) -> Floats:
+    """Rows x, v, a and 1 in the steady state; kept, as the scenarios of an ensemble share them."""
+    t, half = np.arange(start, start + n) * sample_time, sample_time / 2
+    wanted = setpoint(t, reference)
+    steady = (t >= window[0] - half) & (t <= window[1] + half)
+    return np.array([wanted.x, wanted.v, np.broadcast_to(wanted.a, n), steady], dtype=float)
+
+
+def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
+    """Everything a run receives from outside, in pieces of at most `length` samples.
+
+    Drawn from ``disturbance.seed``: the same experiment gives the same bits, however it is divided.
+
+    Yields:
+        (samples, exogenous), columns in the closed loop's order.
+    """
+    outside = _Outside(experiment)
+    for start in range(0, experiment.samples, length):
+        table = np.empty((min(length, experiment.samples - start), SIGNALS))
+        for first in range(0, len(table), CHUNK):
+            outside.fill(table[first : first + CHUNK], start + first)
+        yield table
+
+
+def exogenous_signals(experiment: Experiment) -> Floats:
+    """Everything a run receives from outside in one piece, (samples, exogenous)."""
+    return next(exogenous_pieces(experiment, experiment.samples))
+
+
+def sea_signals(experiment: Experiment) -> tuple[Floats, Floats]:
+    """Current in m/s and change of the rail load in N over a whole run, each (samples,), as `exogenous_signals`."""
+    return _Outside(experiment).sea(experiment.samples)

@@ -1,0 +1,227 @@
+"""Plant and controller as one symbolic step of the sampled closed loop."""
+
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import Annotated
+
+import casadi as ca
+
+from dualwinch.codegen.sampled import Sampled
+from dualwinch.codegen.source.expressions import BUILDING
+from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
+from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
+from dualwinch.model.quantity import Quantity, leaves, with_leaves
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.scalar import Scalar, absolute
+from dualwinch.simulation.exogenous.sensors import EncoderState, Noise, Sensors, measure, read_encoders
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators import Motion, Problem
+from dualwinch.simulation.loop.between import Held, between_samples, named_function, problem_of
+from dualwinch.simulation.loop.metrics import Accumulators, Sample, accumulate
+from dualwinch.simulation.loop.row import row_of
+from dualwinch.simulation.loop.structure import Structure, parameters_of, template_of
+
+CUTS = {"u": "u_sat", "tau_1": "tau1", "tau_2": "tau2"}
+"""Where the loop can be cut for analysis: signal → the column of what arrives at the cut."""
+
+JOINTS = ("F1", "F2", "u", "tau_1", "tau_2")
+"""All signals it can be cut at, each computed from those before it."""
+
+
+@dataclass(frozen=True)
+class Exogenous:
+    """What one sample receives from outside."""
+
+    reference: Setpoint
+    noise: Noise = field(default_factory=Noise)
+    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")] = 0.0
+    normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
+    steady: Annotated[Scalar, Quantity("1", "1 in the steady-state window")] = 0.0
+
+
+@dataclass(frozen=True)
+class LoopState:
+    """State of the closed loop between two samples."""
+
+    motion: Motion
+    controller: ControllerState
+    encoders: EncoderState = field(default_factory=EncoderState)
+    sample: Annotated[Scalar, Quantity("1", "number of the sample")] = 0.0
+
+
+@dataclass(frozen=True)
+class ClosedLoop(Sampled):
+    """The closed loop as named CasADi functions, and the names of everything in their vectors.
+
+    At a sample the controller senses and acts, and the figures of merit are summed up; until the next one the plant
+    moves. `margin` in m is the distance of the next position to the nearer end of the track.
+
+    Attributes:
+        states, exogenous, parameters, columns: names of the elements of those vectors.
+    """
+
+    states: tuple[str, ...]
+    exogenous: tuple[str, ...]
+    parameters: tuple[str, ...]
+    columns: tuple[str, ...]
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
+        arguments = [ca.SX.sym(name, self.sample.size1_in(name)) for name in self.sample.name_in()]
+        discrete, held, *_ = self.sample(*arguments)
+        start = arguments[0][: self.move.numel_in("motion")]
+        motion, margin = start, ca.SX(0)
+        for part in range(self.parts):
+            motion, margin = self.move(motion, held, part, arguments[2])
+        if self.leap:
+            leapt, leapt_margin, valid = self.leap(start, held, arguments[2])
+            motion = ca.if_else(valid > 0, leapt, motion)
+            margin = ca.if_else(valid > 0, leapt_margin, margin)
+        outputs = [ca.vertcat(motion, discrete), self.observe(*arguments), margin]
+        return ca.Function(
+            "step", arguments, outputs, self.sample.name_in(), ["next_state", "row", "margin"], {"cse": True}
+        )
+
+
+def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
+    """Plant, controller and encoders before the first sample."""
+    rest = resting_state(controller.coordination.preload, plant)
+    return LoopState(
+        motion=Motion(rest),
+        controller=initial_controller_state(controller),
+        encoders=read_encoders(rest, plant, sensors),
+    )
+
+
+def _queue_names(delay_samples: int) -> list[str]:
+    return [f"queue.{place}.{name}" for place in range(delay_samples) for name in ("tau_1", "tau_2")]
+
+
+def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay_samples: int = 0) -> dict[str, Scalar]:
+    """State before the first sample by name: at rest at x = 0, both ropes at preload/2, equilibrium torques under way.
+
+    Args:
+        controller: gives the preload, and the laws whose states these are.
+        plant: floats or symbols.
+        sensors: errors of the encoders.
+        delay_samples: samples a torque is late at the motor.
+    """
+    start = initial_loop_state(controller, plant, sensors)
+    held = leaves(holding_torques(controller.coordination.preload, plant))
+    queue = {name: held[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
+    return leaves(start) | queue | leaves(Accumulators(), "metrics.")
+
+
+def initial_state_of(experiment: Experiment) -> dict[str, float]:
+    """`starting_state` of an experiment, as floats."""
+    delay_samples = experiment.simulation.delay_samples
+    start = starting_state(experiment.controller, experiment.plant, experiment.sensors, delay_samples)
+    return {key: float(value) for key, value in start.items()}
+
+
+@cache
+def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts: tuple[str, ...] = ()) -> ClosedLoop:
+    """Build the symbolic functions of a structure (cached).
+
+    Args:
+        structure: what shapes them.
+        zeros: names of parameters that are zero for good (`structure.zeros_of`): the functions leave out what these
+            multiply and do not look at their values.
+        cuts: some of `JOINTS`, to have the loop cut there for analysis: what leaves the cuts is then a fourth input,
+            ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``, of
+            `sample`.
+    """
+    with BUILDING:
+        return _closed_loop(structure, zeros, cuts)
+
+
+def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
+    template = template_of(structure)
+    queued = _queue_names(structure.delay_samples)
+    vectors = {
+        "state": tuple(initial_state_of(template)),
+        "exogenous": tuple(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)))),
+        "parameters": tuple(parameters_of(template)),
+    }
+    symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
+    injected = {cut: ca.SX.sym(cut) for cut in cuts}
+    of_state, outside, values = (
+        dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
+    )
+    if cuts:
+        symbols["cut"] = ca.vertcat(*injected.values())
+    values |= dict.fromkeys(zeros, ca.SX(0))
+    plant = with_leaves(template.plant, values, "plant.")
+    nominal = with_leaves(template.plant, values, "nominal.")
+    controller = with_leaves(template.controller, values, "controller.")
+    sensors = with_leaves(template.sensors, values, "sensors.")
+    sample_time = values["simulation.sample_time"]
+    state = with_leaves(initial_loop_state(template.controller, template.plant, template.sensors), of_state)
+    exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
+    plant_state = state.motion.plant
+
+    # the sample's beginning: sense and control
+    pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant), strict=True))
+    forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
+    encoders, measurement = measure(plant_state, forces, exogenous.noise, state.encoders, plant, sensors, sample_time)
+    controller_state, said = controller_step(
+        state.controller,
+        measurement,
+        exogenous.reference,
+        controller,
+        nominal,
+        sample_time,
+        shared_force=injected.get("u"),
+    )
+
+    # until the next sample: the plant moves on under the torques that reach the motors
+    sent = injected.get("tau_1", said.tau1), injected.get("tau_2", said.tau2)
+    queue = [*(of_state[name] for name in queued), *sent]
+    held = Held(
+        t=state.sample * sample_time,
+        torques=Torques(queue[0], queue[1]),
+        current=exogenous.current,
+        normal_force_variation=exogenous.normal_force_variation,
+    )
+    disturbance = with_leaves(template.disturbance, values, "disturbance.")
+
+    def problem(held: Held) -> Problem:
+        return problem_of(held, sample_time, plant, disturbance)
+
+    environment = problem(held).environment_at(held.t, plant_state.v, state.motion.phase)
+    row = row_of(held.t, plant_state, forces, exogenous.reference, said, environment, plant, nominal)
+    power_1 = plant.winch_1.gear_ratio * held.torques.tau_1 * plant_state.omega_1
+    power_2 = plant.winch_2.gear_ratio * held.torques.tau_2 * plant_state.omega_2
+    sample = Sample(
+        number=state.sample,
+        error=row["e"],
+        F1=row["F1"],
+        F2=row["F2"],
+        tau_1=held.torques.tau_1,
+        tau_2=held.torques.tau_2,
+        power=absolute(power_1) + absolute(power_2),
+        saturated=said.saturated,
+        torque_saturated=said.torque_saturated,
+        steady=exogenous.steady,
+    )
+    sums = accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time)
+    following = leaves(LoopState(state.motion, controller_state, encoders, state.sample + 1))
+    following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
+    discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
+    at_sample = {"discrete": ca.vertcat(*discrete), "held": ca.vertcat(*leaves(held).values())}
+    if cuts:
+        returned = pulls | {"u": said.position.u_sat, "tau_1": said.tau1, "tau_2": said.tau2}
+        at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
+    move, leap = between_samples(structure, problem, symbols["parameters"])
+    return ClosedLoop(
+        sample=named_function("sample", symbols, at_sample),
+        observe=named_function("observe", symbols, {"row": ca.vertcat(*row.values())}),
+        move=move,
+        parts=structure.substeps,
+        leap=leap,
+        states=vectors["state"],
+        exogenous=vectors["exogenous"],
+        parameters=vectors["parameters"],
+        columns=tuple(row),
+    )

@@ -1,0 +1,103 @@
+"""Two ways to run the same symbolic step: compiled C, or CasADi's interpreter."""
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias, get_args
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED, LEFT, compile_rollout
+from dualwinch.codegen.sampled import Sampled
+from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.simulation.loop.closed_loop import ClosedLoop
+
+EngineName: TypeAlias = Literal["compiled", "interpreter"]
+ENGINES: tuple[EngineName, ...] = get_args(EngineName)
+
+Floats: TypeAlias = NDArray[np.float64]
+
+Engine: TypeAlias = Callable[[Floats, Floats, Floats, int], tuple[int, int, Floats]]
+"""``(parameters, exogenous, state, stride) -> (outcome, samples stepped, rows)``; as `Rollout` of `codegen.drivers`."""
+
+
+class _Stepper:
+    """One sample after the other in CasADi's interpreter, without copies: from arrays, into arrays."""
+
+    def __init__(self, system: Sampled, parameters: Floats, state: Floats) -> None:
+        self.state, self._parameters = state.copy(), parameters
+        self.exogenous, self.row = np.empty(system.sample.numel_in("exogenous")), np.empty(system.sizes["COLUMNS"])
+        self._following, self._margin, self._valid = np.empty_like(state), np.empty(1), np.zeros(1)
+        moving = system.sizes["MOTION"]
+        motion, held = self.state[:moving], np.empty(system.sizes["HELD"])
+        moved, discrete = self._following[:moving], self._following[moving:]
+        self.observe = self._prepared(system.observe, [self.state, self.exogenous], [self.row])
+        self._sample = self._prepared(system.sample, [self.state, self.exogenous], [discrete, held])
+        source, between = motion, np.empty(moving)
+        self._parts: list[Callable[[], None]] = []
+        for part in range(system.parts):
+            target = moved if (system.parts - part) % 2 else between
+            number = np.array([float(part)])
+            self._parts.append(self._prepared(system.move, [source, held, number], [target, self._margin]))
+            source = target
+        self._leap = lambda: None
+        if system.leap:
+            self._leap = self._prepared(system.leap, [motion, held], [moved, self._margin, self._valid])
+
+    def _prepared(self, function: ca.Function, inputs: list[Floats], outputs: list[Floats]) -> Callable[[], None]:
+        derive, lean = hoisted(function)
+        inputs = [*inputs, self._parameters, np.array(derive(self._parameters)).ravel()]
+        buffer, evaluate = lean.buffer()
+        for place, array in enumerate(inputs):
+            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]  # the stub names C's arguments
+        for place, array in enumerate(outputs):
+            buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
+
+        def call(_alive: tuple = (buffer, *inputs, *outputs)) -> None:
+            evaluate()
+
+        return call
+
+    def step(self) -> int:
+        """Step on by a sample; its outcome."""
+        self._sample()
+        self._leap()
+        if not self._valid[0] > 0:
+            for move in self._parts:
+                move()
+        self.state[:] = self._following
+        if not np.isfinite(self.state).all():
+            return DIVERGED
+        return LEFT if self._margin[0] < 0 else COMPLETED
+
+
+def interpreter(system: Sampled) -> Engine:
+    """Run a sampled system in CasADi's interpreter, with the outcomes of the compiled rollout.
+
+    It runs the very operations that are compiled, so that both engines give the same numbers.
+    """
+
+    def run(parameters: Floats, exogenous: Floats, state: Floats, stride: int) -> tuple[int, int, Floats]:
+        stepper = _Stepper(system, parameters, state)
+        rows: list[Floats] = []
+        outcome, done = COMPLETED, 0
+        while done < len(exogenous) and outcome == COMPLETED:
+            stepper.exogenous[:] = exogenous[done]
+            if stride and done % stride == 0:
+                stepper.observe()
+                rows.append(stepper.row.copy())
+            outcome = stepper.step()
+            done += 1
+        state[:] = stepper.state
+        return outcome, done, np.array(rows).reshape(len(rows), stepper.row.size)
+
+    return run
+
+
+def engine(loop: ClosedLoop, name: EngineName = "compiled") -> Engine:
+    """The engine of a name for a closed loop.
+
+    Raises:
+        DualwinchError: the compiled engine finds no compiler, or no usable cache folder.
+    """
+    return compile_rollout(loop) if name == "compiled" else interpreter(loop)

@@ -1,0 +1,192 @@
+"""Equations of controller, plant and closed loop over symbols, from the functions that `simulate` runs."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import casadi as ca
+import numpy as np
+
+from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state
+from dualwinch.controllers.signals import Measurement
+from dualwinch.model.plant import Environment, Plant, PlantState, Torques, resting_state, tensions
+from dualwinch.model.quantity import Leaf, Quantity, describe, describe_parts, leaves, with_leaves
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.rope import rope_lengths, stiffness
+from dualwinch.model.scalar import Scalar
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
+from dualwinch.simulation.loop.closed_loop import Exogenous, closed_loop, initial_loop_state, starting_state
+from dualwinch.simulation.loop.row import COLUMNS
+from dualwinch.simulation.loop.structure import structure_of
+
+Scalars: TypeAlias = dict[str, Scalar]
+Facts: TypeAlias = dict[str, tuple[Quantity, tuple[float, float]]]
+"""Variable name → what it is and the range it may take."""
+
+PHASE, SAMPLE, SLOW = "phase", "sample", "slow"
+"""What moves beside the plant's own state; the last is an integrator's memory and no part of the continuous plant."""
+
+ANY = (-np.inf, np.inf)
+SAMPLE_NUMBER = Quantity("1", "number of the sample"), ANY
+
+
+@dataclass(frozen=True)
+class Equations:
+    """A block's equations, over symbols.
+
+    Attributes:
+        state, input: the symbols by name.
+        initial, next_state, output: expressions by name; `output` may depend on the input.
+        about: what states, inputs and outputs are.
+        output_now: the output from the state before the step, where it does not depend on the input.
+        nominal: sizes of states beside the others, where they are not 1.
+        derivative: by time of the states that are continuous, which come first; of a continuous system.
+    """
+
+    state: Scalars
+    input: Scalars
+    initial: Scalars
+    next_state: Scalars
+    output: Scalars
+    about: tuple[Facts, Facts, Facts]
+    output_now: Scalars | None = None
+    derivative: Scalars | None = None
+    nominal: dict[str, float] = field(default_factory=dict)
+
+
+def _symbolic(experiment: Experiment, symbols: Scalars) -> tuple[Controller, Plant, Plant]:
+    """Controller, plant and believed plant of an experiment with symbols for their numbers."""
+    return (
+        with_leaves(experiment.controller, symbols, "controller."),
+        with_leaves(experiment.plant, symbols, "plant."),
+        with_leaves(experiment.plant, symbols, "nominal."),
+    )
+
+
+def _new(names: Iterable[str]) -> Scalars:
+    return {name: ca.SX.sym(name) for name in names}
+
+
+def _facts(described: dict[str, Leaf]) -> Facts:
+    return {name: (leaf.quantity, leaf.bounds) for name, leaf in described.items()}
+
+
+def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
+    """One sample of the controller: sensor values and reference in, torques and inner signals out."""
+    controller, _, nominal = _symbolic(experiment, symbols)
+    start = initial_controller_state(experiment.controller)
+    state, sensed, wanted = _new(leaves(start)), _new(describe(Measurement)), _new(("x_ref", "v_ref", "a_ref"))
+    following, said = controller_step(
+        with_leaves(start, state),
+        Measurement(**sensed),
+        Setpoint(*wanted.values()),
+        controller,
+        nominal,
+        symbols["simulation.sample_time"],
+    )
+    flat = {"tau_1": said.tau1, "tau_2": said.tau2, "F1_cmd": said.F1_cmd, "F2_cmd": said.F2_cmd}
+    flat |= {name: value for name, value in leaves(said.position).items() if value is not None}
+    flat |= {"saturated": said.saturated, "torque_saturated": said.torque_saturated}
+    about = _facts(describe_parts(said)) | _facts(describe_parts(said.position))
+    about |= {"tau_1": about["tau1"], "tau_2": about["tau2"]}
+    references = {name: (COLUMNS[name], ANY) for name in wanted}
+    return Equations(
+        state=state,
+        input=sensed | wanted,
+        initial=leaves(start),
+        next_state=leaves(following),
+        output=flat,
+        about=(_facts(describe_parts(start)), _facts(describe(Measurement)) | references, about),
+    )
+
+
+def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
+    """One sample of the plant as `simulate` integrates it, and its time derivative."""
+    controller, plant, _ = _symbolic(experiment, symbols)
+    state = _new((*describe(PlantState), PHASE, SAMPLE, SLOW))
+    torques, sea = _new(describe(Torques)), _new(describe(Environment))
+    sample_time = symbols["simulation.sample_time"]
+    motion = with_leaves(Motion(PlantState(0, 0, 0, 0, 0, 0)), {f"plant.{name}": state[name] for name in state} | state)
+    problem = Problem(
+        t=state[SAMPLE] * sample_time,
+        duration=sample_time,
+        torques=Torques(**torques),
+        environment=Environment(**sea),
+        disturbance=with_leaves(experiment.disturbance, symbols, "disturbance."),
+        plant=plant,
+    )
+    simulation = experiment.simulation
+    moved = INTEGRATORS[simulation.integrator].advance(problem, motion, simulation.substeps)
+    slope = problem.derivative(problem.t, motion)
+
+    def output(at: PlantState) -> Scalars:
+        return leaves(at) | dict(zip(("F1", "F2"), tensions(at, plant), strict=True))
+
+    states = (
+        _facts(describe_parts(motion.plant))
+        | _facts({name: describe_parts(motion)[name] for name in (PHASE, SLOW)})
+        | {SAMPLE: SAMPLE_NUMBER}
+    )
+    return Equations(
+        state=state,
+        input=torques | sea,
+        initial=leaves(resting_state(controller.coordination.preload, plant))
+        | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
+        next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
+        output=output(moved.plant),
+        about=(
+            states,
+            _facts(describe(Torques)) | _facts(describe(Environment)),
+            states | {name: (COLUMNS[name], ANY) for name in ("F1", "F2")},
+        ),
+        output_now=output(motion.plant),
+        derivative=leaves(slope.plant) | {PHASE: slope.phase, SAMPLE: 1 / sample_time},
+        nominal=_swings(experiment.plant),
+    )
+
+
+def _swings(plant: Plant) -> dict[str, float]:
+    """Size of each speed beside its position: the frequency in rad/s of the ropes' swing amid the track, in decades.
+
+    A solver that allows both the same error would ask more of the speeds than the positions can give.
+    """
+    lengths = rope_lengths(plant.track.length / 2, plant.track)
+    rates = [stiffness(length, rope) for length, rope in zip(lengths, (plant.rope_1, plant.rope_2), strict=True)]
+    squares = {"v": sum(rates) / plant.vehicle.mass}
+    for number, rate, winch in zip((1, 2), rates, (plant.winch_1, plant.winch_2), strict=True):
+        squares[f"omega_{number}"] = rate * winch.drum_radius**2 / winch.inertia
+    return {name: 10.0 ** round(math.log10(square) / 2) for name, square in squares.items()}
+
+
+def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:
+    """One sample of the closed loop, without the sums behind the figures of merit."""
+    loop = closed_loop(structure_of(experiment))
+    exogenous = _new(loop.exogenous)
+    start = starting_state(
+        *_symbolic(experiment, symbols)[:2],
+        with_leaves(experiment.sensors, symbols, "sensors."),
+        experiment.simulation.delay_samples,
+    )
+    initial = {name: value for name, value in start.items() if not name.startswith("metrics.")}
+    state = _new(initial)
+    all_states = ca.vertcat(*(state.get(name, 0) for name in loop.states))
+    vectors = ca.vertcat(*exogenous.values()), ca.vertcat(*(symbols[name] for name in loop.parameters))
+    next_state, row, _ = loop.step(all_states, *vectors)
+    following = dict(zip(loop.states, ca.vertsplit(next_state), strict=True))
+    parts = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors)
+    torques = _facts(describe(Torques))
+    queue = {name: torques[name.rsplit(".", 1)[1]] for name in initial if name.startswith("queue.")}
+    return Equations(
+        state=state,
+        input=exogenous,
+        initial=initial,
+        next_state={name: following[name] for name in initial},
+        output=dict(zip(loop.columns, ca.vertsplit(row), strict=True)),
+        about=(
+            _facts(describe_parts(parts)) | queue,
+            _facts(describe(Exogenous)),
+            {name: (quantity, ANY) for name, quantity in COLUMNS.items()},
+        ),
+    )

@@ -1,0 +1,158 @@
+"""Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
+
+import numpy as np
+
+from dualwinch.model.quantity import Quantity
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Figures of merit; NaN where a run ended before there was anything to measure."""
+
+    mae: Annotated[float, Quantity("m", "mean |e|, whole run")]
+    max_abs_error: Annotated[float, Quantity("m", "largest |e|, whole run")]
+    mse: Annotated[float, Quantity("m^2", "mean e^2, whole run")]
+    steady_mae: Annotated[float, Quantity("m", "mean |e|, steady state")]
+    steady_max_abs_error: Annotated[float, Quantity("m", "largest |e|, steady state")]
+    steady_mse: Annotated[float, Quantity("m^2", "mean e^2, steady state")]
+    saturated_share: Annotated[float, Quantity("1", "share of samples with the force command beyond its limit")]
+    torque_saturated_share: Annotated[float, Quantity("1", "share of samples with a motor torque at its limit")]
+    slack_share: Annotated[float, Quantity("1", "share of samples with a rope at zero tension")]
+    peak_tension: Annotated[float, Quantity("N", "largest tension of both ropes, at the samples")]
+    min_tension: Annotated[float, Quantity("N", "smallest tension of both ropes, at the samples")]
+    chatter: Annotated[float, Quantity("N", "mean |change of tension| from sample to sample, of both ropes")]
+    energy: Annotated[float, Quantity("J", "work of both motors, braking counted like driving")]
+    torque_rate: Annotated[float, Quantity("N m/s", "mean |change of motor torque| a second, of both winches")]
+    continuous_load: Annotated[float, Quantity("N m", "root mean square of the motor torques, of both winches")]
+
+
+@dataclass(frozen=True)
+class Accumulators:
+    """Running sums and extremes behind `Metrics`."""
+
+    sum_abs: Annotated[Scalar, Quantity("m", "sum of |e|")] = 0.0
+    max_abs: Annotated[Scalar, Quantity("m", "largest |e|")] = 0.0
+    sum_square: Annotated[Scalar, Quantity("m^2", "sum of e^2")] = 0.0
+    steady_samples: Annotated[Scalar, Quantity("1", "samples in the steady state")] = 0.0
+    steady_sum_abs: Annotated[Scalar, Quantity("m", "sum of |e| in the steady state")] = 0.0
+    steady_max_abs: Annotated[Scalar, Quantity("m", "largest |e| in the steady state")] = 0.0
+    steady_sum_square: Annotated[Scalar, Quantity("m^2", "sum of e^2 in the steady state")] = 0.0
+    saturated: Annotated[Scalar, Quantity("1", "samples with the force command beyond its limit")] = 0.0
+    torque_saturated: Annotated[Scalar, Quantity("1", "samples with a motor torque at its limit")] = 0.0
+    slack: Annotated[Scalar, Quantity("1", "samples with a rope at zero tension")] = 0.0
+    peak: Annotated[Scalar, Quantity("N", "largest tension")] = 0.0
+    least: Annotated[Scalar, Quantity("N", "smallest tension")] = 1e300
+    sum_change: Annotated[Scalar, Quantity("N", "sum of |change of tension| of both ropes")] = 0.0
+    F1_previous: Annotated[Scalar, Quantity("N", "tension 1 of the last sample")] = 0.0
+    F2_previous: Annotated[Scalar, Quantity("N", "tension 2 of the last sample")] = 0.0
+    work: Annotated[Scalar, Quantity("J", "work of both motors")] = 0.0
+    sum_torque_rate: Annotated[Scalar, Quantity("N m/s", "sum of |change of torque| a second, of both motors")] = 0.0
+    sum_torque_square: Annotated[Scalar, Quantity("N^2 m^2", "sum of torque^2 of both motors")] = 0.0
+    tau_1_previous: Annotated[Scalar, Quantity("N m", "torque 1 of the last sample")] = 0.0
+    tau_2_previous: Annotated[Scalar, Quantity("N m", "torque 2 of the last sample")] = 0.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What one sample contributes: number, error in m, tensions in N, torques in N m, flags.
+
+    `power` in W is that of both motors, braking counted like driving.
+    """
+
+    number: Scalar
+    error: Scalar
+    F1: Scalar
+    F2: Scalar
+    tau_1: Scalar
+    tau_2: Scalar
+    power: Scalar
+    saturated: Scalar
+    torque_saturated: Scalar
+    steady: Scalar
+
+
+def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Accumulators:
+    """The accumulators with one sample more; `sample_time` in s."""
+    size, square = absolute(sample.error), sample.error**2
+    seen = sample.number > 0
+    least = minimum(sample.F1, sample.F2)
+    change = absolute(sample.F1 - so_far.F1_previous) + absolute(sample.F2 - so_far.F2_previous)
+    torque_change = absolute(sample.tau_1 - so_far.tau_1_previous) + absolute(sample.tau_2 - so_far.tau_2_previous)
+    return Accumulators(
+        sum_abs=so_far.sum_abs + size,
+        max_abs=maximum(so_far.max_abs, size),
+        sum_square=so_far.sum_square + square,
+        steady_samples=so_far.steady_samples + sample.steady,
+        steady_sum_abs=so_far.steady_sum_abs + sample.steady * size,
+        steady_max_abs=maximum(so_far.steady_max_abs, sample.steady * size),
+        steady_sum_square=so_far.steady_sum_square + sample.steady * square,
+        saturated=so_far.saturated + sample.saturated,
+        torque_saturated=so_far.torque_saturated + sample.torque_saturated,
+        slack=so_far.slack + (least <= 0),
+        peak=maximum(so_far.peak, maximum(sample.F1, sample.F2)),
+        least=minimum(so_far.least, least),
+        sum_change=so_far.sum_change + where(seen, change, 0.0),
+        F1_previous=sample.F1,
+        F2_previous=sample.F2,
+        work=so_far.work + sample_time * sample.power,
+        sum_torque_rate=so_far.sum_torque_rate + where(seen, torque_change, 0.0) / sample_time,
+        sum_torque_square=so_far.sum_torque_square + sample.tau_1**2 + sample.tau_2**2,
+        tau_1_previous=sample.tau_1,
+        tau_2_previous=sample.tau_2,
+    )
+
+
+def finish(sums: Mapping[str, Any], samples: Any) -> Metrics:
+    """The metrics from the final `Accumulators`, given by field name, after so many samples.
+
+    Each may be an array, of many runs; then the metrics are arrays.
+    """
+    steady = sums["steady_samples"]
+
+    def measured(value: Any, count: Any) -> Any:
+        if np.ndim(count):
+            return np.where(np.real(count) > 0, value, np.nan)
+        return value if np.real(count) > 0 else np.nan
+
+    def mean(total: Any, count: Any) -> Any:
+        return measured(total / np.maximum(np.real(count), 1), count)
+
+    return Metrics(
+        mae=mean(sums["sum_abs"], samples),
+        max_abs_error=measured(sums["max_abs"], samples),
+        mse=mean(sums["sum_square"], samples),
+        steady_mae=mean(sums["steady_sum_abs"], steady),
+        steady_max_abs_error=measured(sums["steady_max_abs"], steady),
+        steady_mse=mean(sums["steady_sum_square"], steady),
+        saturated_share=mean(sums["saturated"], samples),
+        torque_saturated_share=mean(sums["torque_saturated"], samples),
+        slack_share=mean(sums["slack"], samples),
+        peak_tension=measured(sums["peak"], samples),
+        min_tension=measured(sums["least"], samples),
+        chatter=mean(sums["sum_change"], 2 * (samples - 1)),
+        energy=measured(sums["work"], samples),
+        torque_rate=mean(sums["sum_torque_rate"], 2 * (samples - 1)),
+        continuous_load=np.sqrt(mean(sums["sum_torque_square"], 2 * samples)),
+    )
+
+
+KEYS = {field.name: f"metrics.{field.name}" for field in fields(Accumulators)}
+"""Accumulator → its name in the state of a closed loop."""
+
+
+FINAL = (*KEYS.values(), "sample")
+"""States of a closed loop that the metrics follow from."""
+
+
+def metrics_of(final_state: Mapping[str, Any]) -> Metrics:
+    """The metrics from the final state of a closed loop, given by name, whose ``metrics.*`` are the accumulators.
+
+    Each may be an array, of many runs; then the metrics are arrays.
+    """
+    sums = {name: final_state[key] for name, key in KEYS.items()}
+    return finish(sums, final_state["sample"])

@@ -1,0 +1,87 @@
+"""Sensitivities of a small sampled system, against the derivative of the same loop taken by CasADi as a whole."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from dualwinch.codegen.drivers.rollout import COMPLETED, compile_rollout
+from dualwinch.codegen.drivers.sensitivity import compile_sensitivity, directions_for
+from dualwinch.codegen.sampled import Sampled
+from dualwinch.codegen.source.lanes import LANES
+from tests.codegen.toy import oscillator
+
+SAMPLES, GAINS = 40, (3, 4)
+TANH = 1e-8
+"""Relative error allowed where slopes hold a tanh in lanes, good to 1e-9."""
+PARAMETERS = np.array([40.0, 0.5, 0.01, 2.0, 0.7])
+
+
+def controlled(*, leaps: bool) -> Sampled:
+    """The oscillator under a proportional force with a limit, on the measured position; its gains are p[3], p[4]."""
+    plant = oscillator(leaps=leaps)
+    state, exogenous, parameters = ca.SX.sym("state", 3), ca.SX.sym("exogenous", 1), ca.SX.sym("parameters", 5)
+    at_sample = {"state": state, "exogenous": exogenous, "parameters": parameters}
+    wanted = parameters[3] * ca.tanh(exogenous - parameters[4] * state[0])
+    outputs = {"discrete": state[2] + wanted**2, "held": 3 * wanted}
+    between = {"motion": ca.SX.sym("m", 2), "held": ca.SX.sym("h"), "part": ca.SX.sym("i"), "parameters": parameters}
+
+    def plain(function: ca.Function) -> ca.Function:
+        given = [between[name] if name != "parameters" else parameters[:3] for name in function.name_in()]
+        kept = [between[name] for name in function.name_in()]
+        return ca.Function(function.name(), kept, function.call(given), function.name_in(), function.name_out())
+
+    return replace(
+        plant,
+        sample=ca.Function("sample", list(at_sample.values()), list(outputs.values()), list(at_sample), list(outputs)),
+        observe=ca.Function("observe", list(at_sample.values()), [state[:2]], list(at_sample), ["row"]),
+        move=plain(plant.move),
+        leap=plain(plant.leap) if plant.leap else None,
+    )
+
+
+def by_casadi(system: Sampled, exogenous: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Final state and its Jacobian by the gains, of the loop unrolled."""
+    gains = ca.SX.sym("gains", 2)
+    parameters = ca.vertcat(ca.DM(PARAMETERS[:3]), gains)
+    state = ca.SX(start)
+    for outside in exogenous:
+        discrete, held = system.sample(state, outside, parameters)
+        state = ca.vertcat(system.move(state[:2], held, 0, parameters)[0], discrete)
+    whole = ca.Function("whole", [gains], [state, ca.jacobian(state, gains)])
+    final, slopes = whole(PARAMETERS[3:])
+    return np.array(final).ravel(), np.array(slopes)
+
+
+@pytest.mark.parametrize("leaps", [False, True])
+@pytest.mark.parametrize("samples", [SAMPLES, LANES, 1])
+def test_tangents_are_those_of_the_whole_loop(*, leaps: bool, samples: int) -> None:
+    system = controlled(leaps=leaps)
+    run = compile_sensitivity(system, system, GAINS)
+    exogenous, start = np.sin(np.arange(samples))[:, None], np.array([0.3, 0.0, 0.0])
+    directions, state, tangent = np.zeros((2, run.directions)), start.copy(), np.zeros((3, run.directions))
+    directions[:, :2], directions[:, 5] = np.eye(2), (1.0, -2.0)
+    outcome, done, x, tangents = run(PARAMETERS, directions, exogenous, state, tangent)
+    final, slopes = by_casadi(system, exogenous, start)
+    assert (outcome, done) == (COMPLETED, samples)
+    assert state == pytest.approx(final, rel=1e-12)
+    assert tangent[:, :2] == pytest.approx(slopes, rel=TANH, abs=1e-15)
+    assert tangent[:, 5] == pytest.approx(slopes @ (1.0, -2.0), rel=TANH, abs=1e-15)
+    plain = start.copy()
+    rows = compile_rollout(system)(PARAMETERS, exogenous, plain)[2]
+    assert x == pytest.approx(rows[:, 0], rel=1e-12)
+    assert tangents.shape == (samples, run.directions)
+
+
+def test_more_gains_take_more_directions() -> None:
+    assert directions_for(tuple(range(8))) == 8
+    assert directions_for(tuple(range(9))) == LANES
+
+
+def test_a_tangent_may_overflow_and_the_run_goes_on() -> None:
+    system = controlled(leaps=False)
+    run = compile_sensitivity(system, system, GAINS)
+    directions, tangent = np.full((2, run.directions), 1e308), np.full((3, run.directions), 1e308)
+    outcome, done, _, _ = run(PARAMETERS, directions, np.zeros((20, 1)), np.array([0.3, 0.0, 0.0]), tangent, 0)
+    assert (outcome, done) == (COMPLETED, 20)

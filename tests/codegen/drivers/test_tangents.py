@@ -1,0 +1,70 @@
+"""The split derivative of a function, carried out as its C statements say, against CasADi's Jacobian."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dualwinch.codegen.drivers.linearised_graph import LinearisedGraph
+from dualwinch.codegen.drivers.tangents import Spread, Tangents, spread
+
+ALONG = {"state": Tangents("state_tangent"), "gains": Tangents("direction", (0, 2))}
+numbers = st.floats(0.1, 2.0)
+
+
+def function() -> ca.Function:
+    """Two outputs through one bottleneck; gains[1] is not differentiated by; the last output does not move."""
+    state, gains = ca.SX.sym("state", 3), ca.SX.sym("gains", 3)
+    bottleneck = ca.tanh(gains[0] * state[0] + gains[1] * state[1] * state[2] + ca.sqrt(state[2]) * gains[2])
+    following = ca.vertcat(bottleneck**2, bottleneck / state[0], ca.fmax(bottleneck, 0.5) - state[1], gains[1])
+    return ca.Function("law", [state, gains], [following, state[1]], ["state", "gains"], ["following", "unused"])
+
+
+def carried_out(split: Spread, state: np.ndarray, gains: np.ndarray, along: np.ndarray, seeds: np.ndarray) -> list:
+    names = {
+        "DIRECTIONS": 1,
+        "LANES": 1,
+        "slopes": np.array(split.slopes(state, gains)).ravel(),
+        "state_tangent": along,
+        "direction": seeds,
+        "following_tangent": [0.0] * 4,
+    }
+    for statement in split.statements:
+        exec(statement.removeprefix("const double ").rstrip(";"), names)  # noqa: S102 - what was just generated
+    return names["following_tangent"]
+
+
+@given(st.lists(numbers, min_size=11, max_size=11))
+def test_the_statements_are_the_jacobian(drawn: list[float]) -> None:
+    state, gains, along, seeds = np.array(drawn[:3]), np.array(drawn[3:6]), np.array(drawn[6:9]), np.array(drawn[9:])
+    law = function()
+    symbols = [ca.SX.sym("state", 3), ca.SX.sym("gains", 3)]
+    following = law.call(symbols)[0]
+    by = ca.vertcat(symbols[0], symbols[1][0], symbols[1][2])
+    jacobian = np.array(ca.Function("jacobian", symbols, [ca.jacobian(following, by)])(state, gains))
+    moved = carried_out(spread(law, ALONG, ["following"]), state, gains, along, seeds)
+    assert moved == pytest.approx(jacobian @ np.concatenate([along, seeds]), rel=1e-11, abs=1e-14)
+
+
+def test_a_bottleneck_stays_and_saves_products() -> None:
+    split = spread(function(), ALONG, ["following"])
+    assert split.statements[0].startswith("const double joint_0 = ")
+    assert sum(line.count(" * ") for line in split.statements) < 5 + 3 + 3  # the joint's inputs, then the outputs'
+
+
+def test_what_does_not_move_is_named() -> None:
+    split = spread(function(), ALONG, ["following"])
+    assert split.still == {("following", 3)}
+    assert split.statements[-1] == "following_tangent[3*DIRECTIONS] = 0.0;"
+
+
+def test_elimination_leaves_no_more_edges() -> None:
+    law = function()
+    symbols = {"state": ca.SX.sym("state", 3), "gains": ca.SX.sym("gains", 3)}
+    graph = LinearisedGraph(law, symbols, {("state", k) for k in range(3)}, ["following"])
+    before = sum(len(edges) for edges in graph.into.values())
+    graph.eliminate()
+    assert sum(len(edges) for edges in graph.into.values()) < before
+    inner = [vertex for vertex in graph.into if isinstance(vertex, int)]
+    assert len(inner) == 1

@@ -1,0 +1,11 @@
+import numpy as np
+
+from dualwinch.codegen.source.c_body import literal
+
+
+def test_literals_keep_guards_against_division_by_zero() -> None:
+    assert literal(0.1, "float") == "0.1f"
+    assert literal(0.1, "double") == "0.1"
+    assert np.float32(literal(1e-100, "float")[:-1]) > 0
+    assert np.isfinite(np.float32(literal(-1e100, "float")[:-1]))
+    assert literal(0.0, "float") == "0.0f"

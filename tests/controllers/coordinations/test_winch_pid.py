@@ -1,0 +1,53 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchOutput, WinchState, winch_step
+from dualwinch.controllers.limits import Coordination
+from dualwinch.model.winch import Winch
+
+tensions = st.floats(0, 9000)
+
+
+def step(
+    state: WinchState, command: float, tension: float, alpha_d: float = 0.0, gains: WinchGains | None = None
+) -> tuple[WinchState, WinchOutput]:
+    return winch_step(state, command, tension, alpha_d, Winch(), gains or WinchGains(), Coordination(), 1e-3)
+
+
+@given(tensions, tensions, st.floats(-1e6, 1e6), st.floats(-1, 1))
+def test_torque_is_within_what_the_tension_limits_allow(
+    command: float, tension: float, integral: float, alpha_d: float
+) -> None:
+    _, said = step(WinchState(integral=integral), command, tension, alpha_d)
+    assert 0.8 / 36 * 200 <= said.torque <= 0.8 / 36 * 6000
+
+
+def test_feedforward_holds_the_tension_and_accelerates_the_drum() -> None:
+    _, said = step(WinchState(), 3000.0, 3000.0, 2.0)
+    assert said.torque == pytest.approx(0.8 / 36 * 3000 + 1.8 / 36 * 2)
+
+
+def test_too_little_tension_gives_more_torque() -> None:
+    """E10: the error is command minus tension."""
+    assert step(WinchState(), 3000.0, 2900.0)[1].torque > step(WinchState(), 3000.0, 3000.0)[1].torque
+
+
+@given(tensions, tensions, st.floats(-1e5, 1e5))
+def test_integral_is_kept_only_while_the_torque_is_not_clipped(command: float, tension: float, integral: float) -> None:
+    after, said = step(WinchState(integral=integral), command, tension)
+    grown = integral + 1e-3 * (command - tension)
+    assert after.integral == (integral if said.saturated else grown)
+
+
+def test_the_integral_acts_in_its_own_sample() -> None:
+    gains = WinchGains(kp=0.0, ki=1.0)
+    assert step(WinchState(), 3000.0, 2900.0, gains=gains)[1].torque == pytest.approx(0.8 / 36 * 3000 + 0.1)
+
+
+def test_derivative_is_zero_at_the_first_sample_only() -> None:
+    gains = WinchGains(kp=0.0, ki=0.0, kd=1e-4)
+    state, said = step(WinchState(), 3000.0, 2990.0, gains=gains)
+    assert said.torque == pytest.approx(0.8 / 36 * 3000)
+    _, said = step(state, 3000.0, 2980.0, gains=gains)
+    assert said.torque == pytest.approx(0.8 / 36 * 3000 + 1e-4 * 10 / 1e-3)

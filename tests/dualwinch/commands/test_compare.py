@@ -1,0 +1,106 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dualwinch.cli import main
+from dualwinch.commands.compare import as_json, controllers
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.paired import Comparison, Contender
+from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.result import METRICS
+
+SHORT = ("--scenarios", "3", "--seed", "5", "--set", "simulation.duration=0.2")
+
+FIRST_KEYS = (
+    "name",
+    "mean_mse",
+    "median_mse",
+    "p95_mse",
+    "mean_chatter",
+    "max_tension",
+    "min_tension",
+    "slack_share",
+    "slack_scenarios",
+    "saturated_share",
+    "outcomes",
+)
+
+
+@pytest.fixture
+def calm(tmp_path: Path) -> Path:
+    path = tmp_path / "calm.toml"
+    path.write_text('[controller]\nestimator = "kalman"\nobserver.l0 = 9.0\n[plant.vehicle]\nmass = 5e3\n')
+    return path
+
+
+def test_compare_writes_statistics_and_figure(calm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, plot = tmp_path / "c.json", tmp_path / "c.svg"
+    main(["compare", "paper", str(calm), *SHORT, "--out", str(out), "--plot", str(plot)])
+    said = capsys.readouterr().out
+    assert "MSE, mean" in said
+    assert "chatter" in said
+    facts = json.loads(out.read_text())
+    paper, other = facts["files"]
+    assert [paper["name"], other["name"]] == ["paper", str(calm)]
+    assert tuple(paper)[: len(FIRST_KEYS)] == FIRST_KEYS
+    assert (facts["scenarios"], facts["seed"], facts["ensemble"]) == (3, 5, "sea")
+    assert other["controller"]["observer.l0"] == 9.0
+    ratio = other["over_first"]["mse"]["ratio_of_means"]
+    assert ratio["estimate"] == pytest.approx(other["mean_mse"] / paper["mean_mse"])
+    assert ratio["low"] <= ratio["estimate"] <= ratio["high"]
+    assert plot.read_text().startswith("<?xml")
+
+
+def test_only_the_controller_of_a_file_counts(calm: Path) -> None:
+    """Keys it does not have keep the paper's gains; its plant is not used."""
+    loaded = controllers(["paper", str(calm)])
+    assert loaded["paper"] == paper_controller()
+    assert loaded[str(calm)].nftsm == paper_controller().nftsm
+    assert loaded[str(calm)].estimator == "kalman"
+
+
+def test_json_says_null_where_nothing_completed() -> None:
+    lost = Contender(paper_controller(), np.array(["diverged"]), {name: np.array([np.inf]) for name in METRICS})
+    facts = as_json(Comparison(load_ensemble("sea"), 0, 1, {"a": lost, "b": lost}))
+    assert facts["files"][0]["mean_mse"] is None
+    assert facts["files"][1]["over_first"]["mse"]["ratio_of_means"]["low"] is None
+    json.dumps(facts, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "give at least one file"),
+        (("paper", "paper"), "paper: given twice"),
+        (("nowhere.toml",), "cannot read nowhere.toml"),
+        (("paper", "--ensemble", "see"), "did you mean 'sea'"),
+        (("paper", "--scenarios", "0"), "scenarios = 0: must be"),
+        (("paper", "--out", "c.csv"), "must be .json"),
+        (("paper", "--plot", "c.gif"), "must be one of .png"),
+        (("paper", "--set", "controller.observer.l0=3"), "controller.observer.l0: the controller comes from the files"),
+    ],
+)
+def test_wrong_input_is_one_line(
+    words: tuple[str, ...],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["compare", *words])
+    error = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_an_unknown_gain_names_file_and_line(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text("[controller.observer]\nl00 = 3.0\n")
+    with pytest.raises(ConfigurationError, match=r"wrong.toml:2: unknown key 'controller.observer.l00'"):
+        controllers([str(path)])

@@ -1,0 +1,124 @@
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import dualwinch
+from dualwinch.cli import main
+from dualwinch.model.linear.linearisation import linearise
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The error line of a call that must fail with exactly one line."""
+    with pytest.raises(SystemExit) as ended:
+        main(["linearise", *words])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith("dualwinch: error: ")
+    assert error.count("\n") == 1
+    return error
+
+
+def test_one_point_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, plot = tmp_path / "plant.json", tmp_path / "bode.png"
+    main(["linearise", "--x", "10", "--v", "1.8", "--out", str(out), "--plot", str(plot)])
+    said = capsys.readouterr().out
+    for words in (
+        "rope 1 – drum 1",
+        "3606  N",
+        "all limits are respected",
+        "participation",
+        "every mode can be seen: x\n",
+    ):
+        assert words in said
+    written, system = json.loads(out.read_text()), linearise(x=10.0, v=1.8)
+    np.testing.assert_array_equal(written["A"], system.A)
+    assert (written["dt"], written["operating_point"]) == (None, dict(system.operating_point))
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_sweep_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("track.json", "track.npz", "track.mat"):
+        main(["linearise", "--v", "2.5", "--sweep", "x=1:47:2", "--out", str(tmp_path / name)])
+    said = capsys.readouterr().out
+    assert "limits passed at 24 of 24 points; at x = 1: cruise at 2.5 m/s needs 6 315 N" in " ".join(said.split())
+    assert "466 (0.0607)" in said
+    x = [1.0 + 2 * k for k in range(24)]
+    text = json.loads((tmp_path / "track.json").read_text())
+    matlab = loadmat(tmp_path / "track.mat", simplify_cells=True)
+    archive = np.load(tmp_path / "track.npz")
+    assert text["operating_point"]["x"] == x == list(matlab["operating_point"]["x"])
+    np.testing.assert_array_equal(text["A"], archive["A"])
+    np.testing.assert_array_equal(np.moveaxis(matlab["A"], -1, 0), archive["A"])
+    np.testing.assert_array_equal(archive["A"][3], linearise(x=7.0, v=2.5).A)
+
+
+def test_values_of_the_experiment_are_used(tmp_path: Path) -> None:
+    out = tmp_path / "plant.json"
+    limits = ["--set", "controller.coordination.tension_min=300", "--set", "plant.vehicle.mass=2e4"]
+    main(["linearise", "--v", "1.8", "--dt", "0.01", "--preload", "1500", "--out", str(out), *limits])
+    written = json.loads(out.read_text())
+    assert (written["dt"], written["operating_point"]["F2"], written["operating_point"]["preload"]) == (0.01, 300, 1500)
+    assert written["B"][1][2] == pytest.approx(0.01 / 2e4, rel=0.01)
+
+
+@pytest.mark.parametrize("figure", ["bode", "modes", "poles"])
+def test_figures_of_a_sweep(figure: str, tmp_path: Path) -> None:
+    plot = tmp_path / "figure.svg"
+    main(["linearise", "--sweep", "v=-1:2:1", "--plot", str(plot), "--figure", figure])
+    assert plot.read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--x", "51"], "x = 51: must be a finite number >= -0.25 and <= 50.25 m"),
+        (["--v", "20"], "v = 20: must be"),
+        (["--preload", "100"], "preload = 100: must be a finite number > 400 and < 12000 N"),
+        (["--preload", "-1"], "controller.coordination.preload = -1.0: must be a finite number > 0 N"),
+        (["--sweep", "y=1:2:1"], "--sweep y=1:2:1: unknown name 'y'; did you mean 'x'? One of x, v, preload"),
+        (["--sweep", "x=1:2"], "--sweep x=1:2: must be name=first:last:step, e.g. x=1:47:2"),
+        (["--sweep", "x=5:1:1"], "the step must be finite, not 0, and lead from first to last"),
+        (["--sweep", "x=5:5:1"], "--sweep x=5:5:1: one point only; give --x 5"),
+        (["--sweep", "x=0:50:1e-3"], "50001 points, must be <= 10000"),
+        (["--sweep", "x=0:60:1"], "x = 51: must be"),
+        (["--sweep", "x=1:2:1", "--x", "4"], "--x and --sweep x: give one of them"),
+        (["--dt", "0"], "dt = 0: must be a finite number > 0 s"),
+        (["--out", "plant.txt"], "unknown suffix '.txt'; must be one of .json, .mat, .npz"),
+        (["--figure", "bode"], "--figure: needs --plot"),
+        (["--figure", "poles", "--plot", "a.png"], "--figure poles: needs --sweep"),
+        (["--figure", "shapes", "--plot", "a.png", "--sweep", "x=1:2:1"], "--figure shapes: shows one operating point"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert message in refused(capsys, *words)
+
+
+def test_from_python() -> None:
+    point = dualwinch.operating_point(10, 1.8)
+    fastest = dualwinch.modes(dualwinch.linearise(dualwinch.Plant(), 10, 1.8))[-1]
+    assert pytest.approx(200.0) == point.F2
+    assert fastest.label == "rope 2 – drum 2"
+
+
+@pytest.mark.skipif(shutil.which("octave-cli") is None, reason="needs GNU Octave")
+def test_octave_reads_the_file_and_finds_the_same_poles(tmp_path: Path) -> None:
+    system = linearise(x=10.0, v=1.8, dt=1e-3)
+    system.save(tmp_path / "plant.mat")
+    program = (
+        "pkg load control; load plant.mat; sys = ss(A, B, C, D, dt, 'stname', states, 'inname', inputs, "
+        "'outname', outputs); printf('%.17g %.17g\\n', [real(pole(sys)) imag(pole(sys))]'); "
+        "printf('%s %s\\n', get(sys, 'outname'){3}, units.F1);"
+    )
+    words = ["octave-cli", "--norc", "--eval", program]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    if "control" in done.stderr and done.returncode:
+        pytest.skip("needs Octave's control package")
+    *poles, names = done.stdout.splitlines()
+    found = np.array([complex(*map(float, line.split())) for line in poles])
+    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(system.poles()), rtol=1e-9)
+    assert names == "F1 N"

@@ -1,0 +1,61 @@
+"""``dualwinch linearise --loop closed`` and ``--loop broken`` as a user runs them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dualwinch.cli import main
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.paper import case
+
+
+def test_margins_are_printed_and_the_cut_loop_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, plot = tmp_path / "loop.json", tmp_path / "bode.svg"
+    main(["linearise", "--loop", "broken", "--v", "0.5", "--out", str(out), "--plot", str(plot)])
+    said = capsys.readouterr().out
+    system = linear_broken_loop(case(2), 25.0, 0.5)
+    found = margins(system)
+    for number in (found.gain, found.phase, 1e3 * found.delay, found.disk):
+        assert f"{number:.4g}" in said
+    assert "by amplitude of the speed error" in said
+    held = json.loads(out.read_text())
+    assert np.array_equal(np.array(held["A"]), system.A)
+    assert (held["inputs"], held["outputs"], held["dt"]) == (["u_in"], ["u_out"], 1e-3)
+    assert (held["operating_point"]["x"], held["operating_point"]["v"]) == (25, 0.5)
+    assert plot.stat().st_size > 1000
+
+
+def test_the_closed_loop_is_told_stable_and_swept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["linearise", "--loop", "closed", "--v", "0.5", "--plot", str(tmp_path / "poles.svg")])
+    assert ": stable" in capsys.readouterr().out
+    main(["linearise", "--loop", "closed", "--sweep", "preload=1000:3000:1000", "--out", str(tmp_path / "all.json")])
+    assert capsys.readouterr().out.count("0.99") >= 3
+    main(["linearise", "--loop", "broken", "--sweep", "x=5:45:20", "--plot", str(tmp_path / "bodes.svg")])
+    main(["linearise", "--loop", "broken", "--plot", str(tmp_path / "a.svg"), "--figure", "amplitude"])
+
+
+def test_gains_that_shake_the_loop_are_called_unstable(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["linearise", "--loop", "broken", "--v", "0.5", "--set", "controller.nftsm.smoothing=1e-7"])
+    assert "UNSTABLE" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--loop", "closed", "--dt", "0.01"], "the loop has the controller's"),
+        (["--loop", "closed", "--cut", "u"], "--cut: needs --loop broken"),
+        (["--loop", "closed", "--plot", "p.svg", "--figure", "bode"], "must be poles"),
+        (["--plot", "p.svg", "--figure", "amplitude"], "needs --loop broken"),
+        (["--loop", "broken", "--v", "3"], "cruise needs a force of 8590 N"),
+    ],
+)
+def test_wrong_input_is_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["linearise", *words])
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1

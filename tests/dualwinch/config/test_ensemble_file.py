@@ -1,0 +1,232 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from dualwinch.cli import main
+from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, reset
+from dualwinch.config.experiment_file import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
+from dualwinch.simulation.ensembles.ensemble import Drawn
+from dualwinch.simulation.paper import case
+
+MASS = "plant.vehicle.mass"
+
+
+def written(text: str, folder: Path) -> Path:
+    path = folder / "my.toml"
+    path.write_text(text)
+    return path
+
+
+def test_sea_is_what_its_documentation_says() -> None:
+    sea = load_ensemble("sea")
+    ends = {key: (*drawn.distribution.ends, drawn.relative, drawn.together) for key, drawn in sea.distributions.items()}
+    assert ends == {
+        MASS: (0.9, 1.1, True, None),
+        "plant.vehicle.drag_coefficient": (0.8, 1.2, True, None),
+        "plant.vehicle.friction_coefficient": (0.5, 1.5, True, None),
+        "plant.rope_1.modulus": (0.9, 1.1, True, None),
+        "plant.rope_2.modulus": (0.9, 1.1, True, None),
+        "plant.rope_1.damping": (0.7, 1.3, True, None),
+        "plant.rope_2.damping": (0.7, 1.3, True, None),
+        "plant.winch_1.inertia": (0.9, 1.1, True, None),
+        "plant.winch_2.inertia": (0.9, 1.1, True, None),
+        "disturbance.strouhal": (0.18, 0.22, False, None),
+    }
+    set_values = {
+        "disturbance.current_sigma": 0.05,
+        "disturbance.normal_force_sigma": 0.1,
+        "sensors.position_noise": 5e-4,
+        "sensors.position_resolution": 1e-3,
+        "sensors.speed_noise": 2e-3,
+        "sensors.tension_noise": 10.0,
+        "sensors.encoder_counts": 4096,
+        "simulation.delay_samples": 1,
+        "plant.winch_1.coulomb_friction": 96.0,
+        "plant.winch_2.coulomb_friction": 96.0,
+    }
+    assert sea.experiment == override(case(4), set_values)  # current 20 s, ±0.154 m/s; rail load 5 s: the defaults
+
+
+@pytest.mark.parametrize("name", built_in_ensembles())
+def test_what_is_printed_is_read_back(name: str, tmp_path: Path) -> None:
+    ensemble = load_ensemble(name)
+    assert load_ensemble(written(ensemble_to_toml(ensemble), tmp_path)) == ensemble
+
+
+def test_every_kind_of_entry_is_read_and_printed(tmp_path: Path) -> None:
+    text = """
+        [distributions]
+        "plant.vehicle.mass" = { normal = [1, 0.05], within = [0.9, 1.1], of = "nominal", together = "load" }
+        [distributions.plant.vehicle]
+        height = { uniform = [2, 3], together = "load" }
+        water_density = { choice = [1000, 1025] }
+        [distributions.disturbance]
+        vortex = { choice = [true, false] }
+    """
+    ensemble = load_ensemble(written(text, tmp_path))
+    assert dict(ensemble.distributions) == {
+        MASS: Drawn(Normal(1.0, 0.05, 0.9, 1.1), relative=True, together="load"),
+        "plant.vehicle.height": Drawn(Uniform(2.0, 3.0), together="load"),
+        "plant.vehicle.water_density": Drawn(Choice((1000.0, 1025.0))),
+        "disturbance.vortex": Drawn(Choice((True, False))),
+    }
+    assert ensemble.name == "my"
+    assert load_ensemble(written(ensemble_to_toml(ensemble), tmp_path)) == ensemble
+
+
+def test_a_case_gives_what_the_file_does_not_say() -> None:
+    on_case_1 = load_ensemble("sea", case(1)).experiment
+    assert on_case_1.reference.kind == "uniform"
+    assert on_case_1.disturbance.vortex  # the file says so
+
+
+def test_relative_distributions_follow_the_nominal_value_and_others_refuse_it() -> None:
+    heavy = reset(load_ensemble("sea"), {MASS: 2e4})
+    assert 1.8e4 < float(heavy.scenario(0, 0).draws[MASS]) < 2.2e4
+    assert heavy.scenario(0, 0).nominal.vehicle.mass == 2e4
+    with pytest.raises(ConfigurationError, match=r"disturbance\.strouhal: is drawn in the ensemble 'sea'"):
+        reset(heavy, {"disturbance.strouhal": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("plant.vehicle.mas = { uniform = [1, 2] }", ":2: unknown key 'plant.vehicle.mas'; did you mean 'plant.v"),
+        ('"plant.vehicle.mas" = { uniform = [1, 2] }', ":2: unknown key 'plant.vehicle.mas'"),
+        ("plant.vehicle = { uniform = [1, 2] }", ":2: plant.vehicle is a table"),
+        ("plant.vehicle.mass = { uniform = [1.1, 0.9] }", ":2: plant.vehicle.mass: uniform = [1.1, 0.9]: the first"),
+        ("plant.vehicle.mass = { uniform = [1] }", "must be two finite numbers"),
+        ("plant.vehicle.mass = { uniform = [1, inf] }", "must be two finite numbers"),
+        ("plant.vehicle.mass = { uniform = 3 }", "must be two finite numbers"),
+        (
+            "plant.vehicle.mass = { uniform = [-1, 2] }",
+            "reaches a value that is not allowed: plant.vehicle.mass = -1.0",
+        ),
+        ('plant.vehicle.mass = { uniform = [-0.1, 2], of = "nominal" }', "must be a finite number > 0 kg"),
+        ("plant.vehicle.mass = { normal = [1, 0.1] }", "within = [0.8, 1.2]"),
+        ("plant.vehicle.mass = { normal = [1, 0], within = [0, 2] }", "standard deviation must be > 0"),
+        ("plant.vehicle.mass = { normal = [1, 1], within = [2, 3] }", "must hold the mean 1"),
+        ("plant.vehicle.mass = { normal = [1, 1], within = [3, 2] }", "within = [3, 2]: the first bound"),
+        ("plant.vehicle.mass = { uniform = [1, 2], within = [1, 2] }", "beside normal only"),
+        ("plant.vehicle.mass = { choice = [] }", "a list of one value or more"),
+        ("plant.vehicle.mass = { choice = [1, -1] }", "plant.vehicle.mass = -1"),
+        ('plant.vehicle.mass = { choice = ["a"], of = "nominal" }', "must stand beside numbers"),
+        ('plant.vehicle.mass = { uniform = [1, 2], of = "truth" }', 'must be "nominal"'),
+        ("plant.vehicle.mass = { uniform = [1, 2], together = 3 }", "name of a group"),
+        ("plant.vehicle.mass = { unifrom = [1, 2] }", "must be one distribution"),
+        ("plant.vehicle.mass = { uniform = [1, 2], choice = [1] }", "must be one distribution"),
+        ("plant.vehicle.mass = { uniform = [1, 2], withn = [1, 2] }", "did you mean 'within'"),
+        ("plant.vehicle = 3", "plant.vehicle is a table"),
+        ("plant.vehicle.mass = 3", "must be one distribution"),
+        ('controller.kind = { choice = ["nftsm"] }', "controller.kind: cannot be drawn, it shapes the compiled code"),
+        ("simulation.delay_samples = { choice = [0, 1] }", "cannot be drawn, it shapes the compiled code"),
+        ("simulation.duration = { uniform = [1, 2] }", "all scenarios share their instants"),
+        ("sensors.encoder_counts = { uniform = [1, 2] }", "must be a choice"),
+        ('controller.nominal.mass = { uniform = [1, 2], of = "nominal" }', "no nominal value of its own"),
+    ],
+)
+def test_wrong_entries_are_one_line_with_file_and_line(entry: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_ensemble(written(f"[distributions]\n{entry}\n", tmp_path))
+    assert message in str(caught.value)
+    assert "my.toml:2: " in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[plant.vehicle]\nmas = 1\n", ":2: unknown key 'plant.vehicle.mas'"),
+        ("[ensemble]\nnam = 'x'\n", ":2: unknown key 'ensemble.nam'; must be name or description"),
+        ("[ensemble]\nname = 3\n", ":2: ensemble.name = 3: must be a text"),
+        ("distributions = 3\n", "distributions: must be a table"),
+        ("[distributions\n", "not valid TOML"),
+    ],
+)
+def test_wrong_files_are_one_line(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_ensemble(written(text, tmp_path))
+    assert message in str(caught.value)
+
+
+SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.3", "--scenarios", "6", "--seed", "7")
+
+
+def dualwinch(*words: object) -> int:
+    try:
+        main([str(word) for word in words])
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+def test_simulate_runs_an_ensemble_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, plot = tmp_path / "sea.json", tmp_path / "sea.png"
+    assert dualwinch("simulate", *SHORT, "--controller", "nftsm", "--out", out, "--plot", plot) == 0
+    said = capsys.readouterr().out
+    assert "nftsm in 'sea', seed 7: 6 completed" in said
+    for word in ("mean", "median", "95 %", "worst", "steady_max_abs_error", "chatter"):
+        assert word in said
+    content = json.loads(out.read_text())
+    assert len(content["scenarios"]) == 6
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    # what is kept with the result makes the same result
+    again, copy = tmp_path / "again.json", written(content["configuration"], tmp_path)
+    assert dualwinch("simulate", "--ensemble", copy, "--scenarios", 6, "--seed", 7, "--out", again) == 0
+    assert json.loads(again.read_text())["scenarios"] == content["scenarios"]
+
+
+def test_config_prints_an_ensemble_that_simulate_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert dualwinch("config", "--ensemble", "sea") == 0
+    assert load_ensemble(written(capsys.readouterr().out, tmp_path)) == load_ensemble("sea")
+
+
+def test_an_interrupt_writes_what_was_finished(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dualwinch.simulation.ensembles.collector import Collector, Finished
+
+    add = Collector.add
+
+    def interrupted(self: Collector, one: Finished) -> None:
+        if one.scenario.index == 3:
+            raise KeyboardInterrupt
+        add(self, one)
+
+    monkeypatch.setattr(Collector, "add", interrupted)
+    out = tmp_path / "sea.json"
+    assert dualwinch("simulate", *SHORT, "--out", out) == 1
+    said = capsys.readouterr()
+    assert "3 of 6 scenarios were finished and are kept" in said.out
+    assert said.err.splitlines()[-1].startswith("dualwinch: error: interrupted")
+    content = json.loads(out.read_text())
+    assert (len(content["scenarios"]), content["scenarios_asked"]) == (3, 6)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["simulate", "--ensemble", "see"], "unknown ensemble 'see'; did you mean 'sea'?"),
+        (["simulate", "--ensemble", "missing.toml"], "cannot read missing.toml"),
+        (["simulate", "--scenarios", "3"], "--scenarios: needs --ensemble"),
+        (["simulate", "--seed", "3"], "--set disturbance.seed=N"),
+        (["simulate", *SHORT, "--stride", "2"], "--stride and --ensemble"),
+        (["simulate", *SHORT, "--engine", "interpreter"], "--engine and --ensemble"),
+        (["simulate", *SHORT, "--out", "sea.mat"], ".csv, .parquet, .npz, .json"),
+        (["simulate", *SHORT, "--plot", "sea.gif"], ".png, .svg, .pdf"),
+        (["simulate", "--ensemble", "sea", "--scenarios", "0"], "scenarios = 0: must be a whole number >= 1"),
+        (["simulate", "--ensemble", "sea", "--set", "plant.vehicle.mas=1"], "did you mean 'plant.vehicle.mass'"),
+        (["simulate", "--ensemble", "sea", "--set", "controller.nftsm.p=4"], "controller.nftsm.p = 4: must be odd"),
+        (["config", "--ensemble", "sea", "--case", "1"], "prints a file as it is"),
+    ],
+)
+def test_wrong_words_are_one_line_and_exit_code_2(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert dualwinch(*words) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert message in error

@@ -1,0 +1,112 @@
+"""The linear closed loop against the nonlinear one."""
+
+import numpy as np
+import pytest
+
+from dualwinch.config.experiment_file import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.loop_cruise import loop_cruise
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.paper import case
+from tests.simulation.inserted import run
+
+PAPER = case(2)
+SMOOTH = override(PAPER, {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})
+"""Where a speed error of 1 mm/s is small: far below the smoothing, and the observer's gain fixed."""
+
+LAWS = (
+    {},
+    {"controller.kind": "nftsm"},
+    {"controller.kind": "pid-cascade"},
+    {"controller.kind": "super-twisting"},
+    {"controller.kind": "adrc"},
+    {"controller.estimator": "kalman"},
+    {"controller.coordination.kind": "force-position"},
+    {"simulation.delay_samples": 2},
+    {"controller.nominal.mass": 9e3, "controller.nominal.drag_coefficient": 0.25},
+)
+
+
+@pytest.mark.parametrize("v", [0.0, 0.5, 1.8])
+def test_response_to_a_millimetre_per_second_is_that_of_the_nonlinear_loop(v: float) -> None:
+    system = linear_closed_loop(SMOOTH, 25.0, v)
+    kicked = run(SMOOTH, 25.0, v, {"motion.plant.v": 1e-3}, 600)
+    steady = run(SMOOTH, 25.0, v, {}, 600)
+    deviation = np.zeros(len(system.states))
+    deviation[system.states.index("v")] = 1e-3
+    predicted = []
+    for _ in range(600):
+        predicted.append(system.C @ deviation)
+        deviation = system.A @ deviation
+    for name in ("x", "v", "F1", "F2"):
+        linear = np.array(predicted)[:, system.outputs.index(name)]
+        nonlinear = kicked[name] - steady[name]
+        assert np.abs(linear - nonlinear).max() < 0.01 * np.abs(nonlinear).max(), name
+
+
+@pytest.mark.parametrize("changes", LAWS, ids=str)
+def test_matrices_are_the_steps_own_for_every_law(changes: dict[str, object]) -> None:
+    """Against central differences of the step that is simulated, ropes that may go slack included."""
+    experiment = override(PAPER, changes)
+    cruise, system = loop_cruise(experiment, 20.0, 0.5), linear_closed_loop(experiment, 20.0, 0.5)
+    step = closed_loop(structure_of(cruise.experiment)).step
+
+    def following(state: np.ndarray) -> np.ndarray:
+        return np.array(step(state, cruise.exogenous, cruise.parameters)[0]).ravel()
+
+    kept = [cruise.loop.states.index(f"motion.plant.{name}") for name in system.states if name in {"v", "omega_1"}]
+    for place in kept:
+        size = 1e-7
+        state = np.zeros(len(cruise.state))
+        state[place] = size
+        slope = (following(cruise.state + state) - following(cruise.state - state)) / (2 * size)
+        column = system.states.index(cruise.loop.states[place].removeprefix("motion.plant."))
+        for name in ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2"):
+            found = slope[cruise.loop.states.index(f"motion.plant.{name}")]
+            exact = system.A[system.states.index(name), column]
+            assert found == pytest.approx(exact, rel=1e-4, abs=1e-6)
+
+
+def test_the_papers_loop_is_stable_and_its_states_are_those_that_matter() -> None:
+    system = linear_closed_loop(PAPER, 25.0, 0.5)
+    assert np.abs(system.poles()).max() < 1
+    assert {"x", "v", "theta_1", "omega_1", "nftsm.Z_a", "observer.d_hat", "winch_1.integral"} <= set(system.states)
+    assert not [name for name in system.states if "primed" in name or "metrics" in name or "encoder" in name]
+    assert system.units["winch_1.integral"] == "N s"
+    assert system.dt == PAPER.simulation.sample_time
+
+
+def test_closing_the_cut_loop_gives_the_closed_loop() -> None:
+    for cut in ("u", "tau_1", "tau_2"):
+        whole, opened = linear_closed_loop(PAPER, 25.0, 0.5), linear_broken_loop(PAPER, 25.0, 0.5, cut)
+        closed = np.linalg.eigvals(opened.A - opened.B @ opened.C)
+        for pole in whole.poles():
+            assert np.abs(closed - pole).min() < 1e-5
+
+
+def test_position_follows_its_reference_and_a_winch_at_its_limit_holds_its_torque() -> None:
+    slow, fast = (linear_closed_loop(PAPER, 25.0, v) for v in (0.5, 1.8))
+    gain = slow.C @ np.linalg.solve(np.eye(len(slow.states)) - slow.A, slow.B) + slow.D
+    assert gain[slow.outputs.index("x"), slow.inputs.index("x_ref")] == pytest.approx(1)
+    assert not fast.C[fast.outputs.index("tau2")].any()
+    assert slow.C[slow.outputs.index("tau2")].any()
+
+
+@pytest.mark.parametrize(
+    ("x", "v", "changes", "message"),
+    [
+        (60.0, 0.5, {}, "x = 60"),
+        (25.0, 3.0, {}, "cruise needs a force of 8590 N"),
+        (25.0, 1.8, {"controller.coordination.kind": "master-slave"}, "comes to no steady cruise"),
+    ],
+)
+def test_where_nothing_is_steady_it_says_so(x: float, v: float, changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        linear_closed_loop(override(PAPER, changes), x, v)
+
+
+def test_an_unknown_cut_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="unknown cut 'tau_3'; did you mean 'tau_"):
+        linear_broken_loop(PAPER, cut="tau_3")

@@ -1,0 +1,100 @@
+"""Margins against python-control, and against gains and delays put into the nonlinear simulation."""
+
+import math
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.system import LinearSystem
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.margins import Margins, margins
+from dualwinch.simulation.paper import case
+from tests.simulation.inserted import run
+
+PAPER = case(2)
+KICK = {"motion.plant.v": 1e-7}
+"""Small against the smoothing of 1e-5 m/s, so that the loop is the linear one."""
+
+
+def loop(numerator: list[float], denominator: list[float], dt: float) -> LinearSystem:
+    found: Any = control.ss(control.c2d(control.tf(numerator, denominator), dt))
+    states = tuple(f"x{k}" for k in range(found.nstates))
+    units = dict.fromkeys((*states, "in", "out"), "1")
+    return LinearSystem(found.A, found.B, found.C, found.D, dt, states, ("in",), ("out",), units)
+
+
+def agrees(system: LinearSystem, found: Margins) -> None:
+    """As python-control has it on grids of its own; it is slow on disks, so its grid is dense near ours only."""
+    assert system.dt is not None
+    highest = math.pi / system.dt * (1 - 1e-9)
+    theirs = control.frd(system.to_control(), np.geomspace(1e-2, highest, 20_001))
+    gain, phase, _, gain_at, phase_at, _ = control.stability_margins(theirs)
+    assert (found.gain, found.gain_frequency) == pytest.approx((gain, gain_at), rel=1e-5)
+    assert (found.phase, found.phase_frequency) == pytest.approx((phase, phase_at), rel=1e-5)
+    near = found.disk_frequency * np.linspace(0.99, 1.01, 101)
+    omega = np.unique(np.concatenate([np.geomspace(1e-2, highest, 200), near[near < highest]]))
+    disk, disk_gain, disk_phase = control.disk_margins(system.to_control(), omega)
+    assert found.disk == pytest.approx(disk, rel=1e-5)
+    assert 20 * math.log10(found.disk_gain) == pytest.approx(disk_gain, rel=1e-4)
+    assert found.disk_phase == pytest.approx(disk_phase, rel=1e-5)
+
+
+@pytest.mark.parametrize("cut", ["u", "tau_2"])
+def test_margins_of_the_papers_loop_are_those_of_python_control(cut: str) -> None:
+    system = linear_broken_loop(PAPER, 25.0, 0.5, cut)
+    agrees(system, margins(system))
+
+
+def test_margins_of_a_loop_with_a_sharp_resonance_are_those_of_python_control() -> None:
+    assert not margins(loop([50], [1, 0.02, 100, 0], 1e-2)).stable
+    system = loop([1], [1, 0.2, 100, 0], 1e-2)
+    found = margins(system)
+    assert found.stable
+    agrees(system, found)
+
+
+def test_margins_of_an_integrator_by_hand() -> None:
+    """L = K Ts/(z − 1): unstable from K Ts = 2; the crossover is where 2 sin(w Ts/2) = K Ts."""
+    found = margins(loop([10.0], [1, 0], 1e-2))
+    crossover = 2 / 1e-2 * math.asin(0.05)
+    assert found.gain == pytest.approx(2 / 0.1)
+    assert found.phase_frequency == pytest.approx(crossover)
+    assert found.phase == pytest.approx(90 - math.degrees(crossover * 1e-2 / 2))
+    assert found.delay == pytest.approx(math.radians(found.phase) / crossover)
+    assert found.least_gain == 0
+
+
+def test_a_loop_that_carries_nothing_bears_everything() -> None:
+    """Cruise at 1.8 m/s: rope 2's winch rests on its lower limit and answers to nothing."""
+    found = margins(linear_broken_loop(PAPER, 25.0, 1.8, "tau_2"))
+    assert found.gain == found.phase == found.delay == math.inf
+    assert found.disk == pytest.approx(2)
+
+
+@pytest.mark.parametrize("cut", ["u", "tau_1"])
+def test_gain_margin_is_where_the_nonlinear_loop_starts_to_oscillate(cut: str) -> None:
+    margin = margins(linear_broken_loop(PAPER, 25.0, 0.0, cut)).gain
+    below, above = (run(PAPER, 25.0, 0.0, KICK, 1200, cut=cut, gain=share * margin) for share in (0.95, 1.05))
+    assert below.peaks[3] < 0.3 * below.peaks[1]
+    assert above.peaks[3] > 3 * above.peaks[0]
+    assert below.taut
+    assert above.taut
+
+
+def test_delay_margin_is_where_the_nonlinear_loop_starts_to_oscillate() -> None:
+    """23.6 ms at the force command: 22 samples are borne, 25 are not."""
+    margin = margins(linear_broken_loop(PAPER, 25.0, 0.0)).delay
+    assert margin == pytest.approx(23.6e-3, abs=1e-4)
+    below, above = (run(PAPER, 25.0, 0.0, KICK, 2000, delay=samples) for samples in (22, 25))
+    assert below.peaks[3] < 0.3 * below.peaks[1]
+    assert above.peaks[3] > 3 * above.peaks[0]
+    assert below.taut
+    assert above.taut
+
+
+def test_margins_need_a_sampled_loop_of_one_signal() -> None:
+    with pytest.raises(ConfigurationError, match="one input and one output"):
+        margins(linear_closed_loop(PAPER))

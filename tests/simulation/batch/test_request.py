@@ -1,0 +1,97 @@
+"""What a batch refuses, in one line that names key, row and range."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dualwinch.config.experiment_file import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch import request
+from dualwinch.simulation.batch.request import check_batch
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
+
+COORDINATION = "controller.coordination."
+
+
+@pytest.mark.parametrize(
+    ("names", "row", "message"),
+    [
+        (["controller.nftsm.beta"], [-1.0], "controller.nftsm.beta = -1: must be > 0"),
+        (["controller.nftsm.beta"], [np.nan], "controller.nftsm.beta = nan: must be > 0"),
+        (["controller.nftsm.beta"], [np.inf], "controller.nftsm.beta = inf: must be > 0"),
+        (["controller.nftsm.p"], [5.5], "controller.nftsm.p = 5.5: must be a whole number >= 3"),
+        (["controller.nftsm.p"], [6.0], "controller.nftsm.p = 6: must be odd"),
+        (["controller.nftsm.p"], [3.0], "controller.nftsm.p = 3: must be > controller.nftsm.q = 3"),
+        (["controller.nftsm.p", "controller.nftsm.q"], [7.0, 9.0], "controller.nftsm.p = 7: must be > .* = 9"),
+        ([COORDINATION + "preload"], [300.0], "preload = 300: must be > 400 and < 12000 N"),
+        ([COORDINATION + "tension_min"], [7000.0], "tension_min = 7000: must be < .*tension_max = 6000 N"),
+        ([COORDINATION + "reserve"], [5900.0], r"reserve = 5900: must be < 5800 N \(tension_max - tension_min\)"),
+        ([COORDINATION + "reserve"], [5100.0], "preload = 2000: must be > 400 and < 1800 N"),
+        (
+            [COORDINATION + name for name in ("tension_min", "preload")],
+            [600.0, 1100.0],
+            "preload = 1100: must be > 1200",
+        ),
+        (["plant.vehicle.mass"], [0.0], "plant.vehicle.mass = 0: must be > 0"),
+        (["plant.rope_1.modulus"], [1e15], r"simulation.substeps = 5: must be >= \d+ for adaptive"),
+        (["nominal.vehicle.mass"], [-1.0], "nominal.vehicle.mass = -1: must be > 0"),
+        (["disturbance.vortex"], [0.5], "disturbance.vortex = 0.5: must be 0 or 1"),
+    ],
+)
+def test_a_row_out_of_range_is_refused(names: list[str], row: list[float], message: str) -> None:
+    values = np.array([[getattr_path(case(4), name) for name in names]] * 5)
+    check_batch(names, values, [case(4)])
+    values[3] = row
+    with pytest.raises(ConfigurationError, match=rf"^parameters\[3\]: .*{message}"):
+        check_batch(names, values, [case(4)])
+
+
+def getattr_path(experiment: Experiment, key: str) -> float:
+    value: object = experiment
+    for name in key.replace("nominal.", "plant.").split("."):
+        value = getattr(value, name)
+    assert isinstance(value, int | float)
+    return float(value)
+
+
+def test_rows_must_fit_every_scenario() -> None:
+    strong = override(case(4), {COORDINATION + "tension_min": 900.0})
+    values = np.array([[1900.0], [1700.0]])
+    check_batch([COORDINATION + "preload"], values, [case(4)])
+    with pytest.raises(
+        ConfigurationError, match=r"parameters\[1\] in scenarios\[1\]: .*preload = 1700: must be > 1800"
+    ):
+        check_batch([COORDINATION + "preload"], values, [case(4), strong])
+
+
+def test_a_scenario_that_does_not_fit_is_named() -> None:
+    wrong = override(case(4), {"controller.nftsm.p": 4})
+    with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: controller\.nftsm\.p = 4: must be odd"):
+        check_batch([], np.empty((1, 0)), [case(4), wrong])
+    with pytest.raises(ConfigurationError, match=r"^scenario 17: controller\.nftsm\.p = 4: must be odd"):
+        check_batch([], np.empty((1, 0)), [Scenario(17, wrong, wrong.plant, {})])
+
+
+def test_noise_that_was_not_drawn_cannot_be_varied() -> None:
+    name = "sensors.speed_noise"
+    with pytest.raises(ConfigurationError, match=rf"{name} = 0: must be > 0 where it varies"):
+        check_batch([name], np.array([[1e-3]]), [case(4)])
+    check_batch([name], np.array([[1e-3]]), [override(case(4), {name: 2e-3})])
+
+
+def test_the_sample_time_cannot_vary() -> None:
+    with pytest.raises(ConfigurationError, match=r"unknown parameter 'simulation\.sample_time'"):
+        check_batch(["simulation.sample_time"], np.array([[1e-3]]), [case(4)])
+
+
+def test_thousands_of_sound_rows_are_looked_at_by_the_column(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[Experiment] = []
+    monkeypatch.setattr(request, "check", calls.append)
+    names = ["controller.nftsm.beta", COORDINATION + "preload", "controller.nftsm.p"]
+    values = np.column_stack([np.linspace(0.1, 1, 5000), np.linspace(1e3, 3e3, 5000), np.full(5000, 7.0)])
+    scenarios = [replace(case(4), disturbance=replace(case(4).disturbance, seed=seed)) for seed in range(3)]
+    check_batch(names, values, scenarios)
+    assert len(calls) == len(scenarios)

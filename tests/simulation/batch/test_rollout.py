@@ -1,0 +1,131 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dualwinch.codegen.drivers.batch import LANES
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.experiment_file import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
+
+NAMES = ["controller.nftsm.beta", "controller.observer.l0"]
+GAINS = np.column_stack([np.geomspace(0.02, 0.5, LANES + 3), np.linspace(1, 20, LANES + 3)])
+
+
+def scenario(number: int, seed: int = 0, duration: float = 1.0) -> Experiment:
+    """A case of the paper with a noisy speed sensor and a delay."""
+    noisy = {"sensors.speed_noise": 1e-3, "disturbance.seed": seed, "simulation.delay_samples": 1}
+    return override(case(number), noisy | {"simulation.duration": duration})
+
+
+def same(one: BatchResult, other: BatchResult, pick: Callable[[np.ndarray], np.ndarray]) -> bool:
+    """Whether two results are the same to the last bit, after picking from the first."""
+    tables = [(one.end_times, other.end_times)]
+    tables += [(one.metrics[name], other.metrics[name]) for name in one.metrics]
+    tables += [(one.columns[name], other.columns[name]) for name in one.columns]
+    return all(np.array_equal(pick(ours), theirs, equal_nan=True) for ours, theirs in tables)
+
+
+@pytest.mark.parametrize("number", [1, 4])
+def test_a_batch_is_its_single_rollouts(number: int) -> None:
+    """Case 1 goes through slack and saturation."""
+    scenarios = [scenario(number, seed) for seed in (0, 1)]
+    result = rollout(NAMES, GAINS[:3], scenarios, stride=10)
+    for i, gains in enumerate(GAINS[:3]):
+        for j, experiment in enumerate(scenarios):
+            single = simulate(override(experiment, dict(zip(NAMES, gains.tolist(), strict=True))), stride=10)
+            assert result.outcomes[i, j] == single.outcome
+            assert np.abs(result.columns["x"][i, j] - single["x"]).max() < 1e-9
+            assert result.metrics["mse"][i, j] == pytest.approx(single.metrics.mse, rel=1e-6)
+            assert result.metrics["slack_share"][i, j] == single.metrics.slack_share
+            assert result.metrics["saturated_share"][i, j] == single.metrics.saturated_share
+            assert result.metrics["peak_tension"][i, j] == pytest.approx(single.metrics.peak_tension, rel=1e-9)
+
+
+def test_lane_size_threads_and_neighbours_change_no_bit() -> None:
+    scenarios = [scenario(4, seed, 0.3) for seed in range(3)]
+    everything = rollout(NAMES, GAINS, scenarios, stride=7)
+    assert same(everything, rollout(NAMES, GAINS, scenarios, stride=7, threads=1), lambda table: table)
+    assert same(everything, rollout(NAMES, GAINS[5:6], scenarios[1:2], stride=7), lambda table: table[5:6, 1:2])
+    assert same(everything, rollout(NAMES, GAINS[::-1], scenarios, stride=7), lambda table: table[::-1])
+
+
+def test_a_lane_that_ends_early_leaves_the_others_alone() -> None:
+    wild = GAINS.copy()
+    wild[4] = 1e300, 1e308
+    usual, result = rollout(NAMES, GAINS, [scenario(1)]), rollout(NAMES, wild, [scenario(1)])
+    assert result.outcomes[4, 0] == "diverged"
+    assert result.end_times[4, 0] < 1
+    assert (np.delete(result.outcomes, 4) == "completed").all()
+    for name, table in result.metrics.items():
+        assert np.array_equal(np.delete(table, 4), np.delete(usual.metrics[name], 4))
+
+
+def test_a_draw_of_an_ensemble_keeps_the_plant_its_controller_believes_in() -> None:
+    sea = load_ensemble("sea")
+    short = replace(sea, experiment=override(sea.experiment, {"simulation.duration": 2.0}))
+    draws = list(short.scenarios(3, 7))
+    result = rollout([], np.empty((1, 0)), draws)
+    for j, draw in enumerate(draws):
+        single = simulate(draw.experiment, nominal=draw.nominal)
+        assert result.metrics["mse"][0, j] == pytest.approx(single.metrics.mse, rel=1e-6)
+        assert result.metrics["mse"][0, j] != pytest.approx(simulate(draw.experiment).metrics.mse, rel=1e-3)
+
+
+def test_preload_may_vary_from_pair_to_pair() -> None:
+    name = "controller.coordination.preload"
+    result = rollout([name], np.array([[1000.0], [3000.0]]), [scenario(2)], stride=1)
+    assert result.columns["F1"][:, 0, 0] == pytest.approx([500, 1500])
+
+
+def test_the_interpreter_of_an_integrator_without_a_shortcut_agrees_too() -> None:
+    plain = override(scenario(4), {"simulation.integrator": "rk4", "simulation.substeps": 4})
+    result = rollout([], np.empty((1, 0)), [plain], stride=1)
+    assert np.abs(result.columns["x"][0, 0] - simulate(plain)["x"]).max() < 1e-9
+
+
+def test_progress_grows_to_one() -> None:
+    shares: list[float] = []
+    rollout(NAMES, GAINS, [scenario(4, seed, 0.05) for seed in range(3)], progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
+
+
+def test_an_interrupt_keeps_what_is_finished() -> None:
+    def interrupt(share: float) -> None:
+        if share > 0.3:
+            raise KeyboardInterrupt
+
+    scenarios = [scenario(4, seed, 0.05) for seed in range(60)]
+    result = rollout(NAMES, GAINS, scenarios, threads=1, progress=interrupt)
+    assert result.interrupted
+    ran = result.outcomes != NOT_RUN
+    assert 0.3 <= ran.mean() < 1
+    assert np.isfinite(result.metrics["mse"][ran]).all()
+    assert np.isnan(result.metrics["mse"][~ran]).all()
+
+
+@pytest.mark.parametrize(
+    ("names", "shape", "message"),
+    [
+        (["controller.nftsm.bet"], (1, 1), "did you mean 'controller.nftsm.beta'"),
+        (["beta"], (1, 1), "did you mean 'controller.nftsm.beta'"),
+        (NAMES, (3, 1), r"shape \(3, 1\) must be \(n, 2\)"),
+    ],
+)
+def test_wrong_input_is_named(names: list[str], shape: tuple[int, int], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        rollout(names, np.ones(shape), [scenario(4)])
+
+
+def test_scenarios_must_go_together() -> None:
+    other = replace(scenario(4), controller=replace(scenario(4).controller, kind="nftsm"))
+    with pytest.raises(ConfigurationError, match=r"scenarios\[1\]"):
+        rollout(NAMES, GAINS, [scenario(4), other])
+    with pytest.raises(ConfigurationError, match="at least one"):
+        rollout(NAMES, GAINS, [])

@@ -1,0 +1,206 @@
+import gc
+import os
+import signal
+import tracemalloc
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from dualwinch.codegen.drivers.batch import LANES
+from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.portions import BLOCKS
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.ensembles import collector
+from dualwinch.simulation.ensembles.distributions import Choice
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Scenario
+from dualwinch.simulation.ensembles.result import METRICS, SMALL_IS_BAD, EnsembleResult
+from dualwinch.simulation.ensembles.run import POINTS, rollout_scenarios, run_ensemble
+from dualwinch.simulation.simulate import simulate
+
+
+def lasting(seconds: float) -> Ensemble:
+    return reset(load_ensemble("sea"), {"simulation.duration": seconds})
+
+
+def failing(ensemble: Ensemble) -> Ensemble:
+    """An ensemble in which every other scenario or so diverges."""
+    values = Drawn(Choice((0.2, 1e300)))
+    return replace(ensemble, distributions={**ensemble.distributions, "disturbance.vortex_amplitude": values})
+
+
+@pytest.fixture(scope="module")
+def ten() -> EnsembleResult:
+    return run_ensemble(lasting(1.0), 10, 7)
+
+
+def same(one: EnsembleResult, other: EnsembleResult) -> bool:
+    metrics = all(np.array_equal(one.metrics[name], other.metrics[name], equal_nan=True) for name in METRICS)
+    draws = all(np.array_equal(one.draws[key], other.draws[key]) for key in one.draws)
+    return metrics and draws and one.outcomes == other.outcomes
+
+
+def test_a_scenario_of_an_ensemble_is_that_scenario_alone(ten: EnsembleResult) -> None:
+    ensemble = lasting(1.0)
+    for index in (0, 9):
+        scenario = ensemble.scenario(index, 7)
+        alone = rollout([], np.empty((1, 0)), [scenario])
+        whole = simulate(scenario.experiment, nominal=scenario.nominal)
+        for name, value in asdict(whole.metrics).items():
+            assert np.array_equal(ten.metrics[name][index], alone.metrics[name][0, 0], equal_nan=True)
+            assert ten.metrics[name][index] == pytest.approx(value, rel=1e-6, nan_ok=True)
+        assert ten.traces is not None
+        stride = round((ten.traces.t[1] - ten.traces.t[0]) / 1e-3)
+        for column, near in (("e", 1e-9), ("F1", 1e-3), ("F2", 1e-3)):
+            np.testing.assert_allclose(ten.traces.sampled[column][index], whole[column][::stride], rtol=1e-6, atol=near)
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_results_do_not_depend_on_the_number_of_threads(workers: int, ten: EnsembleResult) -> None:
+    assert same(run_ensemble(lasting(1.0), 10, 7, workers=workers), ten)
+
+
+def test_a_scenario_that_diverges_leaves_its_neighbours_and_the_statistics_alone() -> None:
+    ensemble = lasting(0.5)
+    sound, mixed = run_ensemble(ensemble, 12, 7), run_ensemble(failing(ensemble), 12, 7)
+    completed = mixed.completed
+    assert set(mixed.outcome_counts) > {"completed"}
+    assert sum(mixed.outcome_counts.values()) == 12
+    for name in METRICS:
+        assert np.array_equal(mixed.metrics[name][completed], sound.metrics[name][completed], equal_nan=True)
+    assert mixed.statistic("mse").worst == sound.metrics["mse"][completed].max()
+    assert mixed.traces is not None
+    assert len(mixed.traces.sampled["e"]) == completed.sum()
+
+
+def test_a_value_that_is_sometimes_zero_leaves_a_scenario_as_it_is_alone() -> None:
+    """The compiled code leaves out what is always zero; what a portion happens to hold must not decide that."""
+    friction = Drawn(Choice((0.0, 0.1)))
+    ensemble = replace(lasting(0.2), distributions={"plant.vehicle.friction_coefficient": friction})
+    whole = run_ensemble(ensemble, 6, 3, traces=False)
+    assert set(whole.draws["plant.vehicle.friction_coefficient"]) == {0.0, 0.1}
+    for index in range(6):
+        alone = rollout([], np.empty((1, 0)), [ensemble.scenario(index, 3)])
+        assert alone.metrics["mse"][0, 0] == whole.metrics["mse"][index]
+
+
+def test_an_ensemble_without_a_completed_scenario_is_a_result() -> None:
+    values = {"disturbance.vortex_amplitude": Drawn(Choice((1e300,)))}
+    result = run_ensemble(replace(lasting(0.5), distributions=values), 3, 0)
+    assert "completed" not in result.outcome_counts
+    assert np.isnan(result.statistic("mse").worst)
+    assert result.traces is None
+
+
+def test_statistics_look_at_the_bad_end(ten: EnsembleResult) -> None:
+    assert set(METRICS) > SMALL_IS_BAD
+    for name in METRICS:
+        values, statistic = ten.metrics[name], ten.statistics[name]
+        if name.startswith("steady"):
+            assert np.isnan(statistic.mean)  # it never came to that
+            continue
+        assert statistic.mean == pytest.approx(sum(values) / 10)
+        assert statistic.median == pytest.approx(sum(sorted(values)[4:6]) / 2)
+        assert statistic.worst == (min(values) if name == "min_tension" else max(values))
+        beyond = values < statistic.p95 if name == "min_tension" else values > statistic.p95
+        assert beyond.sum() <= 1
+
+
+def test_an_interrupt_keeps_the_finished_scenarios() -> None:
+    def interrupt(done: int) -> None:
+        if done == 4:
+            raise KeyboardInterrupt
+
+    ensemble = lasting(0.5)
+    result = run_ensemble(ensemble, 1000, 7, progress=interrupt)
+    assert result.partial
+    assert same(result, run_ensemble(ensemble, 4, 7))
+    assert not run_ensemble(ensemble, 4, 7).partial
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_a_signal_in_the_middle_is_such_an_interrupt() -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        result = run_ensemble(
+            lasting(0.5), 1000, 7, progress=lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 4 else None
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert 4 <= len(result) < 1000
+    assert result.partial
+
+
+def test_an_interrupt_before_anything_is_finished_is_one() -> None:
+    def interrupted() -> Iterator[Scenario]:
+        raise KeyboardInterrupt
+        yield
+
+    ensemble = lasting(0.5)
+    ensemble_of_none = type("Early", (Ensemble,), {"scenarios": lambda *_: interrupted()})
+    with pytest.raises(KeyboardInterrupt):
+        run_ensemble(ensemble_of_none(ensemble.name, "", ensemble.experiment, ensemble.distributions), 5, 7)
+
+
+def test_scenarios_are_drawn_as_they_are_needed() -> None:
+    drawn: list[int] = []
+
+    def scenarios() -> Iterator[Scenario]:
+        for scenario in lasting(0.1).scenarios(1000, 0):
+            drawn.append(scenario.index)
+            yield scenario
+
+    run = rollout_scenarios(scenarios(), workers=1)
+    assert [next(run).scenario.index for _ in range(5)] == list(range(5))
+    run.close()
+    assert len(drawn) <= 2 * BLOCKS * LANES  # a portion, and the next one
+
+
+def peak_memory(scenarios: int, *, traces: bool) -> int:
+    ensemble = lasting(0.05)
+    gc.collect()
+    gc.freeze()  # or garbage of other tests puts off that of this one
+    tracemalloc.start()
+    try:
+        run_ensemble(ensemble, scenarios, 0, traces=traces, workers=1)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+        gc.unfreeze()
+
+
+def test_memory_does_not_grow_beyond_the_metrics() -> None:
+    run_ensemble(lasting(0.05), 4, 0, traces=False)  # imports and caches
+    few, many = peak_memory(160, traces=False), peak_memory(960, traces=False)
+    assert many - few < 800 * 2500
+
+
+def test_traces_are_kept_of_so_many_scenarios_and_extremes_of_all(
+    monkeypatch: pytest.MonkeyPatch, ten: EnsembleResult
+) -> None:
+    monkeypatch.setattr(collector, "SAMPLED", 4)
+    result = run_ensemble(lasting(1.0), 10, 7)
+    assert result.traces is not None
+    assert ten.traces is not None
+    assert result.traces.sampled["F1"].shape == (4, len(ten.traces.t))
+    assert len(ten.traces.t) <= POINTS
+    assert np.array_equal(result.traces.highest["F1"], ten.traces.sampled["F1"].max(axis=0))
+    assert np.array_equal(result.traces.lowest["e"], ten.traces.sampled["e"].min(axis=0))
+    middle = ten.traces.quantiles("e", (0.5,))[0]
+    assert np.allclose(middle, np.median(ten.traces.sampled["e"], axis=0))
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "seed", "message"), [(0, 1, "scenarios = 0: must be"), (1, -1, "seed = -1: must be")]
+)
+def test_wrong_counts_and_seeds_are_refused(scenarios: int, seed: int, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        run_ensemble(lasting(0.1), scenarios, seed)
+
+
+def test_values_that_do_not_fit_together_name_their_scenario() -> None:
+    values = {"controller.coordination.preload": Drawn(Choice((100.0,)))}
+    with pytest.raises(ConfigurationError, match=r"scenario 0: controller\.coordination\.preload = 100"):
+        run_ensemble(replace(lasting(0.1), distributions=values), 3, 0)

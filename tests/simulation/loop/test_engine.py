@@ -1,0 +1,184 @@
+"""The compiled loop and CasADi's interpreter run the same step."""
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.nominal import Nominal
+from dualwinch.model.plant import Plant
+from dualwinch.model.reference import Reference
+from dualwinch.model.rope import Track
+from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.integrators import INTEGRATORS
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
+from dualwinch.simulation.loop.engine import engine
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
+from dualwinch.simulation.paper import CONTROLLERS, case
+from dualwinch.simulation.result import Result
+from dualwinch.simulation.simulate import simulate
+
+Array = NDArray[np.float64]
+
+
+def vectors(experiment: Experiment) -> tuple[ClosedLoop, Array, Array, Array]:
+    """Closed loop, parameters, exogenous signals and initial state of an experiment."""
+    parameters = np.array(list(parameters_of(experiment).values()))
+    state = np.array(list(initial_state_of(experiment).values()))
+    return closed_loop(structure_of(experiment)), parameters, exogenous_signals(experiment), state
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.parametrize("number", [3, 4])
+def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
+    """From states all along a run, the first samples with their slack rope among them.
+
+    Relative to the largest values in these samples: compiled code contracts products, which shifts a stretch, the
+    difference of 50 m of drum and vehicle travel, by their rounding of 1e-14 m. A winch's tension error and its
+    integral are relative to the largest tension.
+    """
+    loop, parameters, exogenous, start = vectors(case(number, kind))
+    compiled, interpreted = engine(loop, "compiled"), engine(loop, "interpreter")
+    anywhere = np.random.default_rng(3).integers(20, len(exogenous) - 1, 40)
+    pairs: list[tuple[Array, Array]] = []
+    for sample in (*range(20), *anywhere.tolist()):
+        state = start.copy()
+        compiled(parameters, exogenous[:sample], state, 0)
+        ours, theirs, now = state.copy(), state.copy(), exogenous[sample : sample + 1]
+        _, _, our_row = compiled(parameters, now, ours, 1)
+        _, _, their_row = interpreted(parameters, now, theirs, 1)
+        pairs.append((np.append(ours, our_row), np.append(theirs, their_row)))
+    ours, theirs = np.array(pairs).swapaxes(0, 1)
+    largest = dict(zip((*loop.states, *loop.columns), np.abs(theirs).max(axis=0).tolist(), strict=True))
+    scales = [max(value, largest["F1"] * (".winch_" in name)) for name, value in largest.items()]
+    assert (np.abs(ours - theirs) <= 1e-11 * np.array(scales)).all()
+
+
+def test_leaps_are_close_to_careful_moves_and_never_over_a_loose_rope() -> None:
+    """Nearly all samples are leapt over; not the first milliseconds, while rope 2 hangs loose."""
+    loop, parameters, exogenous, state = vectors(case(3))
+    assert loop.leap is not None
+    leapt, moving = 0, loop.move.numel_in("motion")
+    for sample in range(300):
+        discrete, held = loop.sample(state, exogenous[sample], parameters)
+        row = np.array(loop.observe(state, exogenous[sample], parameters)).ravel()
+        moved = state[:moving]
+        for part in range(loop.parts):
+            moved = np.array(loop.move(moved, held, part, parameters)[0]).ravel()
+        quick, _, valid = (np.array(output).ravel() for output in loop.leap(state[:moving], held, parameters))
+        if valid[0] > 0:
+            leapt += 1
+            assert np.abs(quick - moved)[:2].max() < 1e-6, f"at sample {sample}"
+        loose = row[loop.columns.index("F2")] == 0
+        assert not (loose and valid[0] > 0), f"at sample {sample}"
+        state = np.concatenate([quick if valid[0] > 0 else moved, np.array(discrete).ravel()])
+    assert 200 < leapt < 295
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_trajectories_agree(kind: str) -> None:
+    experiment = replace(case(3, kind), simulation=Simulation(duration=10.0))
+    ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-9
+    assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-9)
+
+
+@pytest.mark.parametrize("engine_name", ["compiled", "interpreter"])
+@pytest.mark.parametrize("stride", [1, 7, 100, 2000])
+def test_a_stride_keeps_every_so_many_rows_and_changes_nothing_else(engine_name: Any, stride: int) -> None:
+    experiment = replace(case(4), simulation=Simulation(duration=1.0))
+    full, thin = simulate(experiment), simulate(experiment, stride=stride, engine_name=engine_name)
+    for name, column in full.columns.items():
+        assert thin[name] == pytest.approx(column[::stride], rel=1e-9, abs=1e-12), name
+    assert thin.metrics.mse == pytest.approx(full.metrics.mse, rel=1e-12)
+
+
+@pytest.mark.parametrize("engine_name", ["compiled", "interpreter"])
+def test_a_stride_of_zero_keeps_no_rows(engine_name: Any) -> None:
+    experiment = replace(case(4), simulation=Simulation(duration=0.5))
+    result = simulate(experiment, stride=0, engine_name=engine_name)
+    assert len(result["t"]) == 0
+    assert result.metrics.mae > 0
+
+
+RUNAWAY = Experiment(
+    plant=Plant(track=Track(length=2.0)),
+    controller=Controller("nftsm", nominal=Nominal(friction_coefficient=5.0)),
+    reference=Reference(kind="uniform", speed=0.1),
+    simulation=Simulation(duration=19.0),
+)
+"""The controller believes in fifty times the friction and makes up for it: the vehicle races off the track."""
+
+EXPLODING = replace(
+    case(1), controller=replace(Controller(), auxiliary=AuxiliaryGains(k_a=2e6)), simulation=Simulation(duration=2.0)
+)
+"""The anti-saturation state's own Euler step is unstable."""
+
+
+def both_engines(experiment: Experiment) -> tuple[Result, Result]:
+    return simulate(experiment), simulate(experiment, engine_name="interpreter")
+
+
+@pytest.mark.parametrize(("experiment", "outcome"), [(RUNAWAY, "left_track"), (EXPLODING, "diverged")])
+def test_early_ends_are_the_same_in_both_engines(experiment: Experiment, outcome: str) -> None:
+    ours, theirs = both_engines(experiment)
+    assert ours.outcome == theirs.outcome == outcome
+    assert ours.end_time == theirs.end_time < experiment.duration
+    assert len(ours["t"]) == len(theirs["t"]) == round(ours.end_time / 1e-3)
+    assert ours["x"] == pytest.approx(theirs["x"], abs=1e-9)
+
+
+def test_the_run_ends_with_the_sample_that_leaves_the_track() -> None:
+    result = simulate(RUNAWAY)
+    assert result["x"].max() <= 2.25
+    assert result.final_state["motion.plant.x"] > 2.25
+
+
+def test_a_divergence_is_seen_in_the_final_state_only() -> None:
+    result = simulate(EXPLODING)
+    assert np.isfinite(result["x"]).all()
+    assert not np.isfinite(list(result.final_state.values())).all()
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_the_step_has_jacobians_all_along_a_run(kind: str, integrator: Any) -> None:
+    experiment = replace(case(3, kind), simulation=Simulation(integrator=integrator))
+    loop, parameters, exogenous, start = vectors(experiment)
+    blocks = [f"jac:next_state:{name}" for name in ("state", "exogenous", "parameters")]
+    jacobian = loop.step.factory("jacobian", loop.step.name_in(), blocks)
+    for sample in (*range(20), 100, 1000, 10_000, 20_000):
+        state = start.copy()
+        engine(loop)(parameters, exogenous[:sample], state, 0)
+        for block in jacobian(state, exogenous[sample], parameters):
+            assert np.isfinite(np.array(block)).all(), f"at sample {sample}"
+
+
+def test_a_jacobian_equals_the_difference_quotient() -> None:
+    loop, parameters, exogenous, state = vectors(case(4, "pid-cascade"))
+    engine(loop)(parameters, exogenous[:20_000], state, 0)
+    exact = loop.step.factory("jacobian", loop.step.name_in(), ["jac:next_state:state"])
+    slopes = np.array(exact(state, exogenous[20_000], parameters))
+    x, v = loop.states.index("motion.plant.x"), loop.states.index("motion.plant.v")
+
+    def after(shift: float) -> Array:
+        moved = state.copy()
+        moved[v] += shift
+        return np.array(ca.DM(loop.step(moved, exogenous[20_000], parameters)[0])).ravel()
+
+    quotient = (after(1e-4) - after(-1e-4)) / 2e-4
+    assert slopes[x, v] == pytest.approx(quotient[x], rel=1e-6)
+    assert slopes[v, v] == pytest.approx(quotient[v], rel=1e-6)
+
+
+def test_the_same_experiment_gives_the_same_bits() -> None:
+    experiment = replace(case(4), simulation=Simulation(duration=1.0))
+    first, second = simulate(experiment), simulate(experiment)
+    for name, column in first.columns.items():
+        assert np.array_equal(column, second[name], equal_nan=True)

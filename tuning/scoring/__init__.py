@@ -1,0 +1,1 @@
+"""What a candidate is worth: scenarios, evaluation, statistics, ranking and the final choice."""

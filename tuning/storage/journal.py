@@ -1,0 +1,139 @@
+"""A study in a journal file, as Optuna reads it: one process writes it, a batch of trials at a time.
+
+A trial is one line, written when it is finished, so that an interrupted batch leaves nothing behind. Lines go to the
+disk once a batch, and reading is never repeated: what a trial costs does not depend on how many there are.
+"""
+
+import fcntl
+import json
+from collections.abc import Generator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import optuna
+from optuna.storages.journal import JournalFileBackend
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.space_record import space_from
+from dualwinch.tuning.storage.one_process import OneProcess
+from dualwinch.tuning.storage.record import evaluation_of, finished_trial
+from dualwinch.tuning.storage.store import DEFINITION, OBJECTIVES, Budget, Claim, check_definition, check_resume
+
+FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
+
+
+class Buffered(JournalFileBackend):
+    """A journal file of one process, written when `flush` is called."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        self._path = path
+        self._waiting: list[dict[str, Any]] = []
+        with path.open("rb") as lines:
+            self._written = sum(1 for _ in lines)
+
+    def append_logs(self, logs: list[dict[str, Any]]) -> None:
+        """Keep logs for the next flush."""
+        self._waiting += logs
+
+    def read_logs(self, log_number_from: int) -> Generator[dict[str, Any], None, None]:
+        """Logs of the file, then those that wait."""
+        if log_number_from < self._written:
+            yield from super().read_logs(log_number_from)
+        for log in self._waiting[max(log_number_from - self._written, 0) :]:
+            yield json.loads(json.dumps(log))
+
+    def flush(self) -> None:
+        """Write what waits."""
+        if self._waiting:
+            super().append_logs(self._waiting)
+            self._written += len(self._waiting)
+            self._waiting = []
+
+
+class Journal(OneProcess):
+    """The storage of a study in a file."""
+
+    def __init__(
+        self, path: Path, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
+    ) -> None:
+        """Open or make the file; for the arguments and errors see `tuning.storage.store.open_store`."""
+        super().__init__(budget)
+        self._lock = _locked(path)
+        try:
+            _mend(path)
+            self._file = Buffered(path)
+            self._storage = optuna.storages.JournalStorage(self._file)
+            names = {known.study_name for known in self._storage.get_all_studies()}
+            if study in names:
+                self._study = optuna.load_study(study_name=study, storage=self._storage)
+                theirs = self._study.user_attrs.get(DEFINITION)
+                space = space_from((theirs or {}).get("space", []))
+                check_definition(study, definition, theirs, (problem.space, space))
+            else:
+                directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
+                self._study = optuna.create_study(study_name=study, storage=self._storage, directions=directions)
+                self._study.set_user_attr(DEFINITION, dict(definition))
+                self._study.set_user_attr(OBJECTIVES, [f"{one.name} [{one.unit}]" for one in problem.minimised])
+            self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
+            check_resume(study, self._count, resume=resume)
+        except BaseException:
+            self._lock.close()
+            raise
+        self._space = problem.space
+        self._file.flush()
+
+    def finished(self) -> list[Evaluation]:
+        """Every finished trial."""
+        return [evaluation_of(trial) for trial in self._study.get_trials(deepcopy=False, states=FINISHED)]
+
+    def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
+        """Write finished trials, all at once."""
+        self._study.add_trials([finished_trial(one, self._space) for one in evaluations])
+        self._file.flush()
+        self._count += len(evaluations)
+
+    def count(self) -> int:
+        """Number of finished trials."""
+        return self._count
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._lock.close()
+
+
+def _locked(path: Path) -> IO[bytes]:
+    """The file, held by this process alone until it is closed or the process ends."""
+    try:
+        handle = path.open("ab")
+    except OSError as error:
+        raise ConfigurationError(f"--storage {path}: cannot be written ({error.strerror})") from error
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        handle.close()
+        raise ConfigurationError(
+            f"--storage {path}: another process is writing it; a study of several processes needs a database"
+        ) from None
+    return handle
+
+
+def _mend(path: Path) -> None:
+    """Cut off a last line that a killed process left half written.
+
+    Raises:
+        ConfigurationError: the file is no journal.
+    """
+    with path.open("r+b") as file:
+        content = file.read()
+        file.truncate(content.rfind(b"\n") + 1)
+    first = content.partition(b"\n")[0]
+    if first:
+        try:
+            known = "op_code" in json.loads(first)
+        except ValueError:
+            known = False
+        if not known:
+            raise ConfigurationError(f"--storage {path}: is a file, and no journal of a study")

@@ -1,0 +1,44 @@
+"""What storages of one process have in common: nobody else takes candidates, finishes trials or changes the budget."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.storage.store import Budget, Claim, Propose
+
+
+class OneProcess(ABC):
+    """A storage that holds finished trials alone, so that what is under way needs no record."""
+
+    def __init__(self, budget: Budget) -> None:
+        """A storage of a study that is over when `budget` says so."""
+        self._budget = budget
+
+    @abstractmethod
+    def count(self) -> int:
+        """Number of finished trials."""
+
+    def claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
+        """Take candidates, as many as the budget has trials left."""
+        finished = self.count()
+        left = count if budget.trials is None else min(count, budget.trials - finished)
+        return [Claim(one) for one in propose(left, not finished)] if left > 0 else []
+
+    def release(self, claims: Sequence[Claim]) -> None:  # noqa: B027  # empty for every one of them
+        """Nothing to do: nothing was taken that anybody else could want."""
+
+    def news(self) -> list[Evaluation]:
+        """Nothing: nobody else works on this study."""
+        return []
+
+    def budget(self) -> Budget:
+        """The study's budget."""
+        return self._budget
+
+    def set_budget(self, budget: Budget) -> None:
+        """Change the study's budget."""
+        self._budget = budget
+
+    def complete(self, budget: Budget) -> bool:
+        """Whether as many trials are finished as there shall be."""
+        return budget.trials is not None and self.count() >= budget.trials

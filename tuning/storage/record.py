@@ -1,0 +1,71 @@
+"""An evaluation as a trial of Optuna, and back."""
+
+from typing import TYPE_CHECKING, Any
+
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.statistic import statistic_from
+from dualwinch.tuning.space import Interval, Space
+
+if TYPE_CHECKING:
+    import optuna
+    from optuna.distributions import BaseDistribution
+
+ORIGIN, OUTCOMES, SCENARIOS = "origin", "outcomes", "scenarios"
+"""Names of user attributes, beside one for each statistic, such as ``mean.mse [m^2]``."""
+
+
+def distributions(space: Space) -> "dict[str, BaseDistribution]":
+    """The space as Optuna writes it."""
+    from optuna.distributions import CategoricalDistribution, FloatDistribution
+
+    return {
+        dimension.name: FloatDistribution(dimension.lower, dimension.upper, log=dimension.log)
+        if isinstance(dimension, Interval)
+        else CategoricalDistribution(dimension.choices)
+        for dimension in space.dimensions
+    }
+
+
+def attributes(one: Evaluation) -> dict[str, Any]:
+    """What is kept of an evaluation as user attributes, named and with units."""
+    statistics = {_titled(name): value for name, value in one.statistics.items()}
+    return {ORIGIN: one.candidate.origin, OUTCOMES: one.outcomes, SCENARIOS: one.scenarios} | statistics
+
+
+def finished_trial(one: Evaluation, space: Space) -> "optuna.trial.FrozenTrial":
+    """An evaluation as a trial that is complete, or pruned; never failed."""
+    from optuna.trial import TrialState, create_trial
+
+    return create_trial(
+        state=TrialState.PRUNED if one.pruned else TrialState.COMPLETE,
+        values=list(one.objectives),
+        params=dict(one.point),
+        distributions=distributions(space),
+        user_attrs=attributes(one),
+        constraints=one.violations,
+        intermediate_values={one.scenarios: one.objectives[0]} if one.pruned else None,
+    )
+
+
+def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
+    """The evaluation that a finished trial records."""
+    from optuna.trial import TrialState
+
+    kept = dict(trial.user_attrs)
+    candidate = Candidate(dict(trial.params), kept.get(ORIGIN, ""))
+    named = {name.partition(" [")[0]: value for name, value in kept.items() if name.partition(" [")[0].count(".") == 1}
+    return Evaluation(
+        candidate=candidate,
+        objectives=tuple(trial.values or ()),
+        violations=dict(trial.constraints),
+        statistics=named,
+        outcomes=kept.get(OUTCOMES, {}),
+        scenarios=kept.get(SCENARIOS, 0),
+        pruned=trial.state == TrialState.PRUNED,
+        number=trial.number,
+    )
+
+
+def _titled(name: str) -> str:
+    unit = statistic_from(name).unit
+    return f"{name} [{unit}]"
