@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.paper import case
 
 REFERENCE = ("reference.x", "reference.v", "reference.a", "steady")
@@ -42,7 +43,8 @@ class Case:
     @cached_property
     def loop(self) -> ClosedLoop:
         """The symbolic closed loop, without what this case switches off."""
-        return closed_loop(structure_of(self.experiment), zeros_of(self.named_parameters))
+        structure = structure_of(self.experiment)
+        return closed_loop(structure, zeros_of(structure, self.named_parameters))
 
     @cached_property
     def named_parameters(self) -> dict[str, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.document import put
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of

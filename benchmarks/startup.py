@@ -54,7 +54,8 @@ def child(kind: str) -> None:
     from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 
     mark()
-    loop = closed_loop(structure_of(case(4)), zeros_of(parameters_of(case(4))))
+    structure = structure_of(case(4))
+    loop = closed_loop(structure, zeros_of(structure, parameters_of(case(4))))
     mark()
     source = rollout_source(loop)
     mark()

@@ -1,106 +1,74 @@
 """The whole controller: estimator, position law, coordination of the winches (paper Section 3, Figure 4)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-import annotated_types as at
 import casadi as ca
 
-from dualwinch.controllers.coordinations.force_position import ForcePositionGains
-from dualwinch.controllers.coordinations.master_slave import MasterSlaveGains
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.coordinations.winch_pid import WinchGains
-from dualwinch.controllers.estimators.calibrating_kalman import CalibrationGains
-from dualwinch.controllers.estimators.kalman import KalmanGains
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.adrc import AdrcGains, AdrcState, adrc_step
-from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
-from dualwinch.controllers.laws.fando_nftsm import FandoNftsmState, fando_nftsm_step
-from dualwinch.controllers.laws.nftsm import NftsmGains, NftsmState, nftsm_step
-from dualwinch.controllers.laws.observer import ObserverGains
-from dualwinch.controllers.laws.pid_cascade import PidCascadeGains, PidCascadeState, pid_cascade_step
-from dualwinch.controllers.laws.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
-from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal
-from dualwinch.controllers.signals import ControllerOutput, Measurement, PositionOutput
+from dualwinch.controllers.signals import (
+    ControllerOutput,
+    CoordinationOutput,
+    Estimate,
+    Measurement,
+    PositionOutput,
+)
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.part import Choice
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity, Tunable, leaves, with_leaves
+from dualwinch.model.quantity import Key, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
-
-
-@dataclass(frozen=True)
-class PositionLaw:
-    """A position law: its initial state and one sample of it, ``(state, ...) -> (state, PositionOutput)``."""
-
-    initial_state: Any
-    step: Callable[..., tuple[Any, PositionOutput]]
-
-
-POSITION_LAWS = {
-    "fando-nftsm": PositionLaw(FandoNftsmState(), fando_nftsm_step),
-    "nftsm": PositionLaw(NftsmState(), nftsm_step),
-    "pid-cascade": PositionLaw(PidCascadeState(), pid_cascade_step),
-    "super-twisting": PositionLaw(SuperTwistingState(), super_twisting_step),
-    "adrc": PositionLaw(AdrcState(), adrc_step),
-}
-"""Every position law by its name; a new law is a new file and one line here."""
+from dualwinch.model.tree import describe, describe_parts, leaves, with_leaves
 
 
 @dataclass(frozen=True)
 class Controller:
-    """Choice of the position law and all gains."""
+    """Three parts that own their gains, in the order a signal goes through them, and what all of them share."""
 
-    kind: Annotated[
-        Literal["fando-nftsm", "nftsm", "pid-cascade", "super-twisting", "adrc"],
-        Quantity("", "position law", "paper Table 2; the last two are ours"),
-    ] = "fando-nftsm"
     estimator: Annotated[
-        Literal["none", "lowpass", "kalman", "calibrating-kalman"],
-        Quantity(
-            "",
-            "what the position law sees: sensors, filtered speed, filtered motion, the same with ropes learnt",
-            "assumption",
-        ),
-    ] = "lowpass"
-    speed_filter_time: Annotated[
-        float,
-        at.Ge(0),
-        Quantity("s", "lowpass: time constant on the measured speed; 0: none", "assumption"),
-        Tunable(0, 0.1, log=False),
-    ] = 0.0
+        Estimator,
+        Quantity("", "what stands between the sensors and the position law", "assumption"),
+        Choice("estimator", ESTIMATORS),
+    ] = field(default_factory=LowPass)
+    law: Annotated[PositionLaw, Quantity("", "position law", "paper Table 2"), Choice("kind", POSITION_LAWS)] = field(
+        default_factory=FandoNftsm
+    )
+    limits: Annotated[Limits, Key("coordination")] = field(default_factory=Limits)
+    coordination: Annotated[
+        Coordination,
+        Quantity("", "how the winches share the force; the paper argues for differential tension", "paper 1.1"),
+        Choice("coordination.kind", COORDINATIONS),
+    ] = field(default_factory=DifferentialTension)
     nominal: Nominal = field(default_factory=Nominal)
-    kalman: KalmanGains = field(default_factory=KalmanGains)
-    calibration: CalibrationGains = field(default_factory=CalibrationGains)
-    nftsm: NftsmGains = field(default_factory=NftsmGains)
-    observer: ObserverGains = field(default_factory=ObserverGains)
-    auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)
-    pid_cascade: PidCascadeGains = field(default_factory=PidCascadeGains)
-    super_twisting: SuperTwistingGains = field(default_factory=SuperTwistingGains)
-    adrc: AdrcGains = field(default_factory=AdrcGains)
-    coordination: Coordination = field(default_factory=Coordination)
-    master_slave: MasterSlaveGains = field(default_factory=MasterSlaveGains)
-    force_position: ForcePositionGains = field(default_factory=ForcePositionGains)
-    winch_1: WinchGains = field(default_factory=WinchGains)
-    winch_2: WinchGains = field(default_factory=WinchGains)
 
 
 @dataclass(frozen=True)
 class ControllerState:
-    """State of the whole controller; its parts are those of the chosen laws."""
+    """State of the whole controller; its groups are those of the chosen parts."""
 
-    position: Any
     estimator: Any
+    law: Any
     coordination: Any
 
 
 def initial_controller_state(controller: Controller) -> ControllerState:
     """State before the first sample."""
     return ControllerState(
-        position=POSITION_LAWS[controller.kind].initial_state,
-        estimator=ESTIMATORS[controller.estimator].initial_state,
-        coordination=COORDINATIONS[controller.coordination.kind].initial_state,
+        estimator=controller.estimator.initial_state(),
+        law=controller.law.initial_state(),
+        coordination=controller.coordination.initial_state(),
     )
 
 
@@ -119,40 +87,48 @@ def controller_step(
         state: the controller's state.
         measurement: this sample's sensor values.
         setpoint: this sample's reference.
-        controller: position law and gains.
+        controller: its parts and their gains.
         nominal: the plant as the controller believes it to be.
         sample_time: in s.
         shared_force: force in N that the winches share in place of the position law's u_sat: cuts the loop there.
 
     Returns:
-        The next state and this sample's torques, commands and inner signals.
+        The next state and what the parts gave.
     """
-    estimator, seen = ESTIMATORS[controller.estimator].step(
-        state.estimator, measurement, controller, nominal, sample_time
-    )
-    law = POSITION_LAWS[controller.kind]
-    position, output = law.step(state.position, seen, setpoint, controller, nominal, sample_time)
-    force = output.u_sat if shared_force is None else shared_force
-    coordination, winches = COORDINATIONS[controller.coordination.kind].step(
-        state.coordination, force, seen, setpoint, controller, nominal, sample_time
-    )
-    said = ControllerOutput(
-        position=output,
-        F1_cmd=winches.F1_cmd,
-        F2_cmd=winches.F2_cmd,
-        tau1=winches.tau1,
-        tau2=winches.tau2,
-        saturated=output.u_sat != output.u,
-        torque_saturated=winches.torque_saturated,
-    )
-    return ControllerState(position, estimator, coordination), said
+    context = Context(nominal, controller.limits, sample_time)
+    estimator, estimate = controller.estimator.step(state.estimator, measurement, setpoint, context)
+    law, position = controller.law.step(state.law, estimate, setpoint, context)
+    force = position.u_sat if shared_force is None else shared_force
+    coordination, winches = controller.coordination.step(state.coordination, force, estimate, setpoint, context)
+    return ControllerState(estimator, law, coordination), ControllerOutput(estimate, position, winches)
+
+
+def own_signals(output: ControllerOutput) -> dict[str, tuple[Scalar, Quantity]]:
+    """What the parts gave beyond what they pass on to each other: name → value and what it is.
+
+    Raises:
+        ConfigurationError: two parts give signals of one name.
+    """
+    found: dict[str, tuple[Scalar, Quantity]] = {}
+    for given, passed_on in (
+        (output.position, PositionOutput),
+        (output.estimate, Estimate),
+        (output.winches, CoordinationOutput),
+    ):
+        common, known = describe(passed_on), describe_parts(given)
+        for name, value in leaves(given).items():
+            if name in found:
+                raise ConfigurationError(f"signal '{name}': two parts of the controller give it; rename one of them")
+            if name not in common:
+                found[name] = value, known[name].quantity
+    return found
 
 
 def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
     """The controller as a named CasADi function to call, print, differentiate or generate code from.
 
     Args:
-        controller: the position law and the values of the gains.
+        controller: its parts and the values of their gains.
         nominal: the plant as the controller believes it to be.
 
     Returns:
@@ -164,7 +140,7 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
     state = ca.SX.sym("state", len(leaves(start)))
     measurement, setpoint = ca.SX.sym("measurement", len(fields(Measurement))), ca.SX.sym("setpoint", 3)
     sample_time = ca.SX.sym("sample_time")
-    next_state, said = controller_step(
+    next_state, output = controller_step(
         with_leaves(start, dict(zip(leaves(start), ca.vertsplit(state), strict=True))),
         Measurement(*ca.vertsplit(measurement)),
         Setpoint(*ca.vertsplit(setpoint)),
@@ -172,13 +148,14 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
         nominal,
         sample_time,
     )
+    winches = output.winches
     return ca.Function(
-        controller.kind.replace("-", "_"),
+        controller.law.table(),
         [state, measurement, setpoint, sample_time],
         [
             ca.vertcat(*leaves(next_state).values()),
-            ca.vertcat(said.tau1, said.tau2),
-            ca.vertcat(said.F1_cmd, said.F2_cmd),
+            ca.vertcat(winches.tau_1, winches.tau_2),
+            ca.vertcat(winches.F1_cmd, winches.F2_cmd),
         ],
         ["state", "measurement", "setpoint", "sample_time"],
         ["next_state", "torques", "commands"],

@@ -1,4 +1,8 @@
-"""What a control law sees and what it says."""
+"""What the parts of a controller pass on to each other.
+
+A part may say more than the next one needs: a subclass of its output with further annotated fields. They become
+columns of a result, under their own names.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -22,32 +26,40 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class Seen(Measurement):
-    """What a position law sees: sensor values, position and speed maybe estimated, and a known disturbance."""
+class Estimate(Measurement):
+    """What an estimator gives: sensor values, position and speed maybe better ones, and a known disturbance."""
 
     d: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration that the estimator knows")] = 0.0
 
 
 @dataclass(frozen=True)
 class PositionOutput:
-    """What a position law says; ``None`` for what it does not have."""
+    """What a position law gives."""
 
     u: Annotated[Scalar, Quantity("N", "force command of the position law before saturation")]
     u_sat: Annotated[Scalar, Quantity("N", "force command within the limits")]
-    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")] = None
-    L1: Annotated[Scalar, Quantity("1/s", "observer gain")] = None
-    Z_a: Annotated[Scalar, Quantity("N s", "state of the anti-saturation system")] = None
-    s: Annotated[Scalar, Quantity("m", "sliding variable")] = None
+
+
+@dataclass(frozen=True)
+class CoordinationOutput:
+    """What a coordination gives."""
+
+    F1_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 1")]
+    F2_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 2")]
+    tau_1: Annotated[Scalar, Quantity("N m", "motor torque command of winch 1")]
+    tau_2: Annotated[Scalar, Quantity("N m", "motor torque command of winch 2")]
+    torque_saturated: Annotated[Scalar, Quantity("1", "1 where a motor torque is at its limit")]
 
 
 @dataclass(frozen=True)
 class ControllerOutput:
-    """What the whole controller says in one sample."""
+    """What the whole controller gives in one sample."""
 
+    estimate: Estimate
     position: PositionOutput
-    F1_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 1")]
-    F2_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 2")]
-    tau1: Annotated[Scalar, Quantity("N m", "motor torque of winch 1")]
-    tau2: Annotated[Scalar, Quantity("N m", "motor torque of winch 2")]
-    saturated: Annotated[Scalar, Quantity("1", "1 where the force command is beyond its limit")]
-    torque_saturated: Annotated[Scalar, Quantity("1", "1 where a motor torque is at its limit")]
+    winches: CoordinationOutput
+
+    @property
+    def saturated(self) -> Scalar:
+        """1 where the force command is beyond its limit."""
+        return self.position.u_sat != self.position.u

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from dualwinch.codegen.native import compile  # noqa: A004
     from dualwinch.commands.tuning_setup import tuning_problem
     from dualwinch.config.ensemble_file import load_ensemble
-    from dualwinch.config.experiment_file import load, override, to_toml
+    from dualwinch.config.experiment_file import load, to_toml
+    from dualwinch.config.settings import override
     from dualwinch.controllers.controller import Controller, controller_function
     from dualwinch.model.disturbance import Disturbance
     from dualwinch.model.errors import ConfigurationError
@@ -88,7 +89,7 @@ _HOME = {
     "modes": "dualwinch.model.linear.modes",
     "nearby_gains": "dualwinch.simulation.analysis.nearby_gains",
     "operating_point": "dualwinch.model.linear.operating_point",
-    "override": "dualwinch.config.experiment_file",
+    "override": "dualwinch.config.settings",
     "paper_controller": "dualwinch.simulation.ensembles.paired_run",
     "plant": "dualwinch.model.plant",
     "rollout": "dualwinch.simulation.batch.rollout",

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, sin
 from dualwinch.model.vehicle import Vehicle, drag
 
@@ -15,32 +15,48 @@ from dualwinch.model.vehicle import Vehicle, drag
 class Disturbance:
     """Disturbances of a scenario; a standard deviation of zero switches a random one off."""
 
-    vortex: Annotated[bool, Quantity("", "vortex shedding on", "paper Section 4.3")] = False
+    vortex: Annotated[bool, Quantity("", "vortex shedding on", "paper Section 4.3"), Mark.SWITCH, Mark.OFF_AT_ZERO] = (
+        False
+    )
     vortex_amplitude: Annotated[
-        float, at.Ge(0), Quantity("1", "amplitude of the vortex force over the drag", "paper Section 4.3")
+        float,
+        at.Ge(0),
+        Quantity("1", "amplitude of the vortex force over the drag", "paper Section 4.3"),
+        Mark.OFF_AT_ZERO,
     ] = 0.2
     strouhal: Annotated[
-        float, at.Ge(0), Quantity("1", "Strouhal number of the vortex frequency", "paper Section 4.3")
+        float, at.Ge(0), Quantity("1", "Strouhal number of the vortex frequency", "paper Section 4.3"), Mark.OFF_AT_ZERO
     ] = 0.2
     integrated_phase: Annotated[
-        bool, Quantity("", "integrate the vortex frequency instead of multiplying it by the time", "E4")
+        bool,
+        Quantity("", "integrate the vortex frequency instead of multiplying it by the time", "E4"),
+        Mark.SWITCH,
+        Mark.OFF_AT_ZERO,
     ] = False
     current_sigma: Annotated[
-        float, at.Ge(0), Quantity("m/s", "standard deviation of the ambient current; 0: none", "Assumption 1")
+        float,
+        at.Ge(0),
+        Quantity("m/s", "standard deviation of the ambient current; 0: none", "Assumption 1"),
+        Mark.DRAWN_AHEAD,
     ] = 0.0
-    current_time: Annotated[float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption")] = 20.0
-    current_limit: Annotated[float, at.Ge(0), Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1")] = (
-        0.154
-    )
+    current_time: Annotated[
+        float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption"), Mark.DRAWN_AHEAD
+    ] = 20.0
+    current_limit: Annotated[
+        float, at.Ge(0), Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1"), Mark.DRAWN_AHEAD
+    ] = 0.154
     normal_force_sigma: Annotated[
         float,
         at.Ge(0),
         Quantity("1", "standard deviation of the rail load over its mean; 0: none", "paper Section 2.3"),
+        Mark.DRAWN_AHEAD,
     ] = 0.0
-    normal_force_time: Annotated[float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption")] = (
-        5.0
-    )
-    seed: Annotated[int, at.Ge(0), Quantity("", "seed of every random signal of the scenario", "")] = 0
+    normal_force_time: Annotated[
+        float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD
+    ] = 5.0
+    seed: Annotated[
+        int, at.Ge(0), Quantity("", "seed of every random signal of the scenario", ""), Mark.DRAWN_AHEAD
+    ] = 0
 
 
 def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import casadi as ca
 
-from dualwinch.model.quantity import Quantity, leaves, numbers, with_leaves
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.rope import Rope, Track, rope_lengths, spring_tension, stiffness
 from dualwinch.model.scalar import Scalar, reciprocals
+from dualwinch.model.tree import leaves, numbers, with_leaves
 from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
 from dualwinch.model.winch import Winch, drum_acceleration
 
@@ -31,8 +32,8 @@ class Plant:
 class PlantState:
     """State of the plant; angles and speeds are positive when rope is retrieved (E1)."""
 
-    x: Annotated[Scalar, Quantity("m", "position of the vehicle along the track")]
-    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle")]
+    x: Annotated[Scalar, Quantity("m", "position of the vehicle along the track"), Mark.POSITION]
+    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle"), Mark.SPEED]
     theta_1: Annotated[Scalar, Quantity("rad", "angle of drum 1")]
     omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1")]
     theta_2: Annotated[Scalar, Quantity("rad", "angle of drum 2")]

@@ -1,23 +1,19 @@
-"""What a number is: unit, meaning and source, written once beside the field it describes.
+"""What a number is: unit, meaning, source and what else matters of it, written once beside the field it describes.
 
 Parameters and signals are frozen dataclasses whose fields are annotated with a `Quantity` and, for parameters,
 with bounds from `annotated_types`. Everything else that needs the names, units or bounds (validation, the
-annotated TOML, result columns, the C header) reads them from here.
-
-The same dataclass holds floats or CasADi symbols: `leaves` takes it apart into named scalars, `with_leaves` puts
-it together again from others.
+annotated TOML, result columns, the C header, the search space) reads them from here, as a `Leaf`.
 """
 
 import difflib
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cache
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import Enum
+from numbers import Integral, Real
+from typing import Any
 
 import annotated_types as at
-
-Group = TypeVar("Group")
 
 
 @dataclass(frozen=True)
@@ -51,24 +47,91 @@ class Tunable:
 
 
 @dataclass(frozen=True)
+class TunableRatio:
+    """A whole number that is searched for as a ratio with another field of its group.
+
+    Attributes:
+        denominator: name of the other field.
+        choices: ratios to choose from where nothing else is asked for, such as ``5/3``.
+    """
+
+    denominator: str
+    choices: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a field is called in keys, where that is not its own name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Tied:
+    """A group that is one of several alike: their gains may be tuned as one, under this name."""
+
+    name: str
+
+
+class Mark(Enum):
+    """What else a field is."""
+
+    PART = "the kind of a part"
+    SHAPES_CODE = "a number that is written into the compiled code"
+    TIMING = "sets the instants of the samples"
+    DRAWN_AHEAD = "shapes signals that are drawn ahead of a run; the closed loop does not take it"
+    SWITCH = "a truth value that the closed loop takes as a number, 0 or 1"
+    OFF_AT_ZERO = "often zero for good: code of its own leaves out what it multiplies"
+    READS_IN_STEPS = "rounds what is read: derivatives are those without it"
+    POSITION = "a state that moves on with the vehicle, and is its position in a steady cruise"
+    SPEED = "a state that is the vehicle's speed in a steady cruise"
+    BOOKKEEPING = "a state that moves nothing while sensors are perfect and no vortices shed"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What has to hold between the values of a group; a group lists its own as ``rules``.
+
+    Attributes:
+        fields: the fields it is about, the one to blame first.
+        holds: group → whether it holds; also where, of groups whose fields are arrays.
+        wanted: group, what the keys of its fields begin with → what the first field has to be, in words.
+    """
+
+    fields: tuple[str, ...]
+    holds: Callable[[Any], Any]
+    wanted: Callable[[Any, str], str]
+
+
+@dataclass(frozen=True)
 class Leaf:
     """One scalar of a group: its dotted key, its quantity, its type and its bounds.
 
     Attributes:
         key: dotted path below the group, e.g. ``vehicle.mass``.
         quantity: unit, meaning and source.
-        kind: the Python type (``float``, ``int``, ``bool``, ``str`` or a ``Literal``), without ``None``.
+        kind: the Python type (``float``, ``int``, ``bool`` or ``str``), without ``None``.
+        choices: the words that are allowed; empty for numbers.
         optional: whether ``None`` (a default taken from elsewhere) is allowed.
         constraints: the bounds from `annotated_types`.
         tunable: where it is searched for when it is tuned; ``None``: it is no gain.
+        ratio: what it is searched for together with.
+        tied: the key it shares with its likes when they are tuned as one.
+        marks: what else it is.
+        default: the field's own default; ``None`` where there is none.
     """
 
     key: str
     quantity: Quantity
     kind: Any
-    optional: bool
-    constraints: tuple[at.BaseMetadata, ...]
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+    constraints: tuple[at.BaseMetadata, ...] = ()
     tunable: Tunable | None = None
+    ratio: TunableRatio | None = None
+    tied: str | None = None
+    marks: frozenset[Mark] = frozenset()
+    default: Any = None
 
     @property
     def allowed(self) -> str:
@@ -92,6 +155,15 @@ class Leaf:
         return (" or " if self.choices else " and ").join(words)
 
     @property
+    def wanted(self) -> str:
+        """What a value must be, in words."""
+        if self.choices or self.kind is bool:
+            return self.allowed
+        noun = "a whole number" if self.kind is int else "a finite number"
+        unit = "" if self.quantity.unit in {"", "1"} else f" {self.quantity.unit}"
+        return f"{noun} {self.allowed}{unit}".rstrip()
+
+    @property
     def bounds(self) -> tuple[float, float]:
         """Lower and upper end of the allowed range, infinite where there is none."""
         lower, upper = (0.0, 1.0) if self.kind is bool else (-math.inf, math.inf)
@@ -101,80 +173,59 @@ class Leaf:
         return lower, upper
 
     @property
-    def choices(self) -> tuple[str, ...]:
-        """The allowed words of a ``Literal``; empty for numbers."""
-        return tuple(str(choice) for choice in get_args(self.kind))
+    def is_number(self) -> bool:
+        """Whether the value is a number at run time, and not a choice of structure."""
+        if Mark.DRAWN_AHEAD in self.marks or Mark.SHAPES_CODE in self.marks:
+            return False
+        return self.kind in {float, int} or Mark.SWITCH in self.marks
 
     @property
-    def is_number(self) -> bool:
-        """Whether the value is a number at run time (and not a choice of structure)."""
-        return self.kind in {float, int}
+    def shapes_code(self) -> bool:
+        """Whether another value is another compiled code."""
+        return not self.is_number and Mark.DRAWN_AHEAD not in self.marks and Mark.TIMING not in self.marks
+
+    @property
+    def some_value(self) -> float:
+        """Some number that is allowed, the same every time."""
+        lower, upper = self.bounds
+        for candidate in (1, lower, upper, lower + 1, upper - 1, (lower + upper) / 2):
+            if self.admits(candidate):
+                return candidate
+        raise ValueError(f"{self.key}: no simple number is {self.allowed}")
+
+    def admits(self, value: Any) -> bool:
+        """Whether a value is of the right type and within the bounds."""
+        if value is None:
+            return self.optional
+        if self.choices:
+            return value in self.choices
+        if self.kind is bool or isinstance(value, bool):
+            return self.kind is bool and isinstance(value, bool)
+        if self.kind is str:
+            return isinstance(value, str)
+        if not isinstance(value, Integral if self.kind is int else Real):
+            return False
+        return _finite(value) and all(_keeps(constraint, value) for constraint in self.constraints)
 
 
-@cache
-def describe(group: type) -> dict[str, Leaf]:
-    """Every scalar below a dataclass type, nested groups included, in declaration order.
-
-    Args:
-        group: a dataclass type whose scalar fields are annotated with a `Quantity`.
-
-    Returns:
-        Dotted key → `Leaf`.
-
-    Raises:
-        TypeError: a scalar field has no `Quantity`.
-    """
-    return {leaf.key: leaf for leaf in _describe(group, "")}
+def _finite(value: Any) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False
 
 
-def _describe(group: type, prefix: str) -> Iterator[Leaf]:
-    hints = get_type_hints(group, include_extras=True)
-    for field in fields(group):
-        hint, key = hints[field.name], prefix + field.name
-        if is_dataclass(hint) and isinstance(hint, type):
-            yield from _describe(hint, key + ".")
-        else:
-            yield _leaf(hint, key, f"{group.__name__}.{field.name}")
-
-
-def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
-    """Every scalar below an instance, by the types of the parts it is made of; keys as in `leaves`.
-
-    Args:
-        group: an instance of a dataclass, whose parts may be of any dataclass type.
-        prefix: put before every key.
-
-    Raises:
-        TypeError: a scalar field has no `Quantity`.
-    """
-    found: dict[str, Leaf] = {}
-    hints = get_type_hints(type(group), include_extras=True)
-    for field in fields(group):
-        value, key = getattr(group, field.name), prefix + field.name
-        if is_dataclass(value):
-            found |= describe_parts(value, key + ".")
-        else:
-            found[key] = _leaf(hints[field.name], key, f"{type(group).__name__}.{field.name}")
-    return found
-
-
-def _leaf(hint: Any, key: str, where: str) -> Leaf:
-    base, metadata = hint, ()
-    if get_origin(hint) is Annotated:
-        base, *metadata = get_args(hint)
-    quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
-    if quantity is None:
-        raise TypeError(f"{where} has no Quantity")
-    options = [option for option in get_args(base) if option is not type(None)]
-    optional = type(None) in get_args(base)
-    return Leaf(
-        key=key,
-        quantity=quantity,
-        kind=options[0] if optional else base,
-        optional=optional,
-        constraints=tuple(item for item in metadata if isinstance(item, at.BaseMetadata)),
-        tunable=next((item for item in metadata if isinstance(item, Tunable)), None),
-    )
+def _keeps(constraint: at.BaseMetadata, value: float) -> bool:
+    match constraint:
+        case at.Gt(gt=bound):
+            return value > bound  # pyright: ignore[reportOperatorIssue]
+        case at.Ge(ge=bound):
+            return value >= bound  # pyright: ignore[reportOperatorIssue]
+        case at.Lt(lt=bound):
+            return value < bound  # pyright: ignore[reportOperatorIssue]
+        case at.Le(le=bound):
+            return value <= bound  # pyright: ignore[reportOperatorIssue]
+    return True
 
 
 def nearest(key: str, keys: Iterable[str]) -> str:
@@ -186,47 +237,3 @@ def nearest(key: str, keys: Iterable[str]) -> str:
     names = {name.rsplit(".", 1)[-1]: name for name in reversed(known)}
     near = difflib.get_close_matches(key.rsplit(".", 1)[-1], list(names), n=1, cutoff=0.0)
     return names[near[0]]
-
-
-def leaves(group: Any, prefix: str = "") -> dict[str, Any]:
-    """Take a dataclass apart into its scalars.
-
-    Args:
-        group: an instance of a (nested) dataclass.
-        prefix: put before every key, with its dot, e.g. ``"plant."``.
-
-    Returns:
-        Dotted key → value, in declaration order.
-    """
-    found: dict[str, Any] = {}
-    for field in fields(group):
-        value = getattr(group, field.name)
-        if is_dataclass(value):
-            found |= leaves(value, f"{prefix}{field.name}.")
-        else:
-            found[prefix + field.name] = value
-    return found
-
-
-def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Group:
-    """A copy of a dataclass with some of its scalars replaced.
-
-    Args:
-        group: an instance of a (nested) dataclass.
-        values: dotted key → new value; keys that name nothing here are ignored.
-        prefix: what the keys of this group begin with, e.g. ``"plant."``.
-    """
-    changes: dict[str, Any] = {}
-    for field in fields(group):  # pyright: ignore[reportArgumentType]
-        value, key = getattr(group, field.name), prefix + field.name
-        if is_dataclass(value):
-            changes[field.name] = with_leaves(value, values, key + ".")
-        elif key in values:
-            changes[field.name] = values[key]
-    return replace(group, **changes)  # pyright: ignore[reportArgumentType]
-
-
-def numbers(group: Any, prefix: str = "") -> dict[str, float]:
-    """The scalars of a dataclass that are numbers at run time: what a compiled function takes as parameters."""
-    kinds = describe(type(group))
-    return {prefix + key: value for key, value in leaves(group).items() if kinds[key].is_number and value is not None}

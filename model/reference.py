@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import annotated_types as at
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, maximum, sqrt, where
 
 
@@ -22,25 +22,28 @@ class Reference:
     kind: Annotated[
         Literal["uniform", "profile"],
         Quantity("", "constant speed from the start, or speed up, cruise and brake", "paper Section 4.1"),
+        Mark.TIMING,
     ] = "profile"
     speed: Annotated[
         float | None,
         at.Gt(0),
         Quantity("m/s", "constant speed (uniform: 1.5, profile: 1.8)", "paper Section 4.1"),
+        Mark.DRAWN_AHEAD,
     ] = None
     accelerate_until: Annotated[
-        float, at.Gt(0), Quantity("s", "profile: end of the acceleration", "paper Section 4.1")
+        float, at.Gt(0), Quantity("s", "profile: end of the acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
     ] = 18.0
     cruise_until: Annotated[
-        float, at.Gt(0), Quantity("s", "profile: end of the constant speed", "paper Section 4.1")
+        float, at.Gt(0), Quantity("s", "profile: end of the constant speed", "paper Section 4.1"), Mark.DRAWN_AHEAD
     ] = 29.0
     brake_until: Annotated[
-        float, at.Gt(0), Quantity("s", "profile: end of the braking, then rest", "paper Section 4.1")
+        float, at.Gt(0), Quantity("s", "profile: end of the braking, then rest", "paper Section 4.1"), Mark.DRAWN_AHEAD
     ] = 41.0
     jerk_limit: Annotated[
         float | None,
         at.Gt(0),
         Quantity("m/s^3", "bound on the rate of the reference acceleration (default: none, it steps)", "assumption"),
+        Mark.DRAWN_AHEAD,
     ] = None
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, maximum, minimum, where
 
 
@@ -15,7 +15,7 @@ class Rope:
 
     area: Annotated[float, at.Gt(0), Quantity("m^2", "cross-section of the rope", "Table 1")] = 4.52e-4
     modulus: Annotated[float, at.Gt(0), Quantity("Pa", "axial elastic modulus", "Table 1")] = 80e9
-    damping: Annotated[float, at.Ge(0), Quantity("N s/m", "axial damping", "Table 1")] = 1000.0
+    damping: Annotated[float, at.Ge(0), Quantity("N s/m", "axial damping", "Table 1"), Mark.OFF_AT_ZERO] = 1000.0
 
 
 @dataclass(frozen=True)

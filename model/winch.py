@@ -5,7 +5,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, tanh
 
 
@@ -16,8 +16,12 @@ class Winch:
     inertia: Annotated[float, at.Gt(0), Quantity("kg m^2", "inertia at the drum", "Table 1")] = 1.8
     drum_radius: Annotated[float, at.Gt(0), Quantity("m", "radius of the drum", "Table 1")] = 0.8
     gear_ratio: Annotated[float, at.Gt(0), Quantity("1", "motor turns a drum turn", "Table 1")] = 36.0
-    coulomb_friction: Annotated[float, at.Ge(0), Quantity("N m", "Coulomb friction at the drum", "A5")] = 0.0
-    viscous_friction: Annotated[float, at.Ge(0), Quantity("N m s", "viscous friction at the drum", "A5")] = 0.0
+    coulomb_friction: Annotated[
+        float, at.Ge(0), Quantity("N m", "Coulomb friction at the drum", "A5"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    viscous_friction: Annotated[
+        float, at.Ge(0), Quantity("N m s", "viscous friction at the drum", "A5"), Mark.OFF_AT_ZERO
+    ] = 0.0
 
 
 FRICTION_SPEED = 0.01

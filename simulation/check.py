@@ -6,6 +6,7 @@ from functools import lru_cache
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import cruise_speed, least_duration, setpoint
+from dualwinch.model.validation import check_rules
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, swing_rate
 from dualwinch.simulation.loop.closed_loop import initial_state_of
@@ -18,8 +19,7 @@ LONGEST = 10**9
 @lru_cache(maxsize=KEPT)
 def check(experiment: Experiment) -> None:
     """Raise `ConfigurationError` where the values of an experiment do not fit together."""
-    _check_powers(experiment)
-    _check_coordination(experiment)
+    check_rules(experiment)
     _check_time(experiment)
     try:
         _check_reference(experiment)
@@ -29,34 +29,6 @@ def check(experiment: Experiment) -> None:
         raise ConfigurationError("plant, reference: values too extreme to start from (a number overflows)") from error
     if not all(map(math.isfinite, start.values())):
         raise ConfigurationError("plant: values too extreme to start from (no finite initial state)")
-
-
-def _check_powers(experiment: Experiment) -> None:
-    p, q = experiment.controller.nftsm.p, experiment.controller.nftsm.q
-    for key, value in (("p", p), ("q", q)):
-        if value % 2 == 0:
-            raise ConfigurationError(f"controller.nftsm.{key} = {value}: must be odd")
-    if p <= q:
-        raise ConfigurationError(f"controller.nftsm.p = {p}: must be > controller.nftsm.q = {q}")
-
-
-def _check_coordination(experiment: Experiment) -> None:
-    values = experiment.controller.coordination
-    if not values.tension_min < values.tension_max:
-        raise ConfigurationError(
-            f"controller.coordination.tension_min = {values.tension_min:g}: "
-            f"must be < controller.coordination.tension_max = {values.tension_max:g} N"
-        )
-    if not values.tension_min < values.command_max:
-        raise ConfigurationError(
-            f"controller.coordination.reserve = {values.reserve:g}: "
-            f"must be < {values.tension_max - values.tension_min:g} N (tension_max - tension_min)"
-        )
-    if not 2 * values.tension_min < values.preload < 2 * values.command_max:
-        raise ConfigurationError(
-            f"controller.coordination.preload = {values.preload:g}: must be > {2 * values.tension_min:g} "
-            f"and < {2 * values.command_max:g} N (twice tension_min and twice tension_max - reserve)"
-        )
 
 
 def _check_time(experiment: Experiment) -> None:

@@ -8,8 +8,9 @@ import annotated_types as at
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.reference import PAPER_DURATION, Reference, steady_window
+from dualwinch.model.validation import check_values
 from dualwinch.simulation.exogenous.sensors import Sensors
 
 
@@ -18,15 +19,20 @@ class Simulation:
     """How to simulate."""
 
     sample_time: Annotated[
-        float, at.Gt(0), at.Le(0.1), Quantity("s", "sampling period of the controller", "assumption")
+        float, at.Gt(0), at.Le(0.1), Quantity("s", "sampling period of the controller", "assumption"), Mark.TIMING
     ] = 1e-3
     duration: Annotated[
         float | None,
         at.Gt(0),
         Quantity("s", "length of the run (default: uniform 25, profile 50)", "paper 4.1"),
+        Mark.TIMING,
     ] = None
     delay_samples: Annotated[
-        int, at.Ge(0), at.Le(100), Quantity("1", "samples a torque is late at the motor", "assumption")
+        int,
+        at.Ge(0),
+        at.Le(100),
+        Quantity("1", "samples a torque is late at the motor", "assumption"),
+        Mark.SHAPES_CODE,
     ] = 0
     integrator: Annotated[
         Literal["adaptive", "exponential", "rk4"],
@@ -37,6 +43,7 @@ class Simulation:
         at.Ge(1),
         at.Le(256),
         Quantity("1", "steps of the integrator in a sample (adaptive: where one step is not enough)", ""),
+        Mark.SHAPES_CODE,
     ] = 5
 
 
@@ -50,6 +57,10 @@ class Experiment:
     disturbance: Disturbance = field(default_factory=Disturbance)
     sensors: Sensors = field(default_factory=Sensors)
     simulation: Simulation = field(default_factory=Simulation)
+
+    def __post_init__(self) -> None:
+        """Raise `ConfigurationError` where a value is of the wrong type or out of its range."""
+        check_values(self)
 
     @property
     def duration(self) -> float:

@@ -1,8 +1,9 @@
 """The paper's four simulated cases, its three controllers and its figures (Section 4)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
@@ -56,5 +57,5 @@ def case(number: int, controller: str = "fando-nftsm") -> Experiment:
     return Experiment(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
-        controller=replace(Controller(), kind=controller),  # pyright: ignore[reportArgumentType]
+        controller=Controller(law=POSITION_LAWS.find(controller)()),
     )

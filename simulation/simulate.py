@@ -51,9 +51,10 @@ def simulate(
     check(experiment)
     check_memory(experiment.samples, stride, len(COLUMNS))
     values = parameters_of(experiment, nominal)
-    loop = closed_loop(structure_of(experiment), zeros_of(values))
+    structure = structure_of(experiment)
+    loop = closed_loop(structure, zeros_of(structure, values))
     run = engine(loop, engine_name)
-    parameters = np.array(list(values.values()))
+    parameters = loop.vector(values)
     state = np.array(list(initial_state_of(experiment).values()))
     kept: list[NDArray[np.float64]] = []
     outcome, done = COMPLETED, 0
@@ -66,8 +67,7 @@ def simulate(
         if outcome != COMPLETED:
             break
     rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
-    columns = {name: np.full(len(rows), np.nan) for name in COLUMNS}
-    columns |= {name: rows[:, place].copy() for place, name in enumerate(loop.columns)}
+    columns = {name: rows[:, index].copy() for index, name in enumerate(loop.columns)}
     final = dict(zip(loop.states, state.tolist(), strict=True))
     return Result(
         columns=columns,

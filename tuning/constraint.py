@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import behind_number, leaves, nearest
+from dualwinch.model.quantity import behind_number, nearest
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.scoring.statistic import UNMEASURED, Statistic, statistic_from
 

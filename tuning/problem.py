@@ -6,8 +6,9 @@ from functools import cached_property
 from itertools import product
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import with_leaves
+from dualwinch.model.tree import with_leaves
 from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
@@ -103,7 +104,8 @@ class Problem:
     def paper_experiment(self) -> Experiment:
         """The experiment with the paper's controller and gains: no estimator, differential tension."""
         ours = self.experiment.controller
-        return replace(self.experiment, controller=Controller(kind=ours.kind, estimator="none", nominal=ours.nominal))
+        theirs = Controller(law=type(ours.law)(), estimator=Unfiltered(), nominal=ours.nominal)
+        return replace(self.experiment, controller=theirs)
 
     def tuned(self, point: Point) -> Experiment:
         """The experiment with a candidate's gains."""

@@ -10,7 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantity import behind_number, leaves
+from dualwinch.model.quantity import behind_number
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
 Value: TypeAlias = float | str

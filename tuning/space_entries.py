@@ -9,21 +9,13 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
-import annotated_types as at
-
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Leaf, Tunable, behind_number, describe, nearest
+from dualwinch.model.quantity import behind_number, nearest
+from dualwinch.model.tree import describe, describe_parts
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import Structure, structure_of
 from dualwinch.tuning.space import Dimension, Interval, Pairs, Space
-
-POWER, POWER_KEYS = "controller.nftsm.p/q", ("controller.nftsm.p", "controller.nftsm.q")
-ODD_PAIRS = ("11/9", "9/7", "7/5", "5/3", "9/5")
-"""Powers of the surface to choose from where nothing else is asked for, all between 1 and 2."""
-
-TIED, WINCHES = "controller.winch.", ("controller.winch_1.", "controller.winch_2.")
-"""A name below ``controller.winch.`` means both winches."""
 
 
 def space_of(entries: Mapping[str, Any], experiment: Experiment) -> Space:
@@ -38,20 +30,21 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment) -> Space:
     Raises:
         ConfigurationError: an unknown gain, one without effect or without bounds, or bounds that are no range.
     """
-    tunables = _tunables()
+    gains = _Gains(experiment)
     effective = _effective(structure_of(experiment))
-    names = entries or {name: {} for name, leaf in tunables.items() if leaf.standard and not name.startswith(WINCHES)}
     dimensions: dict[str, Dimension] = {}
-    for name, entry in names.items():
-        below = [known for known, leaf in tunables.items() if known.startswith(f"{name}.") and leaf.standard]
-        for one in below or [name]:
-            keys = _keys(one, tunables)
+    for name, entry in (entries or {name: {} for name in gains.standard()}).items():
+        below = [known for known in gains.standard() if known.startswith(f"{name}.")]
+        for gain in below or [name]:
+            keys = gains.keys(gain)
             if effective.issuperset(keys):
-                dimensions[one] = _pairs(entry) if one == POWER else _interval(one, keys, entry)
+                ratio = "/" in gain
+                dimensions[gain] = _pairs(gain, keys, entry, gains) if ratio else _interval(gain, keys, entry, gains)
             elif entries and not below:
+                controller = experiment.controller
                 raise ConfigurationError(
-                    f"{one}: has no effect with controller.kind = {experiment.controller.kind!r}, estimator = "
-                    f"{experiment.controller.estimator!r}, coordination = {experiment.controller.coordination.kind!r}"
+                    f"{gain}: has no effect with controller.kind = {controller.law.kind!r}, estimator = "
+                    f"{controller.estimator.kind!r}, coordination = {controller.coordination.kind!r}"
                 )
     if not dimensions:
         raise ConfigurationError("space: is empty; name at least one gain, e.g. --space controller.nftsm.beta")
@@ -69,7 +62,7 @@ def entry_from(text: str) -> tuple[str, Any]:
     name, rest = name.strip(), rest.strip()
     if not given:
         return name, {}
-    if name == POWER:
+    if "/" in name:
         return name, [pair.strip() for pair in rest.split(",")]
     lower, _, rest = rest.partition(":")
     upper, _, scale = rest.partition(":")
@@ -82,28 +75,49 @@ def entry_from(text: str) -> tuple[str, Any]:
     return name, entry | ({"log": scale == "log"} if scale else {})
 
 
-@cache
-def _leaves() -> dict[str, Leaf]:
-    return describe(Experiment)
+class _Gains:
+    """The gains of an experiment and of every registered part, by the names that a search space may use.
 
+    Beside their own keys these are those of tied ones (``controller.winch.kp`` for both winches) and of ratios
+    (``controller.nftsm.p/q``).
+    """
 
-@cache
-def _tunables() -> dict[str, Tunable]:
-    """Name → search range of every gain, tied winches and the pair of powers included."""
-    found = {key: leaf.tunable for key, leaf in _leaves().items() if leaf.tunable}
-    tied = {key.replace(WINCHES[0], TIED): tunable for key, tunable in found.items() if key.startswith(WINCHES[0])}
-    return found | tied | {POWER: Tunable(0, 1, standard=False)}
+    def __init__(self, experiment: Experiment) -> None:
+        """Collect them."""
+        self.leaves = {
+            key: leaf
+            for key, leaf in (describe(Experiment) | describe_parts(experiment)).items()
+            if key.startswith("controller.")
+        }
+        self.tied: dict[str, list[str]] = {}
+        self.ratios: dict[str, tuple[str, str]] = {}
+        for key, leaf in self.leaves.items():
+            if leaf.tied:
+                self.tied.setdefault(leaf.tied, []).append(key)
+            if leaf.ratio:
+                denominator = leaf.ratio.denominator
+                self.ratios[f"{key}/{denominator}"] = key, f"{key.rpartition('.')[0]}.{denominator}"
 
+    def standard(self) -> list[str]:
+        """What is searched where nobody says what to search; gains alike are tied."""
+        own = [key for key, leaf in self.leaves.items() if not leaf.tied and leaf.tunable and leaf.tunable.standard]
+        alike = {name: self.leaves[keys[0]].tunable for name, keys in self.tied.items()}
+        return own + [name for name, tunable in alike.items() if tunable and tunable.standard]
 
-def _keys(name: str, tunables: Mapping[str, Tunable]) -> tuple[str, ...]:
-    if name == POWER:
-        return POWER_KEYS
-    if name.startswith(TIED) and name in tunables:
-        return tuple(winch + name.removeprefix(TIED) for winch in WINCHES)
-    leaf = _leaves().get(name)
-    if leaf is None or not leaf.is_number or not name.startswith("controller."):
-        raise ConfigurationError(f"space: unknown gain '{name}'; did you mean '{nearest(name, tunables)}'?")
-    return (name,)
+    def keys(self, name: str) -> tuple[str, ...]:
+        """Configuration keys that a name stands for.
+
+        Raises:
+            ConfigurationError: it names no gain.
+        """
+        if name in self.ratios:
+            return self.ratios[name]
+        if name in self.tied:
+            return tuple(self.tied[name])
+        if name not in self.leaves or not self.leaves[name].is_number:
+            known = [*(key for key, leaf in self.leaves.items() if leaf.tunable), *self.tied, *self.ratios]
+            raise ConfigurationError(f"space: unknown gain '{name}'; did you mean '{nearest(name, known)}'?")
+        return (name,)
 
 
 @cache
@@ -115,8 +129,9 @@ def _effective(structure: Structure) -> frozenset[str]:
     return frozenset(loop.parameters[column] for column in used)
 
 
-def _interval(name: str, keys: Sequence[str], entry: Any) -> Interval:
-    known = _tunables().get(name)
+def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Interval:
+    leaf = gains.leaves[keys[0]]
+    known = leaf.tunable
     if not isinstance(entry, Mapping) or set(entry) - {"lower", "upper", "log"}:
         raise ConfigurationError(f"space: {name}: must be a table of lower, upper and log")
     given = {} if known is None else {"lower": known.lower, "upper": known.upper, "log": known.log}
@@ -134,37 +149,23 @@ def _interval(name: str, keys: Sequence[str], entry: Any) -> Interval:
         raise ConfigurationError(f"space: {name}: lower = {lower:g} must be < upper = {upper:g}")
     if log and lower <= 0:
         raise ConfigurationError(f"space: {name}: lower = {lower:g} must be > 0 on a log scale")
-    leaf = _leaves()[keys[0]]
     for bound in (lower, upper):
-        if not all(_allows(constraint, bound) for constraint in leaf.constraints):
+        if not leaf.admits(bound):
             allowed = leaf.allowed + behind_number(leaf.quantity.unit)
             raise ConfigurationError(f"space: {name}: bound {bound:g} must be {allowed}")
     return Interval(name, tuple(keys), float(lower), float(upper), log, leaf.quantity.unit)
 
 
-def _allows(constraint: at.BaseMetadata, value: float) -> bool:
-    match constraint:
-        case at.Gt(gt=bound):
-            return value > bound  # pyright: ignore[reportOperatorIssue]
-        case at.Ge(ge=bound):
-            return value >= bound  # pyright: ignore[reportOperatorIssue]
-        case at.Lt(lt=bound):
-            return value < bound  # pyright: ignore[reportOperatorIssue]
-        case at.Le(le=bound):
-            return value <= bound  # pyright: ignore[reportOperatorIssue]
-        case _:
-            return True
-
-
-def _pairs(entry: Any) -> Pairs:
-    choices = entry or ODD_PAIRS
+def _pairs(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Pairs:
+    leaf = gains.leaves[keys[0]]
+    choices = entry or (leaf.ratio.choices if leaf.ratio else ())
     if isinstance(choices, (Mapping, str)):
-        raise ConfigurationError(f"space: {POWER}: must be a list of pairs such as 5/3")
+        raise ConfigurationError(f"space: {name}: must be a list of pairs such as 5/3")
     for choice in choices:
         p, _, q = str(choice).partition("/")
         if not (p.isdecimal() and q.isdecimal()) or int(p) % 2 == 0 or int(q) % 2 == 0 or not 1 <= int(q) < int(p):
-            raise ConfigurationError(f"space: {POWER}: '{choice}' must be two odd numbers p/q with p > q >= 1")
-    return Pairs(POWER, POWER_KEYS, tuple(sorted({str(choice) for choice in choices}, key=Fraction)))
+            raise ConfigurationError(f"space: {name}: '{choice}' must be two odd numbers p/q with p > q >= 1")
+    return Pairs(name, (keys[0], keys[1]), tuple(sorted({str(choice) for choice in choices}, key=Fraction)))
 
 
 def _check_overlap(dimensions: Iterable[Dimension]) -> None:

@@ -1,17 +1,16 @@
 """Differential-tension coordination: one force command becomes two tension commands (paper Sections 3.2, 3.3, E11)."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Annotated, ClassVar
 
-from dualwinch.controllers.coordinations.winch_pid import WinchState, winch_step
-from dualwinch.controllers.limits import Coordination, CoordinationOutput, within_limits
-from dualwinch.controllers.signals import Measurement
-from dualwinch.model.plant import Plant
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
+from dualwinch.controllers.limits import Limits, within_limits
+from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.model.quantity import Tied
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, either
-
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
 
 
 @dataclass(frozen=True)
@@ -22,35 +21,34 @@ class TensionLoops:
     winch_2: WinchState = field(default_factory=WinchState)
 
 
-def tension_commands(u_sat: Scalar, coordination: Coordination) -> tuple[Scalar, Scalar]:
+def tension_commands(u_sat: Scalar, limits: Limits) -> tuple[Scalar, Scalar]:
     """Commands F1_cmd and F2_cmd in N: half the preload plus and minus half the force (paper Section 3.2).
 
     Args:
-        u_sat: net force in N, within ± `force_limit`.
-        coordination: preload and limits.
+        u_sat: net force in N, within ± ``limits.force``.
+        limits: preload and limits.
     """
-    return within_limits((coordination.preload + u_sat) / 2, (coordination.preload - u_sat) / 2, coordination)
+    return within_limits((limits.preload + u_sat) / 2, (limits.preload - u_sat) / 2, limits)
 
 
 def follow_tensions(
     state: TensionLoops,
     commands: tuple[Scalar, Scalar],
     tensions: tuple[Scalar, Scalar],
+    gains: tuple[WinchGains, WinchGains],
     setpoint: Setpoint,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
+    context: Context,
 ) -> tuple[TensionLoops, CoordinationOutput]:
     """One sample of both tension controllers (paper Section 3.3), from tension commands and tensions in N."""
+    nominal = context.nominal
     winch_1, torque_1 = winch_step(
         state.winch_1,
         commands[0],
         tensions[0],
         setpoint.a / nominal.winch_1.drum_radius,
         nominal.winch_1,
-        controller.winch_1,
-        controller.coordination,
-        sample_time,
+        gains[0],
+        context,
     )
     winch_2, torque_2 = winch_step(
         state.winch_2,
@@ -58,24 +56,31 @@ def follow_tensions(
         tensions[1],
         -setpoint.a / nominal.winch_2.drum_radius,
         nominal.winch_2,
-        controller.winch_2,
-        controller.coordination,
-        sample_time,
+        gains[1],
+        context,
     )
     saturated = either(torque_1.saturated, torque_2.saturated)
     return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, torque_1.torque, torque_2.torque, saturated)
 
 
-def differential_tension_step(
-    state: TensionLoops,
-    u_sat: Scalar,
-    measurement: Measurement,
-    setpoint: Setpoint,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[TensionLoops, CoordinationOutput]:
-    """One sample: both winches follow tension commands, whose sum is the preload and whose difference the force."""
-    commands = tension_commands(u_sat, controller.coordination)
-    measured = measurement.F1, measurement.F2
-    return follow_tensions(state, commands, measured, setpoint, controller, nominal, sample_time)
+@dataclass(frozen=True)
+class DifferentialTension(Coordination):
+    """Both winches follow tension commands, whose sum is the preload and whose difference the force."""
+
+    winch_1: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)
+    winch_2: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)
+
+    kind: ClassVar = "differential-tension"
+    label: ClassVar = "differential tension"
+
+    def initial_state(self) -> TensionLoops:
+        """Empty integrals."""
+        return TensionLoops()
+
+    def step(
+        self, state: TensionLoops, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[TensionLoops, CoordinationOutput]:
+        """One sample of both winches."""
+        commands = tension_commands(force, context.limits)
+        measured = estimate.F1, estimate.F2
+        return follow_tensions(state, commands, measured, (self.winch_1, self.winch_2), setpoint, context)

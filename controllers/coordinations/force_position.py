@@ -9,26 +9,25 @@ give, the one behind gives up. The commands are continuous in the force; the loo
 forces around zero, in which both are partly closed. While a winch is in front its integral is held.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 import annotated_types as at
 
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
-from dualwinch.controllers.limits import CoordinationOutput, within_limits
-from dualwinch.controllers.signals import Measurement
-from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.controllers.coordinations.winch_pid import WinchGains
+from dualwinch.controllers.limits import within_limits
+from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.model.quantity import Quantity, Tied, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, maximum
 
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
-
 
 @dataclass(frozen=True)
-class ForcePositionGains:
-    """How the roles change."""
+class ForcePosition(Coordination):
+    """The force decides which winch is in front."""
 
     band: Annotated[
         float,
@@ -36,25 +35,26 @@ class ForcePositionGains:
         Quantity("N", "largest force at which both winches still share the tension control", "by hand"),
         Tunable(1, 2000),
     ] = 100.0
+    winch_1: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)
+    winch_2: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)
 
+    kind: ClassVar = "force-position"
+    label: ClassVar = "force–position"
 
-def force_position_step(
-    state: TensionLoops,
-    u_sat: Scalar,
-    measurement: Measurement,
-    setpoint: Setpoint,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[TensionLoops, CoordinationOutput]:
-    """One sample: `u_sat` in N decides which winch is in front."""
-    limits = controller.coordination
-    rest = limits.preload / 2
-    commands = within_limits(rest + maximum(u_sat, 0.0), rest + maximum(-u_sat, 0.0), limits)
-    behind_2 = clip(0.5 + u_sat / (2 * controller.force_position.band), 0.0, 1.0)
-    shares = 1 - behind_2, behind_2
-    regulated = (
-        commands[0] - shares[0] * (commands[0] - measurement.F1),
-        commands[1] - shares[1] * (commands[1] - measurement.F2),
-    )
-    return follow_tensions(state, commands, regulated, setpoint, controller, nominal, sample_time)
+    def initial_state(self) -> TensionLoops:
+        """Empty integrals."""
+        return TensionLoops()
+
+    def step(
+        self, state: TensionLoops, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[TensionLoops, CoordinationOutput]:
+        """One sample of both winches."""
+        rest = context.limits.preload / 2
+        commands = within_limits(rest + maximum(force, 0.0), rest + maximum(-force, 0.0), context.limits)
+        behind_2 = clip(0.5 + force / (2 * self.band), 0.0, 1.0)
+        shares = 1 - behind_2, behind_2
+        regulated = (
+            commands[0] - shares[0] * (commands[0] - estimate.F1),
+            commands[1] - shares[1] * (commands[1] - estimate.F2),
+        )
+        return follow_tensions(state, commands, regulated, (self.winch_1, self.winch_2), setpoint, context)

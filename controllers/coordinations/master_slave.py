@@ -11,24 +11,39 @@ rope 2 whenever rope 1 pulls. What one rope's limit takes from the feedforwards 
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.limits import Coordination, CoordinationOutput, within_limits
-from dualwinch.controllers.signals import Measurement
-from dualwinch.model.plant import Plant
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.limits import Limits, within_limits
+from dualwinch.controllers.signals import CoordinationOutput, Estimate
 from dualwinch.model.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, either, where
 from dualwinch.model.winch import Winch
 
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
+
+@dataclass(frozen=True)
+class MasterSlaveState:
+    """State of the master's speed loop."""
+
+    angle: Annotated[Scalar, Quantity("rad", "integral of the master's speed error")] = 0.0
+
+
+def _limited(torque: Scalar, winch: Winch, limits: Limits) -> Scalar:
+    lever = winch.drum_radius / winch.gear_ratio
+    return clip(torque, lever * limits.tension_min, lever * limits.tension_max)
+
+
+def _feedforward(force: Scalar, acceleration: Scalar, winch: Winch) -> Scalar:
+    """Torque in N m for a tension in N and an acceleration of the rope in m/s²."""
+    return (winch.drum_radius * force + winch.inertia * acceleration / winch.drum_radius) / winch.gear_ratio
 
 
 @dataclass(frozen=True)
-class MasterSlaveGains:
+class MasterSlave(Coordination):
     """Gains of the master's speed loop and of the slave's synchronisation."""
 
     position: Annotated[
@@ -53,45 +68,31 @@ class MasterSlaveGains:
         Tunable(0.1, 100),
     ] = 5.0
 
+    kind: ClassVar = "master-slave"
+    label: ClassVar = "master–slave"
 
-@dataclass(frozen=True)
-class MasterSlaveState:
-    """State of the master's speed loop."""
+    def initial_state(self) -> MasterSlaveState:
+        """An empty integral."""
+        return MasterSlaveState()
 
-    angle: Annotated[Scalar, Quantity("rad", "integral of the master's speed error")] = 0.0
+    def step(
+        self, state: MasterSlaveState, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[MasterSlaveState, CoordinationOutput]:
+        """One sample: the commands are the tensions the feedforwards stand for; torques are limited as everywhere."""
+        limits, sample_time = context.limits, context.sample_time
+        master, slave = context.nominal.winch_1, context.nominal.winch_2
+        F1_cmd, F2_cmd = within_limits(limits.preload / 2 + force, limits.preload / 2, limits)
 
+        wanted_speed = setpoint.v - self.position * (estimate.x - setpoint.x)
+        error = wanted_speed / master.drum_radius - estimate.omega_1
+        angle = state.angle + sample_time * error
+        wanted_1 = _feedforward(F1_cmd, setpoint.a, master) + self.kp * error + self.ki * angle
+        tau_1 = _limited(wanted_1, master, limits)
 
-def _limited(torque: Scalar, winch: Winch, limits: Coordination) -> Scalar:
-    lever = winch.drum_radius / winch.gear_ratio
-    return clip(torque, lever * limits.tension_min, lever * limits.tension_max)
+        difference = -estimate.omega_1 * master.drum_radius / slave.drum_radius - estimate.omega_2
+        wanted_2 = _feedforward(F2_cmd, -setpoint.a, slave) + self.synchronisation * difference
+        tau_2 = _limited(wanted_2, slave, limits)
 
-
-def master_slave_step(
-    state: MasterSlaveState,
-    u_sat: Scalar,
-    measurement: Measurement,
-    setpoint: Setpoint,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[MasterSlaveState, CoordinationOutput]:
-    """One sample: the commands are the tensions the feedforwards stand for; the torques are limited as everywhere."""
-    gains, limits = controller.master_slave, controller.coordination
-    master, slave = nominal.winch_1, nominal.winch_2
-    F1_cmd, F2_cmd = within_limits(limits.preload / 2 + u_sat, limits.preload / 2, limits)
-
-    def feedforward(force: Scalar, acceleration: Scalar, winch: Winch) -> Scalar:
-        return (winch.drum_radius * force + winch.inertia * acceleration / winch.drum_radius) / winch.gear_ratio
-
-    wanted_speed = setpoint.v - gains.position * (measurement.x - setpoint.x)
-    error = wanted_speed / master.drum_radius - measurement.omega_1
-    angle = state.angle + sample_time * error
-    wanted_1 = feedforward(F1_cmd, setpoint.a, master) + gains.kp * error + gains.ki * angle
-    tau1 = _limited(wanted_1, master, limits)
-
-    difference = -measurement.omega_1 * master.drum_radius / slave.drum_radius - measurement.omega_2
-    wanted_2 = feedforward(F2_cmd, -setpoint.a, slave) + gains.synchronisation * difference
-    tau2 = _limited(wanted_2, slave, limits)
-
-    following = MasterSlaveState(where(tau1 == wanted_1, angle, state.angle))
-    return following, CoordinationOutput(F1_cmd, F2_cmd, tau1, tau2, either(tau1 != wanted_1, tau2 != wanted_2))
+        following = MasterSlaveState(where(tau_1 == wanted_1, angle, state.angle))
+        saturated = either(tau_1 != wanted_1, tau_2 != wanted_2)
+        return following, CoordinationOutput(F1_cmd, F2_cmd, tau_1, tau_2, saturated)

@@ -1,29 +1,10 @@
-"""How the two winches share the force command of the position law."""
+"""The coordinations that files and command lines know."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
+from dualwinch.controllers.coordinations.force_position import ForcePosition
+from dualwinch.controllers.coordinations.master_slave import MasterSlave
+from dualwinch.model.part import Registry
 
-from dualwinch.controllers.coordinations.differential_tension import TensionLoops, differential_tension_step
-from dualwinch.controllers.coordinations.force_position import force_position_step
-from dualwinch.controllers.coordinations.master_slave import MasterSlaveState, master_slave_step
-from dualwinch.controllers.limits import CoordinationOutput
-
-
-@dataclass(frozen=True)
-class CoordinationLaw:
-    """A coordination: its initial state and one sample of it.
-
-    ``(state, u_sat, measurement, setpoint, controller, nominal, sample_time) -> (state, CoordinationOutput)``.
-    """
-
-    initial_state: Any
-    step: Callable[..., tuple[Any, CoordinationOutput]]
-
-
-COORDINATIONS = {
-    "differential-tension": CoordinationLaw(TensionLoops(), differential_tension_step),
-    "master-slave": CoordinationLaw(MasterSlaveState(), master_slave_step),
-    "force-position": CoordinationLaw(TensionLoops(), force_position_step),
-}
-"""Every coordination by its name; a new one is a new file and one line here."""
+COORDINATIONS: Registry[Coordination] = Registry("coordination", DifferentialTension, MasterSlave, ForcePosition)
+"""Every coordination by its kind."""

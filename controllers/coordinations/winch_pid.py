@@ -5,8 +5,8 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.controllers.limits import Coordination
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.controllers.context import Context
+from dualwinch.model.quantity import Mark, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, clip, where
 from dualwinch.model.winch import Winch
 
@@ -18,7 +18,11 @@ class WinchGains:
     kp: Annotated[float, at.Ge(0), Quantity("N m/N", "proportional gain", "A11"), Tunable(1e-5, 1e-2)] = 5e-4
     ki: Annotated[float, at.Ge(0), Quantity("N m/(N s)", "integral gain", "A11"), Tunable(1e-3, 1)] = 2e-2
     kd: Annotated[
-        float, at.Ge(0), Quantity("N m s/N", "derivative gain", "A11"), Tunable(0, 1e-5, log=False, standard=False)
+        float,
+        at.Ge(0),
+        Quantity("N m s/N", "derivative gain", "A11"),
+        Tunable(0, 1e-5, log=False, standard=False),
+        Mark.OFF_AT_ZERO,
     ] = 0.0
 
 
@@ -33,7 +37,7 @@ class WinchState:
 
 @dataclass(frozen=True)
 class WinchOutput:
-    """What a winch controller says in one sample."""
+    """What a winch controller gives in one sample."""
 
     torque: Scalar
     saturated: Scalar
@@ -46,8 +50,7 @@ def winch_step(
     alpha_d: Scalar,
     winch: Winch,
     gains: WinchGains,
-    limits: Coordination,
-    sample_time: Scalar,
+    context: Context,
 ) -> tuple[WinchState, WinchOutput]:
     """One sample of a winch controller (paper Section 3.3).
 
@@ -58,13 +61,13 @@ def winch_step(
         alpha_d: reference drum acceleration in rad/s² (E9: the measured one would close an algebraic loop).
         winch: nominal winch.
         gains: PID gains.
-        limits: tension limits, which the torque limits follow from.
-        sample_time: in s.
+        context: sample time, and the tension limits, which the torque limits follow from.
 
     Returns:
         The next state and the motor torque in N m with its saturation flag. The integral of this sample is kept
         only where the torque is not clipped.
     """
+    limits, sample_time = context.limits, context.sample_time
     to_torque = winch.drum_radius / winch.gear_ratio
     error = command - tension
     integral = state.integral + sample_time * error

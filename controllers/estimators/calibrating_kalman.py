@@ -12,19 +12,18 @@ from what the position sensor and the rope's encoder say of the same position; t
 """
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.estimators.kalman import TAUT, KalmanState, kalman_step
-from dualwinch.controllers.signals import Measurement, Seen
-from dualwinch.model.plant import Plant
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, KalmanGains, KalmanState, filter_motion
+from dualwinch.controllers.signals import Measurement
 from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.reference import Setpoint
 from dualwinch.model.rope import Rope, rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar, clip, exp, where
-
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
 
 
 @dataclass(frozen=True)
@@ -93,52 +92,65 @@ def learn(
     return RopeKnowledge(clip(excess, -LARGEST, LARGEST), information)
 
 
-def calibrating_kalman_step(
-    state: CalibratingState,
-    measurement: Measurement,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[CalibratingState, Seen]:
-    """One sample: learn of the ropes, then filter the motion with what is known of them.
+@dataclass(frozen=True)
+class CalibratingEstimate(KalmanEstimate):
+    """What the filter gives, and what it has learnt of the ropes."""
 
-    Args:
-        state: what was known and expected.
-        measurement: what was measured.
-        controller: gains, and tension_min, which tells a slack rope.
-        nominal: the plant as the controller believes it to be.
-        sample_time: in s.
+    excess_1: Annotated[Scalar, Quantity("1", "learnt compliance of rope 1 above the nominal one, as a share")] = 0.0
+    excess_2: Annotated[Scalar, Quantity("1", "learnt compliance of rope 2 above the nominal one, as a share")] = 0.0
 
-    Returns:
-        The next state, and the measurement with the estimated position and speed in place of the measured ones.
-    """
-    length_1, length_2 = rope_lengths(state.motion.x, nominal.track)
-    taut = TAUT * controller.coordination.tension_min
-    noise, gains = controller.kalman.position_noise, controller.calibration
-    F1, F2 = measurement.F1, measurement.F2
-    rope_1 = learn(
-        state.rope_1,
-        F1 / stiffness(length_1, nominal.rope_1),
-        nominal.winch_1.drum_radius * measurement.theta_1 - measurement.x,
-        taut < F1,
-        noise,
-        gains,
-        sample_time,
-    )
-    rope_2 = learn(
-        state.rope_2,
-        F2 / stiffness(length_2, nominal.rope_2),
-        nominal.winch_2.drum_radius * measurement.theta_2 + measurement.x,
-        taut < F2,
-        noise,
-        gains,
-        sample_time,
-    )
-    calibrated = replace(
-        nominal, rope_1=_calibrated(nominal.rope_1, rope_1), rope_2=_calibrated(nominal.rope_2, rope_2)
-    )
-    motion, seen = kalman_step(state.motion, measurement, controller, calibrated, sample_time)
-    return CalibratingState(motion, rope_1, rope_2), seen
+
+@dataclass(frozen=True)
+class CalibratingKalman(Estimator):
+    """The filter and its calibration."""
+
+    kalman: KalmanGains = field(default_factory=KalmanGains)
+    calibration: CalibrationGains = field(default_factory=CalibrationGains)
+
+    kind: ClassVar = "calibrating-kalman"
+    label: ClassVar = "calibrating Kalman filter"
+
+    def initial_state(self) -> CalibratingState:
+        """At rest at x = 0, with ropes as elastic as the nominal ones."""
+        return CalibratingState()
+
+    def step(
+        self,
+        state: CalibratingState,
+        measurement: Measurement,
+        setpoint: Setpoint,
+        context: Context,
+    ) -> tuple[CalibratingState, CalibratingEstimate]:
+        """One sample: learn of the ropes, then filter the motion with what is known of them."""
+        nominal, sample_time = context.nominal, context.sample_time
+        length_1, length_2 = rope_lengths(state.motion.x, nominal.track)
+        taut = TAUT * context.limits.tension_min
+        noise, gains = self.kalman.position_noise, self.calibration
+        F1, F2 = measurement.F1, measurement.F2
+        rope_1 = learn(
+            state.rope_1,
+            F1 / stiffness(length_1, nominal.rope_1),
+            nominal.winch_1.drum_radius * measurement.theta_1 - measurement.x,
+            taut < F1,
+            noise,
+            gains,
+            sample_time,
+        )
+        rope_2 = learn(
+            state.rope_2,
+            F2 / stiffness(length_2, nominal.rope_2),
+            nominal.winch_2.drum_radius * measurement.theta_2 + measurement.x,
+            taut < F2,
+            noise,
+            gains,
+            sample_time,
+        )
+        calibrated = replace(
+            nominal, rope_1=_calibrated(nominal.rope_1, rope_1), rope_2=_calibrated(nominal.rope_2, rope_2)
+        )
+        motion, estimate = filter_motion(state.motion, measurement, self.kalman, calibrated, context)
+        learnt = {"excess_1": rope_1.excess, "excess_2": rope_2.excess}
+        return CalibratingState(motion, rope_1, rope_2), CalibratingEstimate(**vars(estimate) | learnt)
 
 
 def _calibrated(rope: Rope, known: RopeKnowledge) -> Rope:

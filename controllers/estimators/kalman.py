@@ -27,20 +27,20 @@ the share of it that they count among these. The rest is left to an observer of 
 not the tensions.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.signals import Measurement, Seen
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.matrix import Matrix, diagonal, plus, solve, times, transpose
 from dualwinch.model.plant import Environment, Plant, vehicle_acceleration
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.quantity import Mark, Quantity, Tunable
+from dualwinch.model.reference import Setpoint
 from dualwinch.model.rope import compliance, rope_lengths
 from dualwinch.model.scalar import Scalar, where
-
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,19 @@ class KalmanGains:
 class KalmanState:
     """What the filter expects of the coming sample; a run starts at rest at x = 0, where the encoders are zeroed."""
 
-    x: Annotated[Scalar, Quantity("m", "expected position")] = 0.0
-    v: Annotated[Scalar, Quantity("m/s", "expected speed")] = 0.0
+    x: Annotated[Scalar, Quantity("m", "expected position"), Mark.POSITION] = 0.0
+    v: Annotated[Scalar, Quantity("m/s", "expected speed"), Mark.SPEED] = 0.0
     d: Annotated[Scalar, Quantity("m/s^2", "expected disturbance acceleration")] = 0.0
     rate: Annotated[Scalar, Quantity("m/s^3", "expected rate of the disturbance")] = 0.0
+
+
+@dataclass(frozen=True)
+class KalmanEstimate(Estimate):
+    """What the filter gives, whole."""
+
+    x_est: Annotated[Scalar, Quantity("m", "estimated position")] = 0.0
+    v_est: Annotated[Scalar, Quantity("m/s", "estimated speed")] = 0.0
+    d_est: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration, compensated or not")] = 0.0
 
 
 DOUBLINGS = 16
@@ -146,27 +155,23 @@ def _information(gains: KalmanGains) -> tuple[Scalar, Scalar, Scalar]:
     return 1 / gains.position_noise**2, encoder, encoder
 
 
-def kalman_step(
-    state: KalmanState,
-    measurement: Measurement,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[KalmanState, Seen]:
+def filter_motion(
+    state: KalmanState, measurement: Measurement, gains: KalmanGains, nominal: Plant, context: Context
+) -> tuple[KalmanState, KalmanEstimate]:
     """One sample: correct the expectation by this sample's measurements, and expect the next.
 
     Args:
         state: what was expected of this sample.
         measurement: what was measured.
-        controller: gains, and tension_min, which tells a slack rope.
-        nominal: the plant as the controller believes it to be.
-        sample_time: in s.
+        gains: noise levels and bandwidth.
+        nominal: the plant as it is believed to be by now.
+        context: tension_min tells a slack rope.
 
     Returns:
         The next state, and the measurement with the estimated position and speed in place of the measured ones, and
         the disturbance to compensate.
     """
-    gains = controller.kalman
+    sample_time = context.sample_time
     (x_x, x_v), (v_x, v_v), (d_x, d_v) = kalman_gain(gains, sample_time)
     position, encoder_1, encoder_2 = _information(gains)
     total = position + encoder_1 + encoder_2
@@ -174,7 +179,7 @@ def kalman_step(
     F1, F2 = measurement.F1, measurement.F2
     from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 * compliance(length_1, nominal.rope_1)
     from_2 = F2 * compliance(length_2, nominal.rope_2) - nominal.winch_2.drum_radius * measurement.theta_2
-    taut = TAUT * controller.coordination.tension_min
+    taut = TAUT * context.limits.tension_min
     surprise_x = position / total * (measurement.x - state.x)
     surprise_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
     surprise_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
@@ -190,4 +195,29 @@ def kalman_step(
         d=d + sample_time * rate,
         rate=rate,
     )
-    return following, Seen(**vars(measurement) | {"x": x, "v": v, "d": gains.compensation * d})
+    better = {"x": x, "v": v, "d": gains.compensation * d, "x_est": x, "v_est": v, "d_est": d}
+    return following, KalmanEstimate(**vars(measurement) | better)
+
+
+@dataclass(frozen=True)
+class Kalman(Estimator):
+    """The filter and its gains."""
+
+    kalman: KalmanGains = field(default_factory=KalmanGains)
+
+    kind: ClassVar = "kalman"
+    label: ClassVar = "Kalman filter"
+
+    def initial_state(self) -> KalmanState:
+        """At rest at x = 0."""
+        return KalmanState()
+
+    def step(
+        self,
+        state: KalmanState,
+        measurement: Measurement,
+        setpoint: Setpoint,
+        context: Context,
+    ) -> tuple[KalmanState, KalmanEstimate]:
+        """One sample of the filter."""
+        return filter_motion(state, measurement, self.kalman, context.nominal, context)

@@ -1,22 +1,23 @@
 """First-order low-pass on the measured speed."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
-from dualwinch.controllers.signals import Measurement, Seen
-from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity
+import annotated_types as at
+
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.model.quantity import Key, Mark, Quantity, Tunable
+from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
-
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
 
 
 @dataclass(frozen=True)
 class SpeedFilterState:
     """State of the filter."""
 
-    v: Annotated[Scalar, Quantity("m/s", "filtered speed")] = 0.0
+    v: Annotated[Scalar, Quantity("m/s", "filtered speed"), Mark.SPEED] = 0.0
 
 
 def filter_speed(state: SpeedFilterState, v: Scalar, filter_time: Scalar, sample_time: Scalar) -> SpeedFilterState:
@@ -25,9 +26,33 @@ def filter_speed(state: SpeedFilterState, v: Scalar, filter_time: Scalar, sample
     return SpeedFilterState(v + share * (state.v - v))
 
 
-def speed_filter_step(
-    state: SpeedFilterState, measurement: Measurement, controller: "Controller", _nominal: Plant, sample_time: Scalar
-) -> tuple[SpeedFilterState, Seen]:
-    """One sample: the measurement with the filtered speed in place of the measured one."""
-    now = filter_speed(state, measurement.v, controller.speed_filter_time, sample_time)
-    return now, Seen(**vars(measurement) | {"v": now.v})
+@dataclass(frozen=True)
+class LowPass(Estimator):
+    """The measurement with the filtered speed in place of the measured one."""
+
+    speed_filter_time: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("s", "time constant of the low-pass on the measured speed; 0: none", "assumption"),
+        Tunable(0, 0.1, log=False),
+        Key("speed_filter_time"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+
+    kind: ClassVar = "lowpass"
+    label: ClassVar = "low-pass"
+
+    def initial_state(self) -> SpeedFilterState:
+        """At rest."""
+        return SpeedFilterState()
+
+    def step(
+        self,
+        state: SpeedFilterState,
+        measurement: Measurement,
+        setpoint: Setpoint,
+        context: Context,
+    ) -> tuple[SpeedFilterState, Estimate]:
+        """One sample of the filter."""
+        now = filter_speed(state, measurement.v, self.speed_filter_time, context.sample_time)
+        return now, Estimate(**vars(measurement) | {"v": now.v})

@@ -1,18 +1,18 @@
 """The paper's position controller: sliding mode with the fuzzy adaptive disturbance observer (Section 3.1.4)."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Annotated, ClassVar
 
-from dualwinch.controllers.laws.auxiliary import auxiliary_update
-from dualwinch.controllers.laws.nftsm import NftsmState, nftsm_control, nominal_forces
-from dualwinch.controllers.laws.observer import ObserverState, estimate, remember
-from dualwinch.controllers.signals import PositionOutput, Seen
-from dualwinch.model.plant import Plant
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_update
+from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains, NftsmOutput, NftsmState
+from dualwinch.controllers.laws.nominal_forces import nominal_forces
+from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
+from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.signals import Estimate
+from dualwinch.model.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
-
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
 
 
 @dataclass(frozen=True)
@@ -23,23 +23,42 @@ class FandoNftsmState:
     observer: ObserverState = field(default_factory=ObserverState)
 
 
-def fando_nftsm_step(
-    state: FandoNftsmState,
-    measurement: Seen,
-    setpoint: Setpoint,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[FandoNftsmState, PositionOutput]:
-    """One sample: estimate the disturbance, compensate it, remember what was asked for (paper Section 3.1.4)."""
-    e2 = measurement.v - setpoint.v
-    now = estimate(state.observer, e2, controller.observer, sample_time)
-    Z_a = state.nftsm.Z_a
-    u, u_sat, s = nftsm_control(Z_a, now.d_hat, measurement, setpoint, controller, nominal)
-    forces = nominal_forces(measurement.v, measurement.d, nominal)
-    error_acceleration = (u_sat - forces.resistance) / forces.mass - setpoint.a
-    next_state = FandoNftsmState(
-        nftsm=NftsmState(auxiliary_update(Z_a, u - u_sat, controller.auxiliary, sample_time)),
-        observer=remember(now, e2, error_acceleration),
-    )
-    return next_state, PositionOutput(u=u, u_sat=u_sat, d_hat=now.d_hat, L1=now.L1, Z_a=Z_a, s=s)
+@dataclass(frozen=True)
+class FandoNftsmOutput(NftsmOutput):
+    """What the law gives."""
+
+    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")]
+    L1: Annotated[Scalar, Quantity("1/s", "observer gain")]
+
+
+@dataclass(frozen=True)
+class FandoNftsm(PositionLaw):
+    """The sliding-mode law, its observer and the anti-saturation system."""
+
+    nftsm: NftsmGains = field(default_factory=NftsmGains)
+    observer: ObserverGains = field(default_factory=ObserverGains)
+    auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)
+
+    kind: ClassVar = "fando-nftsm"
+    label: ClassVar = "FANDO-NFTSM"
+    colour: ClassVar = "#0072B2"
+
+    def initial_state(self) -> FandoNftsmState:
+        """Nothing estimated, nothing cut off so far."""
+        return FandoNftsmState()
+
+    def step(
+        self, state: FandoNftsmState, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[FandoNftsmState, FandoNftsmOutput]:
+        """One sample: estimate the disturbance, compensate it, remember what was asked for (paper Section 3.1.4)."""
+        e2 = estimate.v - setpoint.v
+        now = estimate_disturbance(state.observer, e2, self.observer, context.sample_time)
+        Z_a = state.nftsm.Z_a
+        u, u_sat, s = Nftsm(self.nftsm, self.auxiliary).control(Z_a, now.d_hat, estimate, setpoint, context)
+        forces = nominal_forces(estimate.v, estimate.d, context.nominal)
+        error_acceleration = (u_sat - forces.resistance) / forces.mass - setpoint.a
+        next_state = FandoNftsmState(
+            nftsm=NftsmState(auxiliary_update(Z_a, u - u_sat, self.auxiliary, context.sample_time)),
+            observer=remember(now, e2, error_acceleration),
+        )
+        return next_state, FandoNftsmOutput(u=u, u_sat=u_sat, Z_a=Z_a, s=s, d_hat=now.d_hat, L1=now.L1)

@@ -56,25 +56,27 @@ class ObserverState:
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """What the observer says in one sample."""
+class DisturbanceEstimate:
+    """What the observer gives in one sample."""
 
     d_hat: Scalar
     L1: Scalar
     filtered: Scalar
 
 
-def estimate(state: ObserverState, e2: Scalar, gains: ObserverGains, sample_time: Scalar) -> Estimate:
+def estimate_disturbance(
+    state: ObserverState, e2: Scalar, gains: ObserverGains, sample_time: Scalar
+) -> DisturbanceEstimate:
     """New estimate of the disturbance acceleration from the speed error e2 in m/s (paper Section 3.1.3, E6)."""
     d_tilde = state.primed * ((e2 - state.e2_previous) / sample_time - state.a_previous - state.d_hat)
     step = sample_time / (gains.filter_time + sample_time) * (d_tilde - state.filtered)
     filtered = state.filtered + step
     fuzzy = inference(filtered / gains.error_scale, step / sample_time / gains.rate_scale)
     L1 = gains.l0 + gains.kf * fuzzy
-    return Estimate(state.d_hat + (1 - exp(-L1 * sample_time)) * d_tilde, L1, filtered)
+    return DisturbanceEstimate(state.d_hat + (1 - exp(-L1 * sample_time)) * d_tilde, L1, filtered)
 
 
-def remember(now: Estimate, e2: Scalar, error_acceleration: Scalar) -> ObserverState:
+def remember(now: DisturbanceEstimate, e2: Scalar, error_acceleration: Scalar) -> ObserverState:
     """State for the next sample, once the command is known.
 
     Args:

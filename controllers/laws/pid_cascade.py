@@ -1,25 +1,32 @@
 """Baseline: a position loop around a speed loop (the paper gives four numbers only, A12)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.limits import force_limit
-from dualwinch.controllers.signals import Measurement, PositionOutput
-from dualwinch.model.plant import Plant
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.signals import Estimate, PositionOutput
 from dualwinch.model.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, both, clip, either, where
 from dualwinch.model.vehicle import inertia
 
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
+
+@dataclass(frozen=True)
+class PidCascadeState:
+    """State of the two loops."""
+
+    I1: Annotated[Scalar, Quantity("m s", "integral of the position error")] = 0.0
+    I2: Annotated[Scalar, Quantity("m", "integral of the speed error")] = 0.0
+    ev_previous: Annotated[Scalar, Quantity("m/s", "speed error of the last sample")] = 0.0
+    primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
 
 
 @dataclass(frozen=True)
-class PidCascadeGains:
-    """Gains of the two loops."""
+class PidCascade(PositionLaw):
+    """The two loops and their gains."""
 
     kp1: Annotated[float, at.Ge(0), Quantity("1/s", "position loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = (
         10.0
@@ -34,49 +41,39 @@ class PidCascadeGains:
         float, at.Ge(0), Quantity("1", "speed loop, derivative", "A12"), Tunable(0, 0.5, log=False, standard=False)
     ] = 0.0
 
+    kind: ClassVar = "pid-cascade"
+    label: ClassVar = "PID cascade"
+    colour: ClassVar = "#009E73"
 
-@dataclass(frozen=True)
-class PidCascadeState:
-    """State of the two loops."""
+    def initial_state(self) -> PidCascadeState:
+        """Empty integrals."""
+        return PidCascadeState()
 
-    I1: Annotated[Scalar, Quantity("m s", "integral of the position error")] = 0.0
-    I2: Annotated[Scalar, Quantity("m", "integral of the speed error")] = 0.0
-    ev_previous: Annotated[Scalar, Quantity("m/s", "speed error of the last sample")] = 0.0
-    primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
+    def step(
+        self, state: PidCascadeState, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[PidCascadeState, PositionOutput]:
+        """One sample; both integrals are held while they would push the force further into its limit."""
+        mass, limit, sample_time = inertia(context.nominal.vehicle), context.limits.force, context.sample_time
+        e1, e2 = estimate.x - setpoint.x, estimate.v - setpoint.v
 
+        def speed_error(I1: Scalar) -> Scalar:
+            return -self.kp1 * e1 - self.ki1 * I1 - self.kd1 * e2 - estimate.v
 
-def pid_cascade_step(
-    state: PidCascadeState,
-    measurement: Measurement,
-    setpoint: Setpoint,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[PidCascadeState, PositionOutput]:
-    """One sample of the cascade; both integrals are held while they would push the force further into its limit."""
-    gains = controller.pid_cascade
-    mass = inertia(nominal.vehicle)
-    limit = force_limit(controller.coordination)
-    e1, e2 = measurement.x - setpoint.x, measurement.v - setpoint.v
+        def force(ev: Scalar, I2: Scalar) -> Scalar:
+            slope = state.primed * (ev - state.ev_previous) / sample_time
+            return mass * (self.kp2 * ev + self.ki2 * I2 + self.kd2 * slope)
 
-    def speed_error(I1: Scalar) -> Scalar:
-        return -gains.kp1 * e1 - gains.ki1 * I1 - gains.kd1 * e2 - measurement.v
-
-    def force(ev: Scalar, I2: Scalar) -> Scalar:
-        slope = state.primed * (ev - state.ev_previous) / sample_time
-        return mass * (gains.kp2 * ev + gains.ki2 * I2 + gains.kd2 * slope)
-
-    I1 = state.I1 + sample_time * e1
-    ev = speed_error(I1)
-    I2 = state.I2 + sample_time * ev
-    u = force(ev, I2)
-    winding_up = either(both(u > limit, ev > 0), both(u < -limit, ev < 0))
-    held_ev = speed_error(state.I1)
-    u = where(winding_up, force(held_ev, state.I2), u)
-    next_state = PidCascadeState(
-        I1=where(winding_up, state.I1, I1),
-        I2=where(winding_up, state.I2, I2),
-        ev_previous=where(winding_up, held_ev, ev),
-        primed=1.0,
-    )
-    return next_state, PositionOutput(u=u, u_sat=clip(u, -limit, limit))
+        I1 = state.I1 + sample_time * e1
+        ev = speed_error(I1)
+        I2 = state.I2 + sample_time * ev
+        u = force(ev, I2)
+        winding_up = either(both(u > limit, ev > 0), both(u < -limit, ev < 0))
+        held_ev = speed_error(state.I1)
+        u = where(winding_up, force(held_ev, state.I2), u)
+        next_state = PidCascadeState(
+            I1=where(winding_up, state.I1, I1),
+            I2=where(winding_up, state.I2, I2),
+            ev_previous=where(winding_up, held_ev, ev),
+            primed=1.0,
+        )
+        return next_state, PositionOutput(u=u, u_sat=clip(u, -limit, limit))

@@ -12,27 +12,33 @@ Ours: both odd powers are smoothed near zero (as in A7), for sampled they chatte
 beyond its limit.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.laws.auxiliary import auxiliary_update
-from dualwinch.controllers.laws.nftsm import nominal_forces, odd_power
-from dualwinch.controllers.limits import force_limit
-from dualwinch.controllers.signals import PositionOutput, Seen
-from dualwinch.model.plant import Plant
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_update
+from dualwinch.controllers.laws.nftsm import NftsmOutput, odd_power
+from dualwinch.controllers.laws.nominal_forces import nominal_forces
+from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.signals import Estimate
 from dualwinch.model.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, where
 
-if TYPE_CHECKING:
-    from dualwinch.controllers.controller import Controller
+
+@dataclass(frozen=True)
+class SuperTwistingState:
+    """State of the law."""
+
+    z: Annotated[Scalar, Quantity("m/s", "integral part")] = 0.0
+    Z_a: Annotated[Scalar, Quantity("N s", "state of the anti-saturation system")] = 0.0
 
 
 @dataclass(frozen=True)
-class SuperTwistingGains:
-    """Gains of the super-twisting law."""
+class SuperTwisting(PositionLaw):
+    """The law, its gains and the anti-saturation system."""
 
     lam: Annotated[
         float, at.Gt(0), Quantity("1/s", "rate at which the error decays on the surface", "by hand"), Tunable(0.1, 20)
@@ -45,35 +51,30 @@ class SuperTwistingGains:
         Quantity("m", "sliding variable below which root and sign are smoothed", "by hand"),
         Tunable(1e-5, 0.1, standard=False),
     ] = 1e-3
+    auxiliary: AuxiliaryGains = field(default_factory=AuxiliaryGains)
 
+    kind: ClassVar = "super-twisting"
+    label: ClassVar = "Super-twisting"
+    colour: ClassVar = "#CC79A7"
 
-@dataclass(frozen=True)
-class SuperTwistingState:
-    """State of the law."""
+    def initial_state(self) -> SuperTwistingState:
+        """Nothing taken up, nothing cut off so far."""
+        return SuperTwistingState()
 
-    z: Annotated[Scalar, Quantity("m/s", "integral part")] = 0.0
-    Z_a: Annotated[Scalar, Quantity("N s", "state of the anti-saturation system")] = 0.0
-
-
-def super_twisting_step(
-    state: SuperTwistingState,
-    measurement: Seen,
-    setpoint: Setpoint,
-    controller: "Controller",
-    nominal: Plant,
-    sample_time: Scalar,
-) -> tuple[SuperTwistingState, PositionOutput]:
-    """One sample of the law."""
-    gains, auxiliary, Z_a = controller.super_twisting, controller.auxiliary, state.Z_a
-    forces = nominal_forces(measurement.v, measurement.d, nominal)
-    e1, e2 = measurement.x - setpoint.x, measurement.v - setpoint.v
-    s = e1 + (e2 + auxiliary.gamma * Z_a) / gains.lam
-    reaching = state.z - gains.k1 * odd_power(s, 0.5, gains.smoothing)
-    u = forces.mass * (setpoint.a + gains.lam * (reaching - e2)) + forces.resistance - auxiliary.gamma_force * Z_a
-    limit = force_limit(controller.coordination)
-    u_sat = clip(u, -limit, limit)
-    z = state.z - sample_time * gains.k2 * odd_power(s, 0.0, gains.smoothing)
-    next_state = SuperTwistingState(
-        z=where(u == u_sat, z, state.z), Z_a=auxiliary_update(Z_a, u - u_sat, auxiliary, sample_time)
-    )
-    return next_state, PositionOutput(u=u, u_sat=u_sat, Z_a=Z_a, s=s)
+    def step(
+        self, state: SuperTwistingState, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[SuperTwistingState, NftsmOutput]:
+        """One sample of the law."""
+        auxiliary, Z_a, sample_time = self.auxiliary, state.Z_a, context.sample_time
+        forces = nominal_forces(estimate.v, estimate.d, context.nominal)
+        e1, e2 = estimate.x - setpoint.x, estimate.v - setpoint.v
+        s = e1 + (e2 + auxiliary.gamma * Z_a) / self.lam
+        reaching = state.z - self.k1 * odd_power(s, 0.5, self.smoothing)
+        u = forces.mass * (setpoint.a + self.lam * (reaching - e2)) + forces.resistance - auxiliary.gamma_force * Z_a
+        limit = context.limits.force
+        u_sat = clip(u, -limit, limit)
+        z = state.z - sample_time * self.k2 * odd_power(s, 0.0, self.smoothing)
+        next_state = SuperTwistingState(
+            z=where(u == u_sat, z, state.z), Z_a=auxiliary_update(Z_a, u - u_sat, auxiliary, sample_time)
+        )
+        return next_state, NftsmOutput(u=u, u_sat=u_sat, Z_a=Z_a, s=s)

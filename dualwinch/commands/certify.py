@@ -64,7 +64,7 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
     """Print the verdict on every condition, what V does, and what the search found."""
     console = Console(soft_wrap=True)
     result = certificate.result
-    kind = result.experiment.controller.kind
+    kind = result.experiment.controller.law.kind
     console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s")
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for heading in ("condition", "disturbance"):

@@ -16,10 +16,11 @@ from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.simulate import check_plot
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
-from dualwinch.config.experiment_file import load, parse_assignment
+from dualwinch.config.experiment_file import load
+from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import leaves
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.paired import CONFIDENCE, RESAMPLES, Comparison
 from dualwinch.simulation.ensembles.paired_run import compare as run

@@ -37,8 +37,7 @@ def run_variants(numbers: list[int], step: Callable[[str], None]) -> Variants:
             step(f"case {number}, {law}, {coordination}")
             experiment = case(number, law)
             controller = experiment.controller
-            # a coordination is a word that was read from the table of coordinations
-            shared = replace(controller.coordination, kind=coordination)  # pyright: ignore[reportArgumentType]
+            shared = COORDINATIONS[coordination]()
             experiment = replace(experiment, controller=replace(controller, coordination=shared))
             runs[number, law, coordination] = simulate(experiment, stride=0)
     return runs

@@ -15,7 +15,7 @@ from dualwinch.commands.folders import check_folder
 from dualwinch.commands.linearise_tables import print_point, print_sweep
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.simulate import experiment as asked_experiment
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.files import save, writer
 from dualwinch.model.linear.linearisation import linearise_at
@@ -116,7 +116,7 @@ def grid(given: dict[str, float | None], sweep: str | None, experiment: Experime
     Raises:
         ConfigurationError: an unknown name, no range, or a name both given and swept.
     """
-    defaults = {"x": 25.0, "v": 0.0, "preload": experiment.controller.coordination.preload}
+    defaults = {"x": 25.0, "v": 0.0, "preload": experiment.controller.limits.preload}
     values = {name: [defaults[name] if given[name] is None else float(given[name] or 0.0)] for name in SWEPT}
     if sweep is not None:
         name = _swept_name(sweep)
@@ -154,7 +154,7 @@ def _range(sweep: str) -> list[float]:
 
 
 def _operating_points(experiment: Experiment, values: dict[str, list[float]]) -> list[OperatingPoint]:
-    limits = experiment.controller.coordination
+    limits = experiment.controller.limits
     return operating_points(
         np.array(values["x"]),
         np.array(values["v"]),

@@ -11,12 +11,14 @@ from rich.console import Console
 from rich.table import Table
 
 from dualwinch.commands.linearise_tables import print_point
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.files import save
 from dualwinch.model.linear.modes import modes
 from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.simulation.analysis.describing_function import KINDS, AmplitudePoint, amplitude_sweep
+from dualwinch.simulation.analysis.describing_function import AmplitudePoint, amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import Margins, margins
 from dualwinch.simulation.experiment import Experiment
@@ -54,7 +56,7 @@ def linearise_loop(
         _print_closed(systems, experiment, swept, values)
     else:
         _print_margins(systems, found, swept, values)
-        if swept is None and experiment.controller.kind in KINDS and systems[0].B.any():
+        if swept is None and isinstance(experiment.controller.law, FandoNftsm | Nftsm) and systems[0].B.any():
             asked = _with_preload(experiment, preload)
             _print_amplitudes(amplitude_sweep(asked, x, v, place, PRINTED_AMPLITUDES))
     if out:
@@ -87,8 +89,7 @@ def _check(loop: str, cut: str | None, dt: float | None, swept: str | None, figu
 
 def _with_preload(experiment: Experiment, preload: float) -> Experiment:
     controller = experiment.controller
-    coordination = replace(controller.coordination, preload=preload)
-    return replace(experiment, controller=replace(controller, coordination=coordination))
+    return replace(experiment, controller=replace(controller, limits=replace(controller.limits, preload=preload)))
 
 
 def _print_closed(
@@ -96,7 +97,7 @@ def _print_closed(
 ) -> None:
     console = Console()
     if swept is None:
-        limits, (system,) = experiment.controller.coordination, systems
+        limits, (system,) = experiment.controller.limits, systems
         point = operating_point(
             values["x"][0],
             values["v"][0],

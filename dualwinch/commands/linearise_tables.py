@@ -16,7 +16,7 @@ from dualwinch.model.linear.operating_point import OperatingPoint
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.linear.zeros import dc_gains
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import describe, numbers
+from dualwinch.model.tree import describe, numbers
 
 SMALL = 8
 """Systems of up to so many states are printed whole."""

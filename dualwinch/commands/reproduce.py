@@ -18,7 +18,7 @@ from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_
 from dualwinch.commands.folders import make_folder
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import describe
+from dualwinch.model.tree import describe
 from dualwinch.simulation.comparison import percent, reductions
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case

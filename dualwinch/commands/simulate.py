@@ -1,6 +1,5 @@
 """``dualwinch simulate``: one run, its figures of merit, its data and its figure."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,11 @@ from rich.table import Table
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
-from dualwinch.config.experiment_file import load, override, parse_assignment, to_toml
+from dualwinch.config.experiment_file import load, to_toml
+from dualwinch.config.settings import override
+from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import describe
+from dualwinch.model.tree import describe
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.loop.metrics import Metrics
@@ -32,11 +33,11 @@ def experiment(case: int | None, config: Path | None, controller: str | None, as
     """
     if case is not None and config is not None:
         raise ConfigurationError("--case and --config: give one of them")
-    base = paper_case(case) if case is not None else load(config) if config else Experiment()
-    if controller is not None:
-        base = replace(base, controller=replace(base.controller, kind=controller))
-    values: dict[str, Any] = dict(map(parse_assignment, assignments))
-    return override(base, values)
+    values: dict[str, Any] = {} if controller is None else {"controller.kind": controller}
+    values |= dict(map(parse_assignment, assignments))
+    if config:
+        return load(config, settings=values)
+    return override(paper_case(case) if case is not None else Experiment(), values)
 
 
 def check_plot(plot: Path | None) -> None:
@@ -94,7 +95,7 @@ def simulate(
 def print_result(result: Result) -> None:
     """Print outcome and figures of merit of a run."""
     console = Console()
-    kind = result.experiment.controller.kind
+    kind = result.experiment.controller.law.kind
     console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s")
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")

@@ -12,8 +12,8 @@ from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
-from dualwinch.config.experiment_file import parse_assignment
-from dualwinch.model.quantity import describe
+from dualwinch.config.toml_text import parse_assignment
+from dualwinch.model.tree import describe
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
@@ -84,7 +84,7 @@ def simulate_ensemble(
 def print_ensemble(result: EnsembleResult) -> None:
     """Print outcomes and statistics of an ensemble."""
     console = Console()
-    kind = result.ensemble.experiment.controller.kind
+    kind = result.ensemble.experiment.controller.law.kind
     counts = ", ".join(f"{count} {outcome}" for outcome, count in result.outcome_counts.items())
     console.print(f"[bold]{kind}[/bold] in '{result.ensemble.name}', seed {result.seed}: {counts}")
     if result.partial:

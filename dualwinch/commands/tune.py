@@ -221,8 +221,8 @@ def _announce(console: Console, problem: Problem, method: str, storage: str, kno
     controller = problem.experiment.controller
     where = f"{problem.scenarios} scenarios of '{problem.ensemble.name}'" if problem.ensemble else "one experiment"
     console.print(
-        f"tuning {len(problem.space.dimensions)} gains of {controller.kind} (estimator {controller.estimator}) by "
-        f"{method} in {where}, seed {problem.seed}",
+        f"tuning {len(problem.space.dimensions)} gains of {controller.law.kind} "
+        f"(estimator {controller.estimator.kind}) by {method} in {where}, seed {problem.seed}",
         highlight=False,
         soft_wrap=True,
     )

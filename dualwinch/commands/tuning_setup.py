@@ -8,13 +8,15 @@ from typing import Any
 
 from dualwinch.commands.simulate import experiment
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
-from dualwinch.config.experiment_file import flattened, load, override, parse_assignment, read_toml, to_toml
+from dualwinch.config.experiment_file import load, to_toml
+from dualwinch.config.settings import override
+from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.constraint import default_constraints
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES
 from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.space_entries import POWER, entry_from, space_of
+from dualwinch.tuning.space_entries import entry_from, space_of
 from dualwinch.tuning.space_record import space_from, space_to_record
 
 SCENARIOS = 8
@@ -158,13 +160,13 @@ def _entries(texts: Sequence[str]) -> dict[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     """Entries of a file's ``[space]`` table: ``controller.nftsm.beta = { lower = 0.005, upper = 5, log = true }``."""
-    _, table = read_toml(path)
+    table = read_source(path).table()
     if not isinstance(table.get("space"), dict) or set(table) != {"space"}:
         raise ConfigurationError(f"{path}: must hold one table, [space]")
     entries: dict[str, Any] = {}
     for key, value in flattened(table["space"]):
         name, _, last = key.rpartition(".")
-        if key == POWER:
+        if "/" in last:
             entries[key] = value
         elif last in {"lower", "upper", "log"}:
             entries.setdefault(name, {})[last] = value

@@ -4,11 +4,14 @@ import difflib
 from collections.abc import Mapping
 from typing import Any
 
-from dualwinch.config.experiment_file import known_keys, toml_value, unknown, validated
+from dualwinch.config.settings import leaf_of
+from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import leaves
+from dualwinch.model.quantity import Leaf, Mark
+from dualwinch.model.tree import leaves
+from dualwinch.model.validation import validated
 from dualwinch.simulation.ensembles.distributions import Choice, Distribution, Normal, Uniform
-from dualwinch.simulation.ensembles.ensemble import COMPILED, TIMING, Drawn
+from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.simulation.experiment import Experiment
 
 SHAPES = ("uniform", "normal", "choice")
@@ -29,27 +32,28 @@ def drawn_from(key: str, entry: Any, experiment: Experiment) -> Drawn:
     Raises:
         ConfigurationError: the key names nothing or cannot be drawn, or the entry is no distribution of its values.
     """
-    _check_key(key)
+    leaf = leaf_of(key, experiment)
+    _check_leaf(leaf, experiment)
     _check_words(key, entry)
-    drawn = Drawn(_distribution(key, entry), relative="of" in entry, together=entry.get("together"))
+    drawn = Drawn(_distribution(leaf, entry), relative="of" in entry, together=entry.get("together"))
     numbers = all(type(end) in {int, float} for end in drawn.distribution.ends)
     if drawn.relative and not numbers:
         raise ConfigurationError(f'{key}: of = "nominal": must stand beside numbers')
-    if known_keys()[key].kind is not float and (drawn.relative or not isinstance(drawn.distribution, Choice)):
+    if leaf.kind is not float and (drawn.relative or not isinstance(drawn.distribution, Choice)):
         raise ConfigurationError(f"{key}: is no decimal number, must be a choice, e.g. {{ choice = [...] }}")
     check_range(key, drawn, experiment)
     return drawn
 
 
-def _check_key(key: str) -> None:
-    if key not in known_keys():
-        raise ConfigurationError(unknown(key))
-    if key in COMPILED:
+def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
+    if leaf.shapes_code:
         raise ConfigurationError(
-            f"{key}: cannot be drawn, it shapes the compiled code; run one ensemble for each value"
+            f"{leaf.key}: cannot be drawn, it shapes the compiled code; run one ensemble for each value"
         )
-    if key in TIMING:
-        raise ConfigurationError(f"{key}: cannot be drawn, all scenarios share their instants; set it outside")
+    if Mark.TIMING in leaf.marks:
+        raise ConfigurationError(f"{leaf.key}: cannot be drawn, all scenarios share their instants; set it outside")
+    if leaf.key not in leaves(experiment):
+        raise ConfigurationError(f"{leaf.key}: cannot be drawn, the controller of this ensemble has no such gain")
 
 
 def _check_words(key: str, entry: Any) -> None:
@@ -66,14 +70,15 @@ def _check_words(key: str, entry: Any) -> None:
         raise ConfigurationError(f"{key}: together = {entry['together']!r}: must be a text, the name of a group")
 
 
-def _distribution(key: str, entry: Mapping[str, Any]) -> Distribution:
+def _distribution(leaf: Leaf, entry: Mapping[str, Any]) -> Distribution:
+    key = leaf.key
     if "within" in entry and "normal" not in entry:
         raise ConfigurationError(f"{key}: within: must stand beside normal only")
     if "choice" in entry:
         values = entry["choice"]
         if not isinstance(values, list) or not values:
             raise ConfigurationError(f"{key}: choice = {values}: must be a list of one value or more")
-        return Choice(tuple(values) if "of" in entry else tuple(validated(key, value) for value in values))
+        return Choice(tuple(values) if "of" in entry else tuple(validated(leaf, value) for value in values))
     if "uniform" in entry:
         return Uniform(*_bounds(key, "uniform", entry["uniform"]))
     mean, sigma = _pair(key, "normal", entry["normal"])
@@ -109,7 +114,7 @@ def check_range(key: str, drawn: Drawn, experiment: Experiment) -> None:
         raise ConfigurationError(f'{key}: has no nominal value of its own; give bounds without of = "nominal"')
     for end in drawn.ends(nominal):
         try:
-            validated(key, end)
+            validated(leaf_of(key, experiment), end)
         except ConfigurationError as error:
             raise ConfigurationError(f"{key}: its distribution reaches a value that is not allowed: {error}") from error
 

@@ -8,16 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.config.distribution_entries import SHAPES, check_range, drawn_from, entry_of
-from dualwinch.config.experiment_file import (
-    flattened,
-    known_keys,
-    located,
-    override,
-    read_toml,
-    to_toml,
-    toml_value,
-    validated,
-)
+from dualwinch.config.experiment_file import from_table, to_toml
+from dualwinch.config.settings import known_keys, override
+from dualwinch.config.toml_text import read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -61,22 +54,19 @@ def load_ensemble(name: str | Path, base: Experiment | None = None) -> Ensemble:
             value or a distribution is out of range.
     """
     path = find_ensemble(name)
-    text, table = read_toml(path)
+    source = read_source(path)
+    table = source.table()
     heading, entries = table.pop("ensemble", {}), table.pop("distributions", {})
     for key, group in (("ensemble", heading), ("distributions", entries)):
         if not isinstance(group, dict):
             raise ConfigurationError(f"{path}: {key}: must be a table, [{key}]")
     for key, value in heading.items():
-        with located(path, text, f"ensemble.{key}"):
+        with source.located(f"ensemble.{key}"):
             _check_heading(key, value)
-    values = dict(flattened(table))
-    for key, value in values.items():
-        with located(path, text, key):
-            validated(key, value)
-    experiment = override(base or Experiment(), values)
+    experiment = from_table(table, source, base or Experiment())
     distributions: dict[str, Drawn] = {}
     for key, entry in _entries(entries):
-        with located(path, text, f"distributions.{key}"):
+        with source.located(f"distributions.{key}"):
             distributions[key] = drawn_from(key, entry, experiment)
     return Ensemble(heading.get("name", path.stem), heading.get("description", ""), experiment, distributions)
 

@@ -8,7 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from dualwinch.codegen.files import atomic
-from dualwinch.model.quantity import leaves
+from dualwinch.model.tree import leaves
 from dualwinch.reports.reproduction import data_uri, number_text
 from dualwinch.simulation.plots.files import encode
 from dualwinch.tuning.plots.score import before_and_after, held_out

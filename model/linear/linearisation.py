@@ -11,8 +11,8 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
-from dualwinch.model.quantity import describe, leaves, numbers
 from dualwinch.model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
+from dualwinch.model.tree import describe, leaves, numbers
 
 STATES = tuple(describe(PlantState))
 INPUTS = ("tau_1", "tau_2", "D", "current")

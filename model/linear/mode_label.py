@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant, PlantState
-from dualwinch.model.quantity import describe
 from dualwinch.model.rope import rope_lengths, stiffness
+from dualwinch.model.tree import describe
 from dualwinch.model.vehicle import inertia
 
 RIGID = 0.05

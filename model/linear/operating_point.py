@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.linear.operating_limits import FASTEST, check_place, check_range, remarks, violations
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
-from dualwinch.model.quantity import Quantity, leaves, numbers
+from dualwinch.model.quantity import Quantity
 from dualwinch.model.steady_cruise import (
     PRELOAD,
     TENSION_MAX,
@@ -20,6 +20,7 @@ from dualwinch.model.steady_cruise import (
     shared_tensions,
     steady_cruise,
 )
+from dualwinch.model.tree import leaves, numbers
 
 
 @dataclass(frozen=True)

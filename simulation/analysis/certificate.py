@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.analysis.stability import (
     IDEAL,
     REAL,
@@ -25,9 +27,6 @@ from dualwinch.simulation.result import Result
 from dualwinch.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]
-
-KINDS = ("fando-nftsm", "nftsm")
-"""Position laws the theorem is about; the second has no observer, and V then no terms for one."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +72,8 @@ def certify(experiment: Experiment, *, progress: Callable[[float], None] | None 
     Raises:
         ConfigurationError: another position law, or an observer without a constant gain (V divides by it).
     """
-    controller = experiment.controller
-    if controller.kind not in KINDS:
-        raise ConfigurationError(
-            f'controller.kind = "{controller.kind}": the theorem is about {" or ".join(f"{kind!r}" for kind in KINDS)}'
-        )
-    if controller.kind == "fando-nftsm" and controller.observer.l0 <= 0:
+    law = sliding_mode(experiment, "the theorem is about")
+    if isinstance(law, FandoNftsm) and law.observer.l0 <= 0:
         raise ConfigurationError("controller.observer.l0 = 0: must be > 0, V divides by the observer's gain")
     result = simulate(experiment, progress=progress)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is a result too
@@ -86,18 +81,17 @@ def certify(experiment: Experiment, *, progress: Callable[[float], None] | None 
 
 
 def _judged(result: Result) -> Certificate:
-    experiment, controller = result.experiment, result.experiment.controller
+    experiment, law = result.experiment, sliding_mode(result.experiment)
     columns, mass = result.columns, nominal_mass(experiment)
     s, Z_a = columns["s"], columns["Z_a"]
-    gains, observer = controller.nftsm, controller.observer
-    if controller.kind == "fando-nftsm":
+    if isinstance(law, FandoNftsm):
         d_tilde = disturbance(columns, mass, IDEAL) - columns["d_hat"]
-        terms = lyapunov_terms(s, Z_a, d_tilde, columns["L1"], observer.l0, observer.kf, mass)
+        terms = lyapunov_terms(s, Z_a, d_tilde, columns["L1"], law.observer.l0, law.observer.kf, mass)
     else:
         d_tilde = np.zeros_like(s)
         terms = LyapunovTerms(s**2 / 2, Z_a**2 / 2, d_tilde, d_tilde)
     rate = np.diff(terms.total) / experiment.simulation.sample_time
-    claim = claimed_decay(s, Z_a, d_tilde, gains.eta, controller.auxiliary.k_a, mass)[:-1]
+    claim = claimed_decay(s, Z_a, d_tilde, law.nftsm.eta, law.auxiliary.k_a, mass)[:-1]
     known = {basis: bounds(columns, experiment, basis) for basis in (IDEAL, REAL)}
     return Certificate(
         result=result,

@@ -15,12 +15,10 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.margins import Margins, margins
+from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
-
-KINDS = ("fando-nftsm", "nftsm")
-"""Position laws with odd powers of the speed error."""
 
 AMPLITUDES = tuple(float(amplitude) for amplitude in np.geomspace(1e-7, 1e-1, 25))
 """Amplitudes in m/s that are looked at where nothing else is asked for."""
@@ -87,15 +85,10 @@ def amplitude_sweep(
     Raises:
         ConfigurationError: a law without odd powers, an amplitude that is not positive, or no steady cruise.
     """
-    kind = experiment.controller.kind
-    if kind not in KINDS:
-        raise ConfigurationError(
-            f'controller.kind = "{kind}": has no odd power of the speed error; must be "fando-nftsm" or "nftsm"'
-        )
+    gains = sliding_mode(experiment, "has no odd power of the speed error; must be").nftsm
     for amplitude in amplitudes:
         if not 0 < amplitude < np.inf:
             raise ConfigurationError(f"amplitude = {amplitude:g}: must be a finite number > 0 m/s")
-    gains = experiment.controller.nftsm
     ratio = gains.p / gains.q
     template, parts = _parts(experiment, x, v, cut)
     points = []
@@ -115,11 +108,13 @@ def _parts(experiment: Experiment, x: float, v: float, cut: str) -> tuple[Linear
     The force is linear in both slopes and everything else is linear in the force, so that three linearisations tell
     the three shares exactly. The smoothing sets both slopes: eps^(1−p/q) and eps^(p/q−1).
     """
-    gains = experiment.controller.nftsm
+    law = sliding_mode(experiment)
+    gains = law.nftsm
     power = gains.p / gains.q - 1
     systems = []
     for smoothing in PROBES:
-        controller = replace(experiment.controller, nftsm=replace(gains, smoothing=smoothing))
+        probed = replace(law, nftsm=replace(gains, smoothing=smoothing))
+        controller = replace(experiment.controller, law=probed)
         systems.append(linear_broken_loop(replace(experiment, controller=controller), x, v, cut))
     slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
     shares = np.linalg.inv(slopes)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.controllers.limits import strength
 from dualwinch.simulation.analysis.required_force import force_law, force_parameters, outside_at
 from dualwinch.simulation.experiment import Experiment
 
@@ -39,7 +38,7 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False) -> float:
     Raises:
         DualwinchError: the solver found no optimum.
     """
-    limit = strength(experiment.controller.coordination)
+    limit = experiment.controller.limits.strength
     outside, parameters = outside_at(experiment, EVERY), force_parameters(experiment)
     beyond = np.abs(np.asarray(force_law()(outside, parameters), float).ravel()) > limit
     if not beyond.any():

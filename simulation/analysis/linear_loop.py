@@ -12,14 +12,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.controllers.controller import initial_controller_state
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.quantity import describe, nearest
+from dualwinch.model.quantity import nearest
+from dualwinch.model.tree import describe_parts
 from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.integrators import Motion
-from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
+from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop, initial_loop_state
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.loop.structure import Structure, structure_of
 
@@ -38,8 +37,8 @@ INPUTS = {
 }
 """Signal from outside → its name and unit as an input of the closed loop."""
 
-OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau1", "tau2", "d_hat")
-"""Columns of a result that are outputs of the closed loop, where the controller has them."""
+OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau_1", "tau_2")
+"""Columns of a result that are outputs of the closed loop, beside the controller's own signals."""
 
 
 def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) -> LinearSystem:
@@ -59,10 +58,10 @@ def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) 
     cruise = loop_cruise(experiment, x, v)
     loop = cruise.loop
     A, B, C, D = _jacobians(structure_of_cruise(cruise), "")(cruise.state, cruise.exogenous, cruise.parameters)
-    outputs = [name for name in OUTPUTS if name in loop.columns]
+    outputs = [*OUTPUTS, *(name for name in loop.columns if name not in COLUMNS)]
     rows, columns = [loop.columns.index(name) for name in outputs], [loop.exogenous.index(name) for name in INPUTS]
     matrices = (A.full(), B.full()[:, columns], C.full()[rows], D.full()[np.ix_(rows, columns)])
-    units = {name: COLUMNS[name].unit for name in outputs} | dict(INPUTS.values())
+    units = {name: loop.quantities[name].unit for name in outputs} | dict(INPUTS.values())
     return _named(cruise, matrices, tuple(name for name, _ in INPUTS.values()), tuple(outputs), units)
 
 
@@ -87,7 +86,7 @@ def linear_broken_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0, 
     steady = cruise.row[column]
     A, B, C, D = _jacobians(structure_of_cruise(cruise), cut)(cruise.state, cruise.exogenous, cruise.parameters, steady)
     row = [cruise.loop.columns.index(column)]
-    unit = COLUMNS[column].unit
+    unit = cruise.loop.quantities[column].unit
     names = f"{cut}_in", f"{cut}_out"
     matrices = (A.full(), B.full(), -C.full()[row], -D.full()[row])
     return _named(cruise, matrices, names[:1], names[1:], dict.fromkeys(names, unit))
@@ -138,27 +137,22 @@ def _named(
         inputs,
         outputs,
         units | {name: state_units[name] for name in states},
-        cruise.row | {"preload": cruise.experiment.controller.coordination.preload, "residual": cruise.residual},
+        cruise.row | {"preload": cruise.experiment.controller.limits.preload, "residual": cruise.residual},
     )
 
 
 def state_names(cruise: LoopCruise) -> tuple[list[str], dict[str, str]]:
     """Short names of the closed loop's states, and their units by these names."""
-    controller = initial_controller_state(cruise.experiment.controller)
-    groups = {"motion.": Motion} | {
-        f"controller.{part}.": type(getattr(controller, part)) for part in ("position", "estimator", "coordination")
-    }
-    known = {
-        prefix + key: leaf.quantity.unit for prefix, group in groups.items() for key, leaf in describe(group).items()
-    }
+    experiment = cruise.experiment
+    known = describe_parts(initial_loop_state(experiment.controller, experiment.plant, experiment.sensors))
     names, units = [], {}
     for state in cruise.loop.states:
         name = state
-        for prefix in ("motion.plant.", "controller.position.", "controller.coordination.", "controller."):
+        for prefix in ("motion.plant.", "controller.law.", "controller.coordination.", "controller."):
             if state.startswith(prefix):
                 name = state.removeprefix(prefix)
                 break
         torque = state.startswith("queue.")
         names.append(name)
-        units[name] = "N m" if torque else known.get(state, "1")
+        units[name] = "N m" if torque else known[state].quantity.unit if state in known else "1"
     return names, units

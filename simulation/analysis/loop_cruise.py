@@ -7,34 +7,37 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.controllers.limits import force_limit
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant, PlantState, tensions
-from dualwinch.model.quantity import leaves, numbers, with_leaves
+from dualwinch.model.quantity import Mark
+from dualwinch.model.tree import leaves, numbers, with_leaves
 from dualwinch.model.vehicle import drag, friction
 from dualwinch.simulation.check import check
 from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of
+from dualwinch.simulation.loop.system import ClosedLoop
 
 Floats = NDArray[np.float64]
 
-BOOKKEEPING = ("metrics.", "encoders.", "sample", "motion.phase")
-"""States that grow for ever and move nothing while sensors are perfect and no vortices shed."""
+ITERATIONS = 40
+"""Newton steps at most."""
 
-POSITIONS = ("motion.plant.x", "controller.estimator.x", "controller.position.x")
-"""States that move on with the vehicle: its position, and what estimators take for it."""
+RESIDUAL, STEP = 1e-7, 1e-6
+"""Largest change of a state over a sample beyond the cruise's own, and largest step that Newton's method would still
+take, both over the state's size.
 
-ITERATIONS, TOLERANCE = 30, 1e-7
-"""Newton steps at most, and the largest change of a state over a sample that counts as none, over its size.
-
+The change alone says nothing of a state that moves slowly, such as an integral: it may be metres from where it rests.
 A drum angle of tens of rad in double precision leaves a tension uncertain by some 1e-8 N.
 """
 
 BOUNDLESS = 1e9
 """A limit in N that nothing reaches."""
+
+LIMITS = "controller.coordination."
+"""What the keys of the limits of a tension begin with."""
 
 PRESSED = 1.0
 """Integral in N s that presses a torque against its limit, where a tension command is at its limit."""
@@ -80,43 +83,47 @@ def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
     _check(calm, v)
     structure = replace(structure_of(calm), rope_slack=False)
     loop = closed_loop(structure)
-    parameters = np.array(list(parameters_of(calm).values()))
+    parameters = loop.vector(parameters_of(calm))
     start = _first_guess(calm, loop, x, v)
-    state, exogenous, residual = _solved(structure, parameters, *start, v)
-    if not residual < TOLERANCE:
+    state, exogenous, residual, left = _solved(structure, parameters, *start, v)
+    if not (residual < RESIDUAL and left < STEP):
         # a law whose integrals are far off starts at its limits, where it has no slope: first without limits
-        coordination = replace(calm.controller.coordination, tension_min=-BOUNDLESS, tension_max=BOUNDLESS)
-        free = replace(calm, controller=replace(calm.controller, coordination=coordination))
-        solution = _solved(structure, np.array(list(parameters_of(free).values())), *start, v)[0]
-        taken = [name.startswith(("controller.position.", "controller.estimator.")) for name in loop.states]
-        state, exogenous, residual = _solved(structure, parameters, np.where(taken, solution, start[0]), start[1], v)
+        free = {f"{LIMITS}tension_min": -BOUNDLESS, f"{LIMITS}tension_max": BOUNDLESS}
+        solution = _solved(structure, loop.vector(parameters_of(calm) | free), *start, v)[0]
+        taken = [name.startswith(("controller.law.", "controller.estimator.")) for name in loop.states]
+        state, exogenous, residual, left = _solved(
+            structure, parameters, np.where(taken, solution, start[0]), start[1], v
+        )
     row = dict(zip(loop.columns, np.array(loop.step(state, exogenous, parameters)[1]).ravel().tolist(), strict=True))
-    _check_solution(calm, row, residual, v)
+    _check_solution(calm, row, max(residual / RESIDUAL, left / STEP), v)
     row |= {"x": x, "v": v}  # as asked for, without round-off
     return LoopCruise(loop, calm, state, exogenous, parameters, row, residual)
 
 
 def _solved(
     structure: Structure, parameters: Floats, state: Floats, exogenous: Floats, v: float
-) -> tuple[Floats, Floats, float]:
-    """Newton's method on state and reference position: both, and the residual."""
+) -> tuple[Floats, Floats, float, float]:
+    """Newton's method on state and reference position: both, the residual, and the step that is left."""
     loop, evaluate = closed_loop(structure), _residual_function(structure)
     state, exogenous = state.copy(), exogenous.copy()
-    rows = np.array([not name.startswith(BOOKKEEPING) for name in loop.states])
+    rows = ~loop.marked(Mark.BOOKKEEPING)
     unknown = rows & np.array([name != "motion.plant.x" for name in loop.states])
-    place = loop.exogenous.index("reference.x")
-    residual = np.inf
+    index = loop.exogenous.index("reference.x")
+    residual, left = np.inf, np.inf
     for _ in range(ITERATIONS):
         change, slope_state, slope_reference = (np.array(value) for value in evaluate(state, exogenous, parameters, v))
         kept, last = change.ravel()[rows], residual
         residual = float(np.max(np.abs(kept) / np.maximum(np.abs(state[rows]), 1.0)))
-        if not np.isfinite(residual) or (last < TOLERANCE and residual >= last / 2):
+        if not np.isfinite(residual):
             break
-        matrix = np.column_stack([slope_state[np.ix_(rows, unknown)], slope_reference[rows, place]])
+        matrix = np.column_stack([slope_state[np.ix_(rows, unknown)], slope_reference[rows, index]])
         step = _least_step(matrix, kept)
+        left = float(np.max(np.abs(step) / np.maximum(np.abs([*state[unknown], exogenous[index]]), 1.0)))
+        if last < RESIDUAL and residual >= last / 2 and left < STEP:
+            break
         state[unknown] += step[:-1]
-        exogenous[place] += step[-1]
-    return state, exogenous, residual
+        exogenous[index] += step[-1]
+    return state, exogenous, residual, left
 
 
 def _least_step(matrix: Floats, change: Floats) -> Floats:
@@ -139,7 +146,7 @@ def _calm(experiment: Experiment) -> Experiment:
 def _check(experiment: Experiment, v: float) -> None:
     check(experiment)
     vehicle = experiment.plant.vehicle
-    limit = force_limit(experiment.controller.coordination)
+    limit = experiment.controller.limits.force
     needed = friction(v, vehicle) + drag(v, vehicle)
     if not abs(needed) < limit:
         raise ConfigurationError(
@@ -148,9 +155,9 @@ def _check(experiment: Experiment, v: float) -> None:
         )
 
 
-def _check_solution(experiment: Experiment, row: dict[str, float], residual: float, v: float) -> None:
-    kind = experiment.controller.kind
-    if not residual < TOLERANCE:
+def _check_solution(experiment: Experiment, row: dict[str, float], excess: float, v: float) -> None:
+    kind = experiment.controller.law.kind
+    if not excess < 1:
         raise ConfigurationError(f"v = {v:g}: '{kind}' with these gains comes to no steady cruise")
     if row["u"] != row["u_sat"] or min(row["F1"], row["F2"]) <= 0:
         raise ConfigurationError(
@@ -161,16 +168,21 @@ def _check_solution(experiment: Experiment, row: dict[str, float], residual: flo
 
 def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -> tuple[Floats, Floats]:
     """The steady cruise of a perfect controller: no errors, tensions as commanded."""
-    plant, limits = experiment.plant, experiment.controller.coordination
+    plant, limits = experiment.plant, experiment.controller.limits
     point = operating_point(x, v, limits.preload, plant, tension_min=limits.tension_min, tension_max=limits.command_max)
     guess = dict.fromkeys(loop.states, 0.0) | initial_state_of(experiment) | leaves(point.state, "motion.plant.")
-    guess |= _pressed_integrals(guess, point.F1 - point.F2, experiment)
-    known = {"x": x, "v": v, "primed": 1.0}
-    for name in guess:
-        if name.startswith("controller.") and name.rsplit(".", 1)[1] in known:
-            guess[name] = known[name.rsplit(".", 1)[1]]
+    state = np.array([guess[name] for name in loop.states])
+    state[loop.marked(Mark.POSITION)], state[loop.marked(Mark.SPEED)] = x, v
     outside = dict.fromkeys(loop.exogenous, 0.0) | {"reference.x": x, "reference.v": v}
-    return np.array([guess[name] for name in loop.states]), np.array([outside[name] for name in loop.exogenous])
+    signals = np.array([outside[name] for name in loop.exogenous])
+    # what remembers the last sample, or whether there was one, knows it after two
+    remembers = np.array([name.startswith("controller.") for name in loop.states])
+    remembers &= ~loop.marked(Mark.POSITION, Mark.SPEED)
+    parameters = loop.vector(parameters_of(experiment))
+    for _ in range(2):
+        state = np.where(remembers, np.array(loop.step(state, signals, parameters)[0]).ravel(), state)
+    pressed = _pressed_integrals(guess, point.F1 - point.F2, experiment)
+    return np.array([pressed.get(name, value) for name, value in zip(loop.states, state, strict=True)]), signals
 
 
 def _pressed_integrals(guess: dict[str, float], force: float, experiment: Experiment) -> dict[str, float]:
@@ -179,7 +191,7 @@ def _pressed_integrals(guess: dict[str, float], force: float, experiment: Experi
     The torque limit is that of the command too: such a winch rests on the very edge of its limit, and any ripple
     leaves its integral on the far side of it. There it holds its torque, which is what it does in a run.
     """
-    limits = experiment.controller.coordination
+    limits = experiment.controller.limits
     wanted = {"winch_1": (limits.preload + force) / 2, "winch_2": (limits.preload - force) / 2}
     found = {}
     for winch, command in wanted.items():
@@ -208,6 +220,7 @@ def _residual_function(structure: Structure) -> ca.Function:
         of_state = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
         return tensions(PlantState(*(of_state[f"motion.plant.{key}"] for key in PlantState.__annotations__)), plant)
 
+    moving = loop.marked(Mark.POSITION)
     before, after = forces(symbols["state"]), forces(following)
     changes = []
     for place, name in enumerate(loop.states):
@@ -215,7 +228,7 @@ def _residual_function(structure: Structure) -> ca.Function:
         if name in {"motion.plant.theta_1", "motion.plant.theta_2"}:
             rope = int(name[-1]) - 1
             change = (after[rope] - before[rope]) * 1e-3
-        elif name in POSITIONS:
+        elif moving[place]:
             change = (change - v * values["simulation.sample_time"]) * 1e3
         changes.append(change)
     change = ca.vertcat(*changes)

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
-from dualwinch.model.quantity import leaves, with_leaves
+from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.analysis.certificate import Certificate, certify
+from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.analysis.stability import IDEAL, REAL, auxiliary_weight_needed
 from dualwinch.simulation.experiment import Experiment
 
@@ -49,7 +50,7 @@ def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None
         progress: called after every run with the share of the longest search that is done.
     """
     experiment = given.result.experiment
-    k_a, fastest = experiment.controller.auxiliary.k_a, 1 / experiment.simulation.sample_time
+    k_a, fastest = sliding_mode(experiment).auxiliary.k_a, 1 / experiment.simulation.sample_time
     tried, history, runs = given, [_shortfall(given)], 0
     for decay in (k_a or AuxiliaryGains().k_a, fastest):
         if tried.certified:
@@ -76,7 +77,7 @@ def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None
 def _raised(certificate: Certificate, k_a: float) -> Experiment:
     """The experiment with this k_a, and every gain that falls short set to what the certificate's run asks for."""
     experiment, seen = certificate.result.experiment, certificate.bounds[IDEAL]
-    weight = auxiliary_weight_needed(experiment.controller.coordination.tension_max, k_a)
+    weight = auxiliary_weight_needed(experiment.controller.limits.tension_max, k_a)
     wanted = {"auxiliary.k_a": k_a, "auxiliary.gamma": weight, "auxiliary.gamma_force": weight}
     for condition in certificate.conditions:
         if condition.name == "switching gain" and condition.basis == IDEAL and not condition.holds:
@@ -114,7 +115,7 @@ def _reason(given: Certificate, tried: Certificate) -> str:
     if not excess > 0:
         return f"after {ROUNDS} rounds the bounds still grow as fast as the gains"
     sample_time = experiment.simulation.sample_time
-    least = auxiliary_weight_needed(experiment.controller.coordination.tension_max, 1 / sample_time)
+    least = auxiliary_weight_needed(experiment.controller.limits.tension_max, 1 / sample_time)
     return (
         f"the force is cut off, at first by {excess:.4g} N. Z_a forgets within a sample at most (k_a <= 1/Ts), so "
         f"gamma must be >= 2 F_max Ts = {least:.4g}, and that one sample puts gamma Ts {excess:.4g} N = "

@@ -6,12 +6,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.controllers.limits import strength
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, symbolic_plant, vehicle_acceleration
-from dualwinch.model.quantity import numbers, with_leaves
 from dualwinch.model.reference import setpoint
 from dualwinch.model.scalar import Scalar
+from dualwinch.model.tree import numbers, with_leaves
 from dualwinch.model.vehicle import Vehicle, inertia
 from dualwinch.model.winch import drum_acceleration
 from dualwinch.simulation.exogenous.signals import sea_signals
@@ -45,7 +44,7 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
 
 def within_reach(experiment: Experiment) -> bool:
     """Whether a run asks for no more force than the motors can give."""
-    limit = strength(experiment.controller.coordination)
+    limit = experiment.controller.limits.strength
     return bool(np.abs(required_force(experiment)).max() <= limit)
 
 
@@ -54,7 +53,7 @@ def shortfall(experiment: Experiment) -> float:
 
     From the force alone: that a slower vehicle has less drag is left out.
     """
-    limit = strength(experiment.controller.coordination)
+    limit = experiment.controller.limits.strength
     step, mass = EVERY * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
     furthest = behind = rate = 0.0
     way = 1.0

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.nominal import nominal_plant
-from dualwinch.model.quantity import describe, leaves
 from dualwinch.model.scalar import Scalar
+from dualwinch.model.tree import describe_parts, leaves
 from dualwinch.model.vehicle import inertia
+from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -148,13 +150,13 @@ def disturbance(columns: Mapping[str, Floats], mass: float, basis: str) -> Float
 def bounds(columns: Mapping[str, Floats], experiment: Experiment, basis: str = IDEAL) -> Bounds:
     """The bounds of a run, from the columns of a result that keeps every sample."""
     d = disturbance(columns, nominal_mass(experiment), basis)
-    speed_error = columns["v"] - columns["v_ref"] + experiment.controller.auxiliary.gamma * columns["Z_a"]
+    speed_error = columns["v"] - columns["v_ref"] + sliding_mode(experiment).auxiliary.gamma * columns["Z_a"]
     changes = np.abs(np.diff(d)) / experiment.simulation.sample_time
     return Bounds(
         disturbance=float(np.max(np.abs(d))),
         disturbance_rate=float(np.max(changes, initial=0.0)),
         speed_error=float(np.max(np.abs(speed_error))),
-        observer_gain=float(np.min(columns["L1"])),
+        observer_gain=float(np.min(columns["L1"])) if "L1" in columns else np.nan,
     )
 
 
@@ -165,9 +167,9 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
         experiment: gives the gains.
         known: basis → bounds of a run.
     """
-    controller = experiment.controller
-    gains, auxiliary = controller.nftsm, controller.auxiliary
-    units = {key: leaf.quantity.unit for key, leaf in describe(type(controller)).items()}
+    law = sliding_mode(experiment)
+    gains, auxiliary = law.nftsm, law.auxiliary
+    units = {key: leaf.quantity.unit for key, leaf in describe_parts(law).items()}
     found: list[Condition] = []
 
     def at_least(name: str, statement: str, left: float, right: float, unit: str, basis: str = "") -> None:
@@ -178,12 +180,12 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
         statement = "k >= 2 p D/(q beta M) max|e2 + gamma Z_a|^(p/q-1) + eta"
         at_least("switching gain", statement, gains.k, needed, units["nftsm.k"], basis)
     for basis, seen in known.items():
-        if controller.kind == "fando-nftsm":
+        if isinstance(law, FandoNftsm):
             statement = "L(t) >= Delta, bound of |dd/dt|"
             at_least("observer gain", statement, seen.observer_gain, seen.disturbance_rate, "1/s", basis)
     decays = auxiliary.k_a > 0
     found.append(Condition("decay of Z_a", "k_a > 0", auxiliary.k_a, 0.0, units["auxiliary.k_a"], "", decays))
-    needed = auxiliary_weight_needed(controller.coordination.tension_max, auxiliary.k_a)
+    needed = auxiliary_weight_needed(experiment.controller.limits.tension_max, auxiliary.k_a)
     weights = leaves(auxiliary)
     for name, where in (("gamma", "in the surface"), ("gamma_force", "in the force")):
         at_least(f"weight of Z_a {where}", f"{name} >= 2 F_max/k_a", weights[name], needed, units[f"auxiliary.{name}"])

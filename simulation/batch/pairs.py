@@ -42,12 +42,12 @@ class Pairs:
         believed = [one.nominal if isinstance(one, Scenario) else None for one in scenarios]
         numbers = [parameters_of(one, nominal) for one, nominal in zip(self.experiments, believed, strict=True)]
         drawn = {key for one in scenarios if isinstance(one, Scenario) for key in one.draws}
-        self.zeros = zeros_of(*numbers, varying=[*names, *drawn])
         self.structure = structure_of(self.experiments[0])
+        self.zeros = zeros_of(self.structure, *numbers, varying=[*names, *drawn])
         self.loop = closed_loop(self.structure, self.zeros)
         self.places = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
-        self._vectors = np.array([list(one.values()) for one in numbers])
+        self._vectors = np.array([self.loop.vector(values) for values in numbers])
         # tables in use: to ask `signals` for one takes a hash of the whole experiment, in every lane of every block
         self._tables: WeakValueDictionary[int, Floats] = WeakValueDictionary()
 

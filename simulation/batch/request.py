@@ -2,23 +2,20 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Leaf, describe, nearest, with_leaves
+from dualwinch.model.quantity import Leaf, Mark, nearest
+from dualwinch.model.tree import rules, with_leaves
 from dualwinch.simulation.check import check
-from dualwinch.simulation.ensembles.ensemble import TIMING, Scenario
+from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import parameters_of, structure_of
+from dualwinch.simulation.loop.structure import described_parameters, structure_of
 
 Floats = NDArray[np.float64]
-
-NFTSM, COORDINATION = "controller.nftsm.", "controller.coordination."
-"""What the keys of values that are bound to each other begin with."""
 
 BOUNDS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
 """Bound of a constraint of `annotated_types` → what holds between a value and it."""
@@ -30,14 +27,15 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
         raise ConfigurationError("scenarios: must be at least one experiment")
     experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
     first = experiments[0]
-    known = parameters_of(first).keys() - TIMING
+    described = described_parameters(structure_of(first))
+    known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
     for name in names:
         if name not in known:
-            raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, sorted(known))}'?")
+            raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, known)}'?")
     if values.ndim != 2 or values.shape[1] != len(names):
         raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
     columns = dict(zip(names, values.T, strict=True))
-    _check_bounds(columns)
+    _check_bounds(columns, described)
     for number, (scenario, experiment) in enumerate(zip(scenarios, experiments, strict=True)):
         try:
             check(experiment)
@@ -47,20 +45,13 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
             raise ConfigurationError(f"{where}: {error}") from error
         if structure_of(experiment) != structure_of(first) or experiment.samples != first.samples:
             raise ConfigurationError(f"scenarios[{number}]: must have the structure and the length of scenarios[0]")
-    if any(name.startswith((NFTSM, COORDINATION, "plant.")) for name in names):
-        _check_together(columns, experiments)
+    _check_together(columns, experiments, described)
 
 
-@cache
-def _leaves() -> dict[str, Leaf]:
-    known = describe(Experiment)
-    return known | {f"nominal.{key}": leaf for key, leaf in describe(Plant).items()}
-
-
-def _check_bounds(columns: Mapping[str, Floats]) -> None:
+def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) -> None:
     """Each value's own range, whole columns at a time."""
     for name, column in columns.items():
-        leaf = _leaves()[name]
+        leaf = described[name]
         wrong, allowed = ~np.isfinite(column), leaf.allowed or "finite"
         for constraint in leaf.constraints:
             for word, holds in BOUNDS.items():
@@ -87,30 +78,27 @@ def _check_noise(names: Iterable[str], experiment: Experiment) -> None:
                 raise ConfigurationError(f"{name} = 0: must be > 0 where it varies (without it no noise is drawn)")
 
 
-def _check_together(columns: Mapping[str, Floats], experiments: Sequence[Experiment]) -> None:
-    """Rules between values: rows that may break one are looked at by `check`, which has the words for it."""
-    rows = len(next(iter(columns.values())))
-    limits = ("tension_min", "tension_max", "reserve", "preload")
-    bound = (NFTSM + "p", NFTSM + "q", *(COORDINATION + name for name in limits))
-    of_the_plant = any(name.startswith("plant.") for name in columns)
-    seen: set[tuple[float, ...]] = set()
+def _check_together(
+    columns: Mapping[str, Floats], experiments: Sequence[Experiment], described: Mapping[str, Leaf]
+) -> None:
+    """Rules between values: rows that break one are shown to `check`, which has the words for it."""
+    whole_plant = any(name.startswith("plant.") for name in columns)
+    seen: set[Controller] = set()
     for number, experiment in enumerate(experiments):
-        given = parameters_of(experiment)
-        own = tuple(given[name] for name in bound)
-        if own in seen and not of_the_plant:
+        if experiment.controller in seen and not whole_plant:
             continue
-        seen.add(own)
-        p, q, least, most, reserve, preload = (columns.get(name, np.full(rows, given[name])) for name in bound)
-        suspect = (p % 2 == 0) | (q % 2 == 0) | (p <= q) | ~(least < most - reserve)
-        suspect |= ~((2 * least < preload) & (preload < 2 * (most - reserve))) | of_the_plant
+        seen.add(experiment.controller)
+        suspect = np.full(len(next(iter(columns.values()))), whole_plant) if columns else np.zeros(0, bool)
+        varied = with_leaves(experiment.controller, columns, "controller.")
+        for _, group, rule in rules(varied):
+            suspect |= ~np.asarray(rule.holds(group))
         for row in np.flatnonzero(suspect):
-            changes = {name: _typed(name, column[row]) for name, column in columns.items()}
+            where = f"parameters[{row}]" + (f" in scenarios[{number}]" if len(experiments) > 1 else "")
             try:
-                check(with_leaves(experiment, changes))
+                check(with_leaves(experiment, {name: _typed(described[name], c[row]) for name, c in columns.items()}))
             except ConfigurationError as error:
-                where = f"parameters[{row}]" + (f" in scenarios[{number}]" if len(experiments) > 1 else "")
                 raise ConfigurationError(f"{where}: {error}") from error
 
 
-def _typed(name: str, value: float) -> float | int:
-    return math.floor(value) if _leaves()[name].kind is int else float(value)
+def _typed(leaf: Leaf, value: float) -> float | int:
+    return math.floor(value) if leaf.kind is int else float(value)

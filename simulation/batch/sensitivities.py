@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import Mark
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.batch.rollout import NOT_RUN
@@ -16,13 +17,10 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.metrics import Metrics, metrics_of
 from dualwinch.simulation.loop.start import start_slopes
+from dualwinch.simulation.loop.structure import Structure, described_parameters
 from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
-
-STEPS = frozenset({"sensors.position_resolution", "sensors.encoder_counts"})
-"""Parameters of sensors that read in steps. Their derivative is zero almost everywhere, which says nothing; the
-derivatives are those of sensors without steps, along the run with them."""
 
 GAINS = ("controller.", "nominal.")
 """What runs can be differentiated by: everything the controller knows."""
@@ -82,7 +80,7 @@ def sensitivities(
     """
     pairs = Pairs(names, parameters, scenarios)
     _check_names(pairs.names)
-    smooth = closed_loop(pairs.structure, pairs.zeros | STEPS)
+    smooth = closed_loop(pairs.structure, pairs.zeros | steps(pairs.structure))
     run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.places))
     shape, p = pairs.shape, len(pairs.names)
     kept = -(-pairs.samples // stride) if stride else 0
@@ -111,6 +109,16 @@ def sensitivities(
 
     whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices.tolist()], threads, progress)
     return replace(result, interrupted=not whole)
+
+
+def steps(structure: Structure) -> frozenset[str]:
+    """Parameters of sensors that read in steps.
+
+    Their derivative is zero almost everywhere, which says nothing: derivatives are those of sensors without steps,
+    along the run with them.
+    """
+    known = described_parameters(structure)
+    return frozenset(key for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks)
 
 
 def _check_names(names: tuple[str, ...]) -> None:

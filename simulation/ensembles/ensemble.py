@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import leaves, with_leaves
+from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.ensembles.distributions import Distribution, Value
 from dualwinch.simulation.experiment import Experiment
 
@@ -19,22 +19,6 @@ EDGE = 0.02
 
 SEEDS = 2**53
 """Number of seeds a scenario's own is drawn from: whole numbers that every file format keeps."""
-
-COMPILED = frozenset(
-    {
-        "controller.kind",
-        "controller.estimator",
-        "controller.coordination.kind",
-        "plant.rope_slack",
-        "simulation.integrator",
-        "simulation.substeps",
-        "simulation.delay_samples",
-    }
-)
-"""Keys that shape the compiled code, one for all scenarios (`simulation.loop.structure`)."""
-
-TIMING = frozenset({"reference.kind", "simulation.sample_time", "simulation.duration"})
-"""Keys that set the instants of the samples, which all scenarios share."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.portions import in_portions, portion_size
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
@@ -17,7 +18,7 @@ from dualwinch.simulation.ensembles.result import METRICS
 
 def paper_controller() -> Controller:
     """The paper's controller with the paper's gains: it sees the sensors as they are."""
-    return replace(Controller(), estimator="none")
+    return Controller(estimator=Unfiltered())
 
 
 def compare(

@@ -8,7 +8,7 @@ import annotated_types as at
 
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, PlantState
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, maximum, rounded, where
 
 
@@ -16,12 +16,28 @@ from dualwinch.model.scalar import Scalar, maximum, rounded, where
 class Sensors:
     """Errors of the sensors; 0 is a perfect one."""
 
-    position_noise: Annotated[float, at.Ge(0), Quantity("m", "white noise of the position", "assumption")] = 0.0
-    position_resolution: Annotated[float, at.Ge(0), Quantity("m", "step of the position reading", "assumption")] = 0.0
-    speed_noise: Annotated[float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption")] = 0.0
-    tension_noise: Annotated[float, at.Ge(0), Quantity("N", "white noise of both tensions", "assumption")] = 0.0
+    position_noise: Annotated[
+        float, at.Ge(0), Quantity("m", "white noise of the position", "assumption"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    position_resolution: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("m", "step of the position reading", "assumption"),
+        Mark.OFF_AT_ZERO,
+        Mark.READS_IN_STEPS,
+    ] = 0.0
+    speed_noise: Annotated[
+        float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    tension_noise: Annotated[
+        float, at.Ge(0), Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO
+    ] = 0.0
     encoder_counts: Annotated[
-        int, at.Ge(0), Quantity("1", "drum encoder counts a motor turn; 0: perfect", "assumption")
+        int,
+        at.Ge(0),
+        Quantity("1", "drum encoder counts a motor turn; 0: perfect", "assumption"),
+        Mark.OFF_AT_ZERO,
+        Mark.READS_IN_STEPS,
     ] = 0
 
 
@@ -39,8 +55,8 @@ class Noise:
 class EncoderState:
     """Drum angles as the encoders gave them at the last sample."""
 
-    theta_1: Annotated[Scalar, Quantity("rad", "last reading of drum 1")] = 0.0
-    theta_2: Annotated[Scalar, Quantity("rad", "last reading of drum 2")] = 0.0
+    theta_1: Annotated[Scalar, Quantity("rad", "last reading of drum 1"), Mark.BOOKKEEPING] = 0.0
+    theta_2: Annotated[Scalar, Quantity("rad", "last reading of drum 2"), Mark.BOOKKEEPING] = 0.0
 
 
 def quantise(value: Scalar, step: Scalar) -> Scalar:

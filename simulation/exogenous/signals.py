@@ -7,8 +7,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantity import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.exogenous.sensors import Noise
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import Exogenous
@@ -106,7 +106,7 @@ class _Outside:
             normal_force_variation=load,
             steady=steady,
         )
-        for place, column in enumerate(leaves(signals).values()):
+        for place, column in enumerate(leaves(signals, whole=True).values()):
             table[:, place] = column
 
 

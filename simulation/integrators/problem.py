@@ -5,7 +5,7 @@ from typing import Annotated
 
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar
 
 
@@ -14,7 +14,7 @@ class Motion:
     """What moves between two samples: the plant, the phase of the vortex shedding, and an integrator's memory."""
 
     plant: PlantState
-    phase: Annotated[Scalar, Quantity("rad", "integral of the vortex frequency")] = 0.0
+    phase: Annotated[Scalar, Quantity("rad", "integral of the vortex frequency"), Mark.BOOKKEEPING] = 0.0
     slow: Annotated[Scalar, Quantity("m/s^2", "acceleration by all but the ropes amid the last step")] = 0.0
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, holding_torques, resting_state, tensions
-from dualwinch.model.quantity import describe, leaves, nearest
+from dualwinch.model.quantity import Leaf, nearest
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.equations import (
@@ -22,7 +23,7 @@ from dualwinch.simulation.loop.equations import (
     controller_equations,
     plant_equations,
 )
-from dualwinch.simulation.loop.structure import parameters_of
+from dualwinch.simulation.loop.structure import described_parameters, parameters_of, structure_of
 
 BlockName: TypeAlias = Literal["controller", "plant", "closed-loop"]
 BLOCKS: tuple[BlockName, ...] = get_args(BlockName)
@@ -53,7 +54,8 @@ def block(what: str, experiment: Experiment | None = None, nominal: Plant | None
     check(experiment)
     values = parameters_of(experiment, nominal)
     symbols = {name: ca.SX.sym(name) for name in values}
-    law = f"{experiment.controller.kind} control, {experiment.controller.coordination.kind} coordination"
+    controller = experiment.controller
+    law = f"{controller.law.kind} control, {controller.coordination.kind} coordination"
     build, description = {
         "controller": (controller_equations, f"Controller of a vehicle between two winches ({law})"),
         "plant": (plant_equations, "Vehicle between two winches"),
@@ -88,6 +90,7 @@ def _assemble(
     numbers = [values[key] for key in parameters]
     state = np.array(initial(numbers)).ravel()
     at_rest = _at_rest(experiment)
+    known = described_parameters(structure_of(experiment))
     start = [at_rest.get(key, 0.0) for key in inputs]
     first = output(state, numbers) if output else step(state, start, numbers)[1]
     of_state, of_input, of_output = law.about
@@ -101,7 +104,7 @@ def _assemble(
         ),
         inputs=_variables(inputs, start, of_input),
         outputs=_variables(law.output, np.array(first).ravel(), of_output),
-        parameters=tuple(_parameter(key, values[key]) for key in parameters),
+        parameters=tuple(_parameter(key, values[key], known[key]) for key in parameters),
         sample_time=experiment.simulation.sample_time,
         output=output,
         derivative=function("derivative") if law.derivative else None,
@@ -119,7 +122,7 @@ def _used(symbols: Scalars, expressions: ca.SX) -> Scalars:
 
 def _at_rest(experiment: Experiment) -> dict[str, float]:
     """What sensors and motors say at rest before the first sample, by the names of inputs."""
-    preload, plant = experiment.controller.coordination.preload, experiment.plant
+    preload, plant = experiment.controller.limits.preload, experiment.plant
     rest = resting_state(preload, plant)
     forces = dict(zip(("F1", "F2"), tensions(rest, plant), strict=True))
     return {
@@ -134,11 +137,9 @@ def _variables(names: Iterable[str], starts: Iterable[float], about: Facts) -> t
     )
 
 
-def _parameter(key: str, value: float) -> Variable:
+def _parameter(key: str, value: float, leaf: Leaf) -> Variable:
     """A parameter with its metadata; its source is the default's own, or the configuration."""
     believed = key.startswith("nominal.")
-    leaf = describe(Experiment)[f"plant.{key.removeprefix('nominal.')}" if believed else key]
-    default = parameters_of(Experiment())[key]
     return Variable(
         name=key,
         unit=leaf.quantity.unit or "1",
@@ -146,6 +147,6 @@ def _parameter(key: str, value: float) -> Variable:
         start=value,
         lower=leaf.bounds[0],
         upper=leaf.bounds[1],
-        source=leaf.quantity.source if value == default else "configuration",
+        source=leaf.quantity.source if value == leaf.default else "configuration",
         exclusive=any(isinstance(one, at.Gt) for one in leaf.constraints),
     )

@@ -1,18 +1,18 @@
 """Plant and controller as one symbolic step of the sampled closed loop."""
 
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Annotated
 
 import casadi as ca
 
-from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.expressions import BUILDING
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
-from dualwinch.model.quantity import Quantity, leaves, with_leaves
+from dualwinch.model.quantity import Leaf, Mark, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute
+from dualwinch.model.tree import describe, describe_parts, leaves, with_leaves
 from dualwinch.simulation.exogenous.sensors import EncoderState, Noise, Sensors, measure, read_encoders
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
@@ -20,8 +20,9 @@ from dualwinch.simulation.loop.between import Held, between_samples, named_funct
 from dualwinch.simulation.loop.metrics import Accumulators, Sample, accumulate
 from dualwinch.simulation.loop.row import row_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, template_of
+from dualwinch.simulation.loop.system import ClosedLoop
 
-CUTS = {"u": "u_sat", "tau_1": "tau1", "tau_2": "tau2"}
+CUTS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}
 """Where the loop can be cut for analysis: signal → the column of what arrives at the cut."""
 
 JOINTS = ("F1", "F2", "u", "tau_1", "tau_2")
@@ -46,52 +47,23 @@ class LoopState:
     motion: Motion
     controller: ControllerState
     encoders: EncoderState = field(default_factory=EncoderState)
-    sample: Annotated[Scalar, Quantity("1", "number of the sample")] = 0.0
-
-
-@dataclass(frozen=True)
-class ClosedLoop(Sampled):
-    """The closed loop as named CasADi functions, and the names of everything in their vectors.
-
-    At a sample the controller senses and acts, and the figures of merit are summed up; until the next one the plant
-    moves. `margin` in m is the distance of the next position to the nearer end of the track.
-
-    Attributes:
-        states, exogenous, parameters, columns: names of the elements of those vectors.
-    """
-
-    states: tuple[str, ...]
-    exogenous: tuple[str, ...]
-    parameters: tuple[str, ...]
-    columns: tuple[str, ...]
-
-    @cached_property
-    def step(self) -> ca.Function:
-        """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
-        arguments = [ca.SX.sym(name, self.sample.size1_in(name)) for name in self.sample.name_in()]
-        discrete, held, *_ = self.sample(*arguments)
-        start = arguments[0][: self.move.numel_in("motion")]
-        motion, margin = start, ca.SX(0)
-        for part in range(self.parts):
-            motion, margin = self.move(motion, held, part, arguments[2])
-        if self.leap:
-            leapt, leapt_margin, valid = self.leap(start, held, arguments[2])
-            motion = ca.if_else(valid > 0, leapt, motion)
-            margin = ca.if_else(valid > 0, leapt_margin, margin)
-        outputs = [ca.vertcat(motion, discrete), self.observe(*arguments), margin]
-        return ca.Function(
-            "step", arguments, outputs, self.sample.name_in(), ["next_state", "row", "margin"], {"cse": True}
-        )
+    sample: Annotated[Scalar, Quantity("1", "number of the sample"), Mark.BOOKKEEPING] = 0.0
 
 
 def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
     """Plant, controller and encoders before the first sample."""
-    rest = resting_state(controller.coordination.preload, plant)
+    rest = resting_state(controller.limits.preload, plant)
     return LoopState(
         motion=Motion(rest),
         controller=initial_controller_state(controller),
         encoders=read_encoders(rest, plant, sensors),
     )
+
+
+def _sums() -> dict[str, Leaf]:
+    """The sums behind the figures of merit, as states."""
+    known = describe(Accumulators, "metrics.")
+    return {key: replace(leaf, marks=frozenset({Mark.BOOKKEEPING})) for key, leaf in known.items()}
 
 
 def _queue_names(delay_samples: int) -> list[str]:
@@ -108,7 +80,7 @@ def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay
         delay_samples: samples a torque is late at the motor.
     """
     start = initial_loop_state(controller, plant, sensors)
-    held = leaves(holding_torques(controller.coordination.preload, plant))
+    held = leaves(holding_torques(controller.limits.preload, plant))
     queue = {name: held[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
     return leaves(start) | queue | leaves(Accumulators(), "metrics.")
 
@@ -157,7 +129,9 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     controller = with_leaves(template.controller, values, "controller.")
     sensors = with_leaves(template.sensors, values, "sensors.")
     sample_time = values["simulation.sample_time"]
-    state = with_leaves(initial_loop_state(template.controller, template.plant, template.sensors), of_state)
+    start = initial_loop_state(template.controller, template.plant, template.sensors)
+    known = describe_parts(start) | _sums()
+    state = with_leaves(start, of_state)
     exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
     plant_state = state.motion.plant
 
@@ -165,7 +139,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant), strict=True))
     forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
     encoders, measurement = measure(plant_state, forces, exogenous.noise, state.encoders, plant, sensors, sample_time)
-    controller_state, said = controller_step(
+    controller_state, output = controller_step(
         state.controller,
         measurement,
         exogenous.reference,
@@ -176,7 +150,8 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     )
 
     # until the next sample: the plant moves on under the torques that reach the motors
-    sent = injected.get("tau_1", said.tau1), injected.get("tau_2", said.tau2)
+    winches = output.winches
+    sent = injected.get("tau_1", winches.tau_1), injected.get("tau_2", winches.tau_2)
     queue = [*(of_state[name] for name in queued), *sent]
     held = Held(
         t=state.sample * sample_time,
@@ -190,19 +165,19 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         return problem_of(held, sample_time, plant, disturbance)
 
     environment = problem(held).environment_at(held.t, plant_state.v, state.motion.phase)
-    row = row_of(held.t, plant_state, forces, exogenous.reference, said, environment, plant, nominal)
+    row = row_of(held.t, plant_state, forces, exogenous.reference, output, environment, plant, nominal)
     power_1 = plant.winch_1.gear_ratio * held.torques.tau_1 * plant_state.omega_1
     power_2 = plant.winch_2.gear_ratio * held.torques.tau_2 * plant_state.omega_2
     sample = Sample(
         number=state.sample,
-        error=row["e"],
-        F1=row["F1"],
-        F2=row["F2"],
+        error=row["e"][0],
+        F1=forces[0],
+        F2=forces[1],
         tau_1=held.torques.tau_1,
         tau_2=held.torques.tau_2,
         power=absolute(power_1) + absolute(power_2),
-        saturated=said.saturated,
-        torque_saturated=said.torque_saturated,
+        saturated=output.saturated,
+        torque_saturated=winches.torque_saturated,
         steady=exogenous.steady,
     )
     sums = accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time)
@@ -211,17 +186,18 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "held": ca.vertcat(*leaves(held).values())}
     if cuts:
-        returned = pulls | {"u": said.position.u_sat, "tau_1": said.tau1, "tau_2": said.tau2}
+        returned = pulls | {"u": output.position.u_sat, "tau_1": winches.tau_1, "tau_2": winches.tau_2}
         at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
     move, leap = between_samples(structure, problem, symbols["parameters"])
     return ClosedLoop(
         sample=named_function("sample", symbols, at_sample),
-        observe=named_function("observe", symbols, {"row": ca.vertcat(*row.values())}),
+        observe=named_function("observe", symbols, {"row": ca.vertcat(*(value for value, _ in row.values()))}),
         move=move,
         parts=structure.substeps,
         leap=leap,
         states=vectors["state"],
         exogenous=vectors["exogenous"],
         parameters=vectors["parameters"],
-        columns=tuple(row),
+        marks={name: known[name].marks if name in known else frozenset() for name in vectors["state"]},
+        quantities={name: quantity for name, (_, quantity) in row.items()},
     )

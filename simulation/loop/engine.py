@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED, LEFT, compile_rollout
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.hoist import hoisted
-from dualwinch.simulation.loop.closed_loop import ClosedLoop
+from dualwinch.simulation.loop.system import ClosedLoop
 
 EngineName: TypeAlias = Literal["compiled", "interpreter"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)

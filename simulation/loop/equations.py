@@ -8,13 +8,14 @@ from typing import TypeAlias
 import casadi as ca
 import numpy as np
 
-from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state
+from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, resting_state, tensions
-from dualwinch.model.quantity import Leaf, Quantity, describe, describe_parts, leaves, with_leaves
+from dualwinch.model.quantity import Leaf, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.rope import rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar
+from dualwinch.model.tree import describe, describe_parts, leaves, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.loop.closed_loop import Exogenous, closed_loop, initial_loop_state, starting_state
@@ -29,6 +30,7 @@ PHASE, SAMPLE, SLOW = "phase", "sample", "slow"
 """What moves beside the plant's own state; the last is an integrator's memory and no part of the continuous plant."""
 
 ANY = (-np.inf, np.inf)
+SATURATED = Quantity("1", "1 where the force command is beyond its limit")
 SAMPLE_NUMBER = Quantity("1", "number of the sample"), ANY
 
 
@@ -78,7 +80,7 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     controller, _, nominal = _symbolic(experiment, symbols)
     start = initial_controller_state(experiment.controller)
     state, sensed, wanted = _new(leaves(start)), _new(describe(Measurement)), _new(("x_ref", "v_ref", "a_ref"))
-    following, said = controller_step(
+    following, output = controller_step(
         with_leaves(start, state),
         Measurement(**sensed),
         Setpoint(*wanted.values()),
@@ -86,11 +88,12 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         nominal,
         symbols["simulation.sample_time"],
     )
-    flat = {"tau_1": said.tau1, "tau_2": said.tau2, "F1_cmd": said.F1_cmd, "F2_cmd": said.F2_cmd}
-    flat |= {name: value for name, value in leaves(said.position).items() if value is not None}
-    flat |= {"saturated": said.saturated, "torque_saturated": said.torque_saturated}
-    about = _facts(describe_parts(said)) | _facts(describe_parts(said.position))
-    about |= {"tau_1": about["tau1"], "tau_2": about["tau2"]}
+    winches, position, own = output.winches, output.position, own_signals(output)
+    flat = {"tau_1": winches.tau_1, "tau_2": winches.tau_2, "F1_cmd": winches.F1_cmd, "F2_cmd": winches.F2_cmd}
+    flat |= {"u": position.u, "u_sat": position.u_sat} | {name: value for name, (value, _) in own.items()}
+    flat |= {"saturated": output.saturated, "torque_saturated": winches.torque_saturated}
+    about = _facts(describe_parts(winches)) | _facts(describe_parts(position))
+    about |= {name: (quantity, ANY) for name, (_, quantity) in own.items()} | {"saturated": (SATURATED, ANY)}
     references = {name: (COLUMNS[name], ANY) for name in wanted}
     return Equations(
         state=state,
@@ -132,8 +135,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     return Equations(
         state=state,
         input=torques | sea,
-        initial=leaves(resting_state(controller.coordination.preload, plant))
-        | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
+        initial=leaves(resting_state(controller.limits.preload, plant)) | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
         next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
         output=output(moved.plant),
         about=(
@@ -187,6 +189,6 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
         about=(
             _facts(describe_parts(parts)) | queue,
             _facts(describe(Exogenous)),
-            {name: (quantity, ANY) for name, quantity in COLUMNS.items()},
+            {name: (quantity, ANY) for name, quantity in loop.quantities.items()},
         ),
     )

@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 from typing import Annotated
 
+from dualwinch.controllers.controller import own_signals
 from dualwinch.controllers.signals import ControllerOutput
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Environment, Plant, PlantState, vehicle_acceleration
-from dualwinch.model.quantity import Quantity, describe, leaves
+from dualwinch.model.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
+from dualwinch.model.tree import describe, leaves
 from dualwinch.model.vehicle import drag, friction, inertia
 
 
@@ -32,17 +35,13 @@ class Row:
     F2_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 2")]
     u: Annotated[Scalar, Quantity("N", "force command before saturation")]
     u_sat: Annotated[Scalar, Quantity("N", "force command within the limits")]
-    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")]
     d_true: Annotated[Scalar, Quantity("m/s^2", "acceleration the nominal model does not explain")]
-    L1: Annotated[Scalar, Quantity("1/s", "observer gain")]
-    Z_a: Annotated[Scalar, Quantity("N s", "state of the anti-saturation system")]
-    s: Annotated[Scalar, Quantity("m", "sliding variable")]
-    tau1: Annotated[Scalar, Quantity("N m", "motor torque command of winch 1")]
-    tau2: Annotated[Scalar, Quantity("N m", "motor torque command of winch 2")]
+    tau_1: Annotated[Scalar, Quantity("N m", "motor torque command of winch 1")]
+    tau_2: Annotated[Scalar, Quantity("N m", "motor torque command of winch 2")]
 
 
 COLUMNS = {leaf.key: leaf.quantity for leaf in describe(Row).values()}
-"""Column name → quantity, in the order of a result file."""
+"""Columns that every result has: name → quantity, in the order of a result file; a controller's own come after."""
 
 
 def row_of(
@@ -50,12 +49,12 @@ def row_of(
     state: PlantState,
     forces: tuple[Scalar, Scalar],
     reference: Setpoint,
-    said: ControllerOutput,
+    output: ControllerOutput,
     environment: Environment,
     plant: Plant,
     nominal: Plant,
-) -> dict[str, Scalar]:
-    """The row of one sample by column name, without what the controller lacks.
+) -> dict[str, tuple[Scalar, Quantity]]:
+    """The row of one sample: column name → value and what it is.
 
     ``d_true`` is the acceleration the nominal model leaves unexplained, given the true tensions: what the observer
     should find. With a perfect nominal model it is the disturbance force over the mass.
@@ -65,10 +64,13 @@ def row_of(
         state: the plant's state.
         forces: tensions in N.
         reference: where the vehicle should be.
-        said: what the controller said.
+        output: what the controller gave.
         environment: what acts on the vehicle from outside.
         plant: the plant.
         nominal: the plant as the controller believes it to be.
+
+    Raises:
+        ConfigurationError: a part of the controller names a signal of its own like a column there is.
     """
     F1, F2 = forces
     acceleration = vehicle_acceleration(state.v, F1 - F2, environment, plant.vehicle)
@@ -83,11 +85,16 @@ def row_of(
         e=state.x - reference.x,
         F1=F1,
         F2=F2,
-        F1_cmd=said.F1_cmd,
-        F2_cmd=said.F2_cmd,
-        **leaves(said.position),
+        F1_cmd=output.winches.F1_cmd,
+        F2_cmd=output.winches.F2_cmd,
+        u=output.position.u,
+        u_sat=output.position.u_sat,
         d_true=acceleration - believed,
-        tau1=said.tau1,
-        tau2=said.tau2,
+        tau_1=output.winches.tau_1,
+        tau_2=output.winches.tau_2,
     )
-    return {key: value for key, value in leaves(row).items() if value is not None}
+    own = own_signals(output)
+    taken = sorted(own.keys() & COLUMNS.keys())
+    if taken:
+        raise ConfigurationError(f"signal '{taken[0]}': the name is taken by a column of every result")
+    return {key: (value, COLUMNS[key]) for key, value in leaves(row).items()} | own

@@ -54,7 +54,7 @@ def lyapunov(certificate: Certificate) -> Figure:
         raise ConfigurationError("V along a run needs at least two samples")
     experiment, t = result.experiment, result["t"]
     width = experiment.duration / INTERVALS
-    law = LAW_NAMES[experiment.controller.kind]
+    law = LAW_NAMES[experiment.controller.law.kind]
     title = f"{law}: the theorem's Lyapunov function"
     words = f"V decreases over {100 * certificate.decreasing:.3g} % of the samples"
     holding = [condition.holds for condition in certificate.conditions]

@@ -46,7 +46,7 @@ def fan_chart(result: EnsembleResult) -> Figure:
     if result.traces is None:
         raise ConfigurationError("a fan chart needs traces of scenarios that ran to their end: there are none")
     experiment = result.ensemble.experiment
-    colour = COLOURS[experiment.controller.kind]
+    colour = COLOURS[experiment.controller.law.kind]
     with house_style():
         figure = new_figure(6.4, *_headings(result))
         error, *ropes = figure.subplots(3, 1, sharex=True, height_ratios=(1.45, 1, 1))
@@ -65,7 +65,7 @@ def _headings(result: EnsembleResult) -> tuple[str, str]:
     ensemble, counts = result.ensemble, result.outcome_counts
     completed = counts.get("completed", 0)
     others = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
-    title = f"{CONTROLLERS[ensemble.experiment.controller.kind]} in the ensemble “{ensemble.name}”"
+    title = f"{CONTROLLERS[ensemble.experiment.controller.law.kind]} in the ensemble “{ensemble.name}”"
     words = f"{completed} scenarios, seed {result.seed}"
     return title, words + (f"; not drawn: {', '.join(others)}" if others else "; every one ran to its end")
 

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dualwinch.controllers.limits import force_limit
 from dualwinch.simulation.plots.motion import length_unit
 from dualwinch.simulation.plots.ropes import KILO, draw_limits
 from dualwinch.simulation.plots.style import (
@@ -38,10 +37,10 @@ def overview(result: Result) -> Figure:
     Raises:
         ConfigurationError: the run keeps no rows.
     """
-    kind = result.experiment.controller.kind
+    kind = result.experiment.controller.law.kind
     ordered({kind: result})
     draw: list[Callable[[Axes, Result], None]] = [_trajectory, _error, _tensions, _force]
-    if np.isfinite(result["d_hat"]).any():
+    if "d_hat" in result.columns:
         draw.append(_disturbance)
     with house_style():
         figure = new_figure(0.75 + 1.45 * len(draw), label(kind, result), scenario(result.experiment).capitalize())
@@ -95,8 +94,8 @@ def _tensions(axes: Axes, result: Result) -> None:
 
 
 def _force(axes: Axes, result: Result) -> None:
-    limits = result.experiment.controller.coordination
-    limit = float(force_limit(limits)) / KILO
+    limits = result.experiment.controller.limits
+    limit = float(limits.force) / KILO
     u, u_sat = result["u"] / KILO, result["u_sat"] / KILO
     axes.plot(*thin(result["t"], u), color=GREY, linestyle="--", linewidth=1.0, label="asked for, $u$")
     axes.plot(*thin(result["t"], u_sat), color=_colour(result), label="given, sat $u$")
@@ -121,4 +120,4 @@ def _disturbance(axes: Axes, result: Result) -> None:
 
 
 def _colour(result: Result) -> str:
-    return COLOURS[result.experiment.controller.kind]
+    return COLOURS[result.experiment.controller.law.kind]

@@ -82,14 +82,14 @@ def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
 
 def draw_limits(axes: Axes, experiment: Experiment) -> None:
     """Draw the limits of the tension commands on an axis in kN."""
-    limits = experiment.controller.coordination
+    limits = experiment.controller.limits
     for limit in (limits.tension_min, limits.tension_max):
         axes.axhline(limit / KILO, color=INK, linestyle=(0, (2, 2)), linewidth=0.8, zorder=1.5)
 
 
 def limit_handle(experiment: Experiment) -> Line2D:
     """Legend entry of the limits."""
-    limits = experiment.controller.coordination
+    limits = experiment.controller.limits
     words = f"limits {limits.tension_min / KILO:g} and {limits.tension_max / KILO:g} kN"
     return Line2D([], [], color=INK, linestyle=(0, (2, 2)), linewidth=0.8, label=words)
 
@@ -150,7 +150,7 @@ def _enlarged_run(axes: Axes, results: Mapping[str, Result], column: str) -> Non
 
 def _extremes(results: Mapping[str, Result], column: str) -> str:
     """Say in words what a line of a few milliseconds cannot show at this width."""
-    limit = next(iter(results.values())).experiment.controller.coordination.tension_max
+    limit = next(iter(results.values())).experiment.controller.limits.tension_max
     drawn = {kind: result for kind, result in results.items() if np.isfinite(result[column]).any()}
     if not drawn:
         return ""

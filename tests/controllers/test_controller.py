@@ -20,8 +20,8 @@ from dualwinch.controllers.laws.pid_cascade import PidCascadeGains
 from dualwinch.controllers.nominal import Nominal, nominal_plant
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import leaves
 from dualwinch.model.reference import Setpoint
+from dualwinch.model.tree import leaves
 from tests.oracle.laws import LAWS, Seen, WinchPid, tension_commands
 from tests.oracle.values import DEFAULTS
 

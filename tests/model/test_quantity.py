@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 import annotated_types as at
 import pytest
 
-from dualwinch.model.quantity import Quantity, behind_number, describe, leaves, numbers, with_leaves
+from dualwinch.model.quantity import Quantity, behind_number
+from dualwinch.model.tree import describe, leaves, numbers, with_leaves
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.config.experiment_file import known_keys, override
+from dualwinch.config.settings import known_keys, override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Coordination

@@ -29,9 +29,9 @@ from dualwinch.model.plant import (
     resting_state,
     tensions,
 )
-from dualwinch.model.quantity import describe, leaves
 from dualwinch.model.reference import Reference, setpoint
 from dualwinch.model.rope import Rope, stiffness, tension
+from dualwinch.model.tree import describe, leaves
 from dualwinch.model.vehicle import Vehicle, drag, friction
 from dualwinch.model.winch import Winch, drum_acceleration
 from dualwinch.simulation.experiment import Simulation

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import simulate as module
 from dualwinch.simulation.paper import case

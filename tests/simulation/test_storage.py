@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dualwinch.model.quantity import describe
+from dualwinch.model.tree import describe
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
@@ -34,7 +34,7 @@ def before_and_after(problem: Problem, verdict: Verdict) -> Figure:
     """
     runs, words = _runs(problem, verdict)
     experiment = problem.experiment
-    limits = experiment.controller.coordination
+    limits = experiment.controller.limits
     with house_style():
         figure = new_figure(6.6, "Before and after", words)
         panels = figure.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1.2, 1.2))

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import describe, nearest
+from dualwinch.model.quantity import nearest
+from dualwinch.model.tree import describe
 from dualwinch.simulation.ensembles.result import METRICS, SMALL_IS_BAD
 from dualwinch.simulation.loop.metrics import Metrics
 

@@ -10,7 +10,7 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.commands.tune import seconds_from
 from dualwinch.config.experiment_file import load
-from dualwinch.model.quantity import leaves
+from dualwinch.model.tree import leaves
 from dualwinch.tuning.study import Progress
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")

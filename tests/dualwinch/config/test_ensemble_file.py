@@ -5,7 +5,7 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, reset
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn

@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.config.experiment_file import known_keys, load, override, parse_assignment, to_toml
+from dualwinch.config.experiment_file import load, to_toml
+from dualwinch.config.settings import known_keys, override
+from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import leaves
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CASES, case
 

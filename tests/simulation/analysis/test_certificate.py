@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import plots
 from dualwinch.simulation.analysis.certificate import Certificate, certify

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.controllers.laws.nftsm import odd_power
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep, describing_gain

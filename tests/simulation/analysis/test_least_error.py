@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.simulation.analysis.least_error import least_mse
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case

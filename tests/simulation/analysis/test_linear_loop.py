@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.loop_cruise import loop_cruise

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.simulation.analysis.required_force import EVERY, required_force, shortfall
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case

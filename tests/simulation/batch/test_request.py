@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch import request
 from dualwinch.simulation.batch.request import check_batch

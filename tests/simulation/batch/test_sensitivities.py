@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.codegen.source.lanes import LANES
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.experiment_file import known_keys, override
+from dualwinch.config.settings import known_keys, override
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import COMPILED, TIMING, Drawn, Ensemble
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of

@@ -5,7 +5,7 @@ import pytest
 
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.portions import BLOCKS

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dualwinch.config.experiment_file import override
+from dualwinch.config.settings import override
 from dualwinch.simulation.exogenous.kept_signals import KeptSignals
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment

@@ -17,9 +17,10 @@ from dualwinch.model.rope import Track
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
-from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
+from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.paper import CONTROLLERS, case
 from dualwinch.simulation.result import Result
 from dualwinch.simulation.simulate import simulate

@@ -1,0 +1,36 @@
+"""No estimator: the position law sees the sensors."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.model.reference import Setpoint
+
+
+@dataclass(frozen=True)
+class Stateless:
+    """State of what remembers nothing."""
+
+
+@dataclass(frozen=True)
+class Unfiltered(Estimator):
+    """Passes the measurement on as it is."""
+
+    kind: ClassVar = "none"
+    label: ClassVar = "no estimator"
+
+    def initial_state(self) -> Stateless:
+        """Nothing."""
+        return Stateless()
+
+    def step(
+        self,
+        state: Stateless,
+        measurement: Measurement,
+        setpoint: Setpoint,
+        context: Context,
+    ) -> tuple[Stateless, Estimate]:
+        """The measurement as it is."""
+        return state, Estimate(**vars(measurement))

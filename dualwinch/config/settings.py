@@ -1,0 +1,87 @@
+"""Values by key, set on an experiment: each of the right type and in its range, or an error that says what is meant."""
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import Leaf, Mark, nearest
+from dualwinch.model.tree import describe, describe_parts, leaves, owners, with_leaves
+from dualwinch.model.validation import validated
+from dualwinch.simulation.experiment import Experiment
+
+
+def known_keys() -> dict[str, Leaf]:
+    """Every configuration key there is, of all registered parts, and what it is."""
+    return describe(Experiment)
+
+
+def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
+    """A copy of an experiment with some values set.
+
+    Args:
+        experiment: where the other values come from.
+        values: dotted key → value, e.g. ``{"plant.vehicle.mass": 1.1e4}``. Another kind of a part, such as
+            ``controller.kind``, comes with its own gains, and with those that both kinds share.
+
+    Raises:
+        ConfigurationError: an unknown key, a value of the wrong type or out of range, or a gain of a part that the
+            experiment does not have.
+    """
+    experiment, idle = with_settings(experiment, values)
+    for key in idle:
+        choice, kinds = owners(Experiment, key)
+        whose = " or ".join(f'"{kind}"' for kind in kinds)
+        raise ConfigurationError(f'{key}: belongs to {choice} = {whose}, here it is "{leaves(experiment)[choice]}"')
+    return experiment
+
+
+def with_settings(
+    experiment: Experiment,
+    values: Mapping[str, Any],
+    located: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
+) -> tuple[Experiment, list[str]]:
+    """A copy of an experiment with some values set, and the keys of parts that it does not have.
+
+    Args:
+        experiment: where the other values come from.
+        values: dotted key → value.
+        located: puts the place of a key before an error.
+
+    Raises:
+        ConfigurationError: an unknown key, or a value of the wrong type or out of range.
+    """
+    checked: dict[str, Any] = {}
+    for describe_those in (describe_choices, describe_parts):  # parts first: they say which gains there are
+        known = describe_those(experiment)
+        for key, value in values.items():
+            if key in known and key not in checked:
+                with located(key):
+                    checked[key] = validated(known[key], value)
+        experiment = with_leaves(experiment, checked)
+    idle = [key for key in values if key not in checked]
+    for key in idle:
+        with located(key):
+            validated(leaf_of(key), values[key])
+    return experiment, idle
+
+
+def describe_choices(experiment: Experiment) -> dict[str, Leaf]:
+    """The keys that choose parts."""
+    return {key: leaf for key, leaf in describe_parts(experiment).items() if Mark.PART in leaf.marks}
+
+
+def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
+    """What a key is, in an experiment or in any.
+
+    Raises:
+        ConfigurationError: it names nothing; the message says what may be meant.
+    """
+    known = known_keys() | (describe_parts(experiment) if experiment else {})
+    if key in known:
+        return known[key]
+    below = [name for name in known if name.startswith(key + ".")]
+    if below:
+        first = ", ".join(name.removeprefix(key + ".") for name in below[:6])
+        raise ConfigurationError(f"{key} is a table; its keys are {first}" + (", ..." if len(below) > 6 else ""))
+    raise ConfigurationError(f"unknown key '{key}'; did you mean '{nearest(key, known)}'?")

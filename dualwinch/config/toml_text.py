@@ -1,0 +1,106 @@
+"""TOML as text: read with errors that name file and line, and written value by value."""
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from dualwinch.model.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a TOML text comes from.
+
+    Attributes:
+        name: what errors call it, such as the file's path.
+        text: the text itself.
+    """
+
+    name: str
+    text: str
+
+    def table(self) -> dict[str, Any]:
+        """The content.
+
+        Raises:
+            ConfigurationError: it is no TOML.
+        """
+        try:
+            return tomllib.loads(self.text)
+        except tomllib.TOMLDecodeError as error:
+            raise ConfigurationError(f"{self.name}: not valid TOML: {error}") from error
+
+    @contextmanager
+    def located(self, key: str) -> Iterator[None]:
+        """Put name and line of a key before the message of a `ConfigurationError`."""
+        try:
+            yield
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{self.name}{_line_of(key, self.text)}: {error}") from error
+
+
+def read_source(path: str | PathLike[str]) -> Source:
+    """The text of a file.
+
+    Raises:
+        ConfigurationError: it cannot be read.
+    """
+    path = Path(path)
+    try:
+        return Source(str(path), path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
+
+
+def flattened(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of nested tables."""
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from flattened(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Key and value of ``key=value``; the value is written as in TOML, words without quotes allowed.
+
+    Raises:
+        ConfigurationError: there is no ``=``.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise ConfigurationError(f"{text!r}: must be key=value, e.g. plant.vehicle.mass=1.1e4")
+    try:
+        parsed = tomllib.loads(f"value = {value.strip()}")
+        return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and abs(value) >= 1e6 and float(f"{value:g}") == value:
+        return f"{value:g}"
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def _line_of(key: str, text: str) -> str:
+    """``:LINE`` of a key in a TOML text, empty where it is written in a way this does not see."""
+    table = ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = re.match(r"\s*\[\s*([\w.\-]+)\s*\]", line)
+        if header:
+            table = header.group(1) + "."
+        name = re.match(r"\s*\"?([\w.\-]+)\"?\s*=", line)
+        if name and table + name.group(1) == key:
+            return f":{number}"
+    return ""

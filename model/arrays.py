@@ -1,0 +1,32 @@
+"""Vectors and matrices in states: taken apart into scalars, and put together again."""
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+
+def is_array(value: Any) -> bool:
+    """Whether a value is a vector or a matrix, of floats or of symbols, and not a scalar."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, (ca.SX, ca.MX, ca.DM)) and value.shape != (1, 1)
+
+
+def elements(value: Any) -> dict[str, Any]:
+    """Name → element of a vector (``0``, ``1``, …) or a matrix (``0.0``, ``0.1``, …), row by row."""
+    rows, columns = (*value.shape, 1)[:2]
+    matrix = value.reshape(rows, columns) if isinstance(value, np.ndarray) else value
+    if columns == 1:
+        return {f"{row}": matrix[row, 0] for row in range(rows)}
+    return {f"{row}.{column}": matrix[row, column] for row in range(rows) for column in range(columns)}
+
+
+def rebuilt(value: Any, element: Callable[[str], Any]) -> Any:
+    """An array of the shape of another, from its elements by name: NumPy's where all are floats, else CasADi's."""
+    found = [element(name) for name in elements(value)]
+    if any(isinstance(item, (ca.SX, ca.MX)) for item in found):
+        rows, columns = (*value.shape, 1)[:2]
+        return ca.reshape(ca.vertcat(*found), columns, rows).T
+    return np.array(found, float).reshape(value.shape)

@@ -1,0 +1,243 @@
+"""Groups of numbers as trees: taken apart into named scalars, described, and put together again from others.
+
+A group is a frozen dataclass, of floats or of CasADi symbols, that may hold further groups and parts (`model.part`).
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from functools import cache
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+import annotated_types as at
+
+from dualwinch.model.arrays import elements, is_array, rebuilt
+from dualwinch.model.part import Choice, Part
+from dualwinch.model.quantity import Key, Leaf, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
+
+Group = TypeVar("Group")
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """A field of a group type below a prefix: where its own key, its group's and its part's keys begin."""
+
+    field: str
+    hint: Any
+    metadata: tuple[Any, ...]
+    default: Any
+    key: str
+    below: str
+    beside: str
+
+    def find(self, kind: type) -> Any:
+        """The first piece of metadata of a type."""
+        return next((item for item in self.metadata if isinstance(item, kind)), None)
+
+    @property
+    def choice(self) -> Choice | None:
+        """The choice, where the field holds a part."""
+        return self.find(Choice)
+
+    @property
+    def choice_key(self) -> str:
+        """Key of the kind of the part it holds."""
+        return self.beside + self.choice.key if self.choice else ""
+
+
+@cache
+def _slots(group: type, prefix: str) -> tuple[_Slot, ...]:
+    hints = get_type_hints(group, include_extras=True)
+    own = f"{prefix}{group.table()}." if issubclass(group, Part) else prefix
+    found = []
+    for field in fields(group):
+        hint, metadata = hints[field.name], ()
+        if get_origin(hint) is Annotated:
+            hint, *metadata = get_args(hint)
+        given = next((item.name for item in metadata if isinstance(item, Key)), None)
+        key = own + field.name if given is None else prefix + given
+        below = f"{prefix}{given or field.name}."
+        found.append(_Slot(field.name, hint, tuple(metadata), field.default, key, below, prefix))
+    return tuple(found)
+
+
+def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
+    """Every scalar below a dataclass type, nested groups and every registered part included, in declaration order.
+
+    Args:
+        group: a dataclass type whose scalar fields are annotated with a `Quantity`.
+        prefix: put before every key.
+
+    Returns:
+        Dotted key → `Leaf`.
+
+    Raises:
+        TypeError: a scalar field has no `Quantity`.
+    """
+    found: dict[str, Leaf] = {}
+    for slot in _slots(group, prefix):
+        if slot.choice:
+            found[slot.choice_key] = _choice_leaf(slot, tuple(slot.choice.registry))
+            for part in slot.choice.registry.values():
+                found |= {key: leaf for key, leaf in describe(part, prefix).items() if key not in found}
+        elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
+            found |= _tied(describe(slot.hint, slot.below), slot)
+        else:
+            found[slot.key] = _leaf(group, slot)
+    return found
+
+
+def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
+    """Every scalar below an instance, by the types of the parts it is made of; keys as in `leaves`.
+
+    Args:
+        group: an instance of a dataclass, whose parts may be of any dataclass type.
+        prefix: put before every key.
+
+    Raises:
+        TypeError: a scalar field has no `Quantity`.
+    """
+    found: dict[str, Leaf] = {}
+    for slot in _slots(type(group), prefix):
+        value = getattr(group, slot.field)
+        if isinstance(value, Part):
+            if slot.choice:
+                choices = dict.fromkeys((*slot.choice.registry, value.kind))
+                found[slot.choice_key] = _choice_leaf(slot, tuple(choices))
+            found |= describe_parts(value, prefix)
+        elif is_dataclass(value):
+            found |= _tied(describe_parts(value, slot.below), slot)
+        elif is_array(value):
+            leaf = _leaf(type(group), slot)
+            found |= {f"{slot.key}.{name}": replace(leaf, key=f"{slot.key}.{name}") for name in elements(value)}
+        else:
+            found[slot.key] = _leaf(type(group), slot)
+    return found
+
+
+def _tied(found: dict[str, Leaf], slot: _Slot) -> dict[str, Leaf]:
+    tied = slot.find(Tied)
+    if tied is None:
+        return found
+    shared = f"{slot.beside}{tied.name}."
+    return {key: replace(leaf, tied=shared + key.removeprefix(slot.below)) for key, leaf in found.items()}
+
+
+@cache
+def _choice_leaf(slot: _Slot, choices: tuple[str, ...]) -> Leaf:
+    return Leaf(slot.choice_key, slot.find(Quantity), str, choices, marks=frozenset({Mark.PART}))
+
+
+@cache
+def _leaf(group: type, slot: _Slot) -> Leaf:
+    quantity = slot.find(Quantity)
+    if quantity is None:
+        raise TypeError(f"{group.__name__}.{slot.field} has no Quantity")
+    optional = type(None) in get_args(slot.hint)
+    options = [option for option in get_args(slot.hint) if option is not type(None)]
+    kind = options[0] if optional else slot.hint
+    choices: tuple[str, ...] = ()
+    if get_origin(kind) is Literal:
+        kind, choices = str, tuple(str(choice) for choice in get_args(kind))
+    return Leaf(
+        key=slot.key,
+        quantity=quantity,
+        kind=kind,
+        choices=choices,
+        optional=optional,
+        constraints=tuple(item for item in slot.metadata if isinstance(item, at.BaseMetadata)),
+        tunable=slot.find(Tunable),
+        ratio=slot.find(TunableRatio),
+        marks=frozenset(item for item in slot.metadata if isinstance(item, Mark)),
+        default=None if slot.default is MISSING else slot.default,
+    )
+
+
+def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, Any]:
+    """Take a dataclass apart into its scalars; vectors and matrices into their elements.
+
+    Args:
+        group: an instance of a (nested) dataclass.
+        prefix: put before every key, with its dot, e.g. ``"plant."``.
+        whole: leave arrays in one piece, such as signals over the time.
+
+    Returns:
+        Dotted key → value, in declaration order; the kind of a part among them.
+    """
+    found: dict[str, Any] = {}
+    for slot in _slots(type(group), prefix):
+        value = getattr(group, slot.field)
+        if isinstance(value, Part):
+            if slot.choice:
+                found[slot.choice_key] = value.kind
+            found |= leaves(value, prefix, whole=whole)
+        elif is_dataclass(value):
+            found |= leaves(value, slot.below, whole=whole)
+        elif is_array(value) and not whole:
+            found |= {f"{slot.key}.{name}": element for name, element in elements(value).items()}
+        else:
+            found[slot.key] = value
+    return found
+
+
+def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Group:
+    """A copy of a dataclass with some of its scalars replaced.
+
+    Another kind of a part is that part with its own defaults, and with what it shares with the one before.
+
+    Args:
+        group: an instance of a (nested) dataclass.
+        values: dotted key → new value; keys that name nothing here are ignored.
+        prefix: what the keys of this group begin with, e.g. ``"plant."``.
+
+    Raises:
+        ConfigurationError: a part of an unknown kind.
+    """
+    changes: dict[str, Any] = {}
+    for slot in _slots(type(group), prefix):
+        value = getattr(group, slot.field)
+        if isinstance(value, Part):
+            kind = values.get(slot.choice_key, value.kind)
+            if slot.choice and kind != value.kind:
+                value = with_leaves(slot.choice.registry.find(kind)(), leaves(value, prefix), prefix)
+            changes[slot.field] = with_leaves(value, values, prefix)
+        elif is_dataclass(value):
+            changes[slot.field] = with_leaves(value, values, slot.below)
+        elif is_array(value):
+            kept = {f"{slot.key}.{name}": element for name, element in elements(value).items()}
+            changes[slot.field] = rebuilt(value, lambda name, key=slot.key, kept=kept: (kept | values)[f"{key}.{name}"])
+        elif slot.key in values:
+            changes[slot.field] = values[slot.key]
+    return replace(group, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...]]:
+    """Whose a key is: the key that chooses among parts below a group type, and the registered kinds that have it."""
+    for slot in _slots(group, prefix):
+        found = "", ()
+        if slot.choice:
+            kinds = slot.choice.registry.items()
+            found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, prefix))
+        elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
+            found = owners(slot.hint, key, slot.below)
+        if found[1]:
+            return found
+    return "", ()
+
+
+def numbers(group: Any, prefix: str = "") -> dict[str, Any]:
+    """The scalars of a group that are numbers at run time: what a compiled function takes as parameters."""
+    known = describe_parts(group, prefix)
+    return {key: value for key, value in leaves(group, prefix).items() if known[key].is_number and value is not None}
+
+
+def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
+    """Every rule between values below a group: what the keys of its fields begin with, the group it is of, the rule."""
+    own = f"{prefix}{group.table()}." if isinstance(group, Part) else prefix
+    for rule in getattr(group, "rules", ()):
+        yield own, group, rule
+    for slot in _slots(type(group), prefix):
+        value = getattr(group, slot.field)
+        if isinstance(value, Part):
+            yield from rules(value, prefix)
+        elif is_dataclass(value):
+            yield from rules(value, slot.below)

@@ -1,0 +1,45 @@
+"""Values and rules of a group of numbers, checked: errors name the key and what is allowed."""
+
+from typing import Any
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import Leaf
+from dualwinch.model.tree import describe_parts, leaves, rules
+
+
+def shown(value: Any) -> str:
+    """A value as an error shows it: as TOML writes it, and never longer than a line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    try:
+        text = f'"{value}"' if isinstance(value, str) else repr(value)
+    except ValueError:  # a whole number of more digits than Python prints
+        text = "a number too large to show"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def validated(leaf: Leaf, value: Any) -> Any:
+    """The value of a leaf, of the leaf's type.
+
+    Raises:
+        ConfigurationError: it is of another type or out of range.
+    """
+    if not leaf.admits(value):
+        raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}")
+    return float(value) if leaf.kind is float and value is not None else value
+
+
+def check_values(group: Any, prefix: str = "") -> None:
+    """Raise `ConfigurationError` where a value of a group is of the wrong type or out of its range."""
+    known = describe_parts(group, prefix)
+    for key, value in leaves(group, prefix).items():
+        if not known[key].admits(value):
+            raise ConfigurationError(f"{key} = {shown(value)}: must be {known[key].wanted}")
+
+
+def check_rules(group: Any, prefix: str = "") -> None:
+    """Raise `ConfigurationError` where values of a group do not go together."""
+    for table, owner, rule in rules(group, prefix):
+        if not rule.holds(owner):
+            blamed = getattr(owner, rule.fields[0])
+            raise ConfigurationError(f"{table}{rule.fields[0]} = {blamed:g}: {rule.wanted(owner, table)}")
