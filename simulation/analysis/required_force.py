@@ -15,7 +15,6 @@ from dualwinch.model.vehicle import Vehicle, inertia
 from dualwinch.model.winch import drum_acceleration
 from dualwinch.simulation.exogenous.signals import sea_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import DISTURBANCE_NUMBERS
 
 Floats = NDArray[np.float64]
 
@@ -70,16 +69,17 @@ def shortfall(experiment: Experiment) -> float:
 
 def force_parameters(experiment: Experiment) -> Floats:
     """The parameters of `force_law`: the simulated plant's, and the vortices'."""
-    disturbance = [float(getattr(experiment.disturbance, key)) for key in DISTURBANCE_NUMBERS]
-    return np.array([*numbers(experiment.plant).values(), *disturbance])
+    values = [*numbers(experiment.plant).values(), *numbers(experiment.disturbance).values()]
+    return np.array(values, float)
 
 
 @cache
 def force_law() -> ca.Function:
     """``force(outside, parameters)`` of time, position, speed, acceleration, current and change of the rail load."""
     plant, p = symbolic_plant(rope_slack=True)
-    switches, outside = ca.SX.sym("switches", len(DISTURBANCE_NUMBERS)), ca.SX.sym("outside", 6)
-    disturbance = with_leaves(Disturbance(), dict(zip(DISTURBANCE_NUMBERS, ca.vertsplit(switches), strict=True)))
+    vortices, outside = numbers(Disturbance()), ca.SX.sym("outside", 6)
+    switches = ca.SX.sym("switches", len(vortices))
+    disturbance = with_leaves(Disturbance(), dict(zip(vortices, ca.vertsplit(switches), strict=True)))
     t, x, v, a, current, load = ca.vertsplit(outside)
     vehicle = plant.vehicle
     vortex = vortex_force(t, v, _phase(x, disturbance, vehicle), disturbance, vehicle)
