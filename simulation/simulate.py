@@ -13,7 +13,6 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import EngineName, engine
 from dualwinch.simulation.loop.metrics import metrics_of
-from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.result import Result
 
@@ -49,10 +48,10 @@ def simulate(
         DualwinchError: no compiler, or no usable cache folder.
     """
     check(experiment)
-    check_memory(experiment.samples, stride, len(COLUMNS))
     values = parameters_of(experiment, nominal)
     structure = structure_of(experiment)
     loop = closed_loop(structure, zeros_of(structure, values))
+    check_memory(experiment.samples, stride, len(loop.columns))
     run = engine(loop, engine_name)
     parameters = loop.vector(values)
     state = np.array(list(initial_state_of(experiment).values()))
@@ -76,4 +75,5 @@ def simulate(
         end_time=done * experiment.simulation.sample_time,
         final_state=final,
         experiment=experiment,
+        quantities=loop.quantities,
     )

@@ -10,8 +10,7 @@ import numpy as np
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.loop.row import COLUMNS
-from dualwinch.simulation.result import UNITS, Result
+from dualwinch.simulation.result import Result
 
 
 def save(result: Result, path: Path, notes: Mapping[str, str] | None = None) -> None:
@@ -62,9 +61,9 @@ def _table(result: Result) -> Any:
 
     fields = [
         pa.field(name, pa.float64(), metadata={"unit": quantity.unit, "meaning": quantity.meaning})
-        for name, quantity in COLUMNS.items()
+        for name, quantity in result.quantities.items()
     ]
-    return pa.table([result.columns[name] for name in COLUMNS], schema=pa.schema(fields))
+    return pa.table([result.columns[name] for name in result.quantities], schema=pa.schema(fields))
 
 
 def _write_csv(result: Result, path: Path, notes: dict[str, str]) -> None:  # noqa: ARG001
@@ -79,7 +78,7 @@ def _write_csv(result: Result, path: Path, notes: dict[str, str]) -> None:  # no
 def _csv_metadata(result: Result, name: str, notes: dict[str, str]) -> dict[str, Any]:
     columns = [
         {"name": column, "titles": quantity.meaning, "datatype": "double", "dualwinch:unit": quantity.unit}
-        for column, quantity in COLUMNS.items()
+        for column, quantity in result.quantities.items()
     ]
     return {
         "@context": "http://www.w3.org/ns/csvw",
@@ -99,7 +98,7 @@ def _write_parquet(result: Result, path: Path, notes: dict[str, str]) -> None:
 
 def _write_npz(result: Result, path: Path, notes: dict[str, str]) -> None:
     facts = {key: np.array(_text(value)) for key, value in _facts(result, notes).items()}
-    arrays = {**result.columns, "units": np.array(json.dumps(UNITS)), **facts}
+    arrays = {**result.columns, "units": np.array(json.dumps(result.units)), **facts}
     np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
 
 
@@ -107,7 +106,7 @@ def _write_mat(result: Result, path: Path, notes: dict[str, str]) -> None:
     from scipy.io import savemat
 
     facts = _facts(result, notes) | {"metrics": asdict(result.metrics)}
-    savemat(path, {**result.columns, "units": UNITS, **facts}, oned_as="column", do_compression=True)
+    savemat(path, {**result.columns, "units": result.units, **facts}, oned_as="column", do_compression=True)
 
 
 def _text(value: Any) -> str:

@@ -8,7 +8,7 @@ from itertools import product
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import with_leaves
+from dualwinch.model.tree import describe_parts, with_leaves
 from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
@@ -98,7 +98,9 @@ class Problem:
     @property
     def paper_point(self) -> Point:
         """The paper's gains, as near as the space allows."""
-        return self.space.nearest(self.space.start(self.paper_experiment))
+        defaults = {key: leaf.default for key, leaf in describe_parts(self.experiment).items() if leaf.tunable}
+        known = {key: value for key, value in defaults.items() if value is not None}
+        return self.space.nearest(self.space.start(with_leaves(self.experiment, known)))
 
     @cached_property
     def paper_experiment(self) -> Experiment:

@@ -29,9 +29,6 @@ WILD = 20_000
 VARIANTS = (("lowpass", False), ("kalman", False), ("kalman", True))
 """Estimator, and whether the parameters are constants, that the position laws are measured with."""
 
-COLUMN = {"tau_1": "tau1", "tau_2": "tau2"}
-"""Outputs whose column in a result has another name."""
-
 
 def recorded(result: Result, controller: Block) -> NDArray[np.float32]:
     """The controller's inputs (samples, inputs) in a run."""
@@ -123,7 +120,7 @@ def _accuracy(
         "|---|---|--:|--:|--:|",
     ]
     for place, variable in enumerate(controller.outputs):
-        exact = result.columns.get(COLUMN.get(variable.name, variable.name))
+        exact = result.columns.get(variable.name)
         if exact is None:
             continue
         emulated = [got.outputs[: len(run), place].astype(float) for got in measurements]

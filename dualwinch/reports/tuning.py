@@ -124,7 +124,12 @@ def _bounds(problem: Problem, verdict: Verdict) -> list[dict[str, Any]]:
 def _gains(problem: Problem, verdict: Verdict) -> list[dict[str, Any]]:
     theirs, ours = leaves(problem.paper_experiment), problem.space.settings(verdict.best.point)
     return [
-        {"key": key, "best": number_text(ours[key]), "paper": number_text(theirs[key]), "searched": dimension.allowed}
+        {
+            "key": key,
+            "best": number_text(ours[key]),
+            "paper": number_text(theirs[key]) if key in theirs else "–",
+            "searched": dimension.allowed,
+        }
         for dimension in problem.space.dimensions
         for key in dimension.keys
     ]

@@ -24,7 +24,7 @@ def test_float_controller_on_a_microcontroller_is_the_hosts_and_affordable(board
     package = c_package(controller, NAME, ABOUT, "float")
     got = measure(board, package, NAME, inputs, len(controller.outputs), freeze=False)
     names = [variable.name for variable in controller.outputs]
-    for name, column, band in (("tau_1", "tau1", 0.02), ("u_sat", "u_sat", 0.3), ("d_hat", "d_hat", 3e-5)):
+    for name, column, band in (("tau_1", "tau_1", 0.02), ("u_sat", "u_sat", 0.3), ("d_hat", "d_hat", 3e-5)):
         difference = np.abs(got.outputs[: len(run), names.index(name)] - result.columns[column])
         assert 0 < difference.max() < band
     assert np.isfinite(got.outputs).all()

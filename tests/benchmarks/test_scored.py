@@ -6,6 +6,7 @@ from benchmarks.document import times
 from benchmarks.left_out import COMPENSATION, LEFT_OUT, RAMP
 from benchmarks.scored import Point, Score
 from benchmarks.traded import front
+from dualwinch.model.tree import leaves
 
 SCORE = Score(
     paper=Point("paper", 60.0, mse=1e-7, within_reach=5e-8, median=4e-8, largest=6100.0, smallest=0.0, slack="9 of 9"),
@@ -46,6 +47,7 @@ def test_the_front_shows_both_means_the_paper_and_the_bounds() -> None:
 def test_what_is_left_out_is_zero_and_not_searched() -> None:
     both = LEFT_OUT["both"]()
     assert not {RAMP, COMPENSATION} & set(both.space.names)
-    assert both.experiment.controller.kalman.ramp == both.experiment.controller.kalman.compensation == 0
-    assert LEFT_OUT["the ropes' calibration"]().experiment.controller.estimator == "kalman"
+    values = leaves(both.experiment)
+    assert values[RAMP] == values[COMPENSATION] == 0
+    assert LEFT_OUT["the ropes' calibration"]().experiment.controller.estimator.kind == "kalman"
     assert {RAMP, COMPENSATION} <= set(LEFT_OUT["nothing"]().space.names)

@@ -18,7 +18,7 @@ Column = NDArray[np.float64]
 
 COLUMNS = (
     *("t", "x", "v", "theta_1", "omega_1", "theta_2", "omega_2", "x_ref", "v_ref", "a_ref", "e", "F1", "F2"),
-    *("F1_cmd", "F2_cmd", "u", "u_sat", "d_hat", "L1", "Z_a", "s", "tau1", "tau2"),
+    *("F1_cmd", "F2_cmd", "u", "u_sat", "d_hat", "L1", "Z_a", "s", "tau_1", "tau_2"),
 )
 
 
@@ -107,9 +107,9 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
         )
         said = law.step(seen)
         F1_cmd, F2_cmd = tension_commands(said.u_sat, preload, lower, upper)
-        tau1 = winch_1.step(F1_cmd, seen.F1, a_ref / plant.winch_1.drum_radius)
-        tau2 = winch_2.step(F2_cmd, seen.F2, -a_ref / plant.winch_2.drum_radius)
-        queue.append((tau1, tau2))
+        tau_1 = winch_1.step(F1_cmd, seen.F1, a_ref / plant.winch_1.drum_radius)
+        tau_2 = winch_2.step(F2_cmd, seen.F2, -a_ref / plant.winch_2.drum_radius)
+        queue.append((tau_1, tau_2))
         rows.append(
             (
                 *(
@@ -127,7 +127,7 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
                     F1,
                     F2,
                 ),
-                *(F1_cmd, F2_cmd, said.u, said.u_sat, said.d_hat, said.L1, said.Z_a, said.s, tau1, tau2),
+                *(F1_cmd, F2_cmd, said.u, said.u_sat, said.d_hat, said.L1, said.Z_a, said.s, tau_1, tau_2),
             )
         )
         held = Held(*queue.popleft(), current=signal("current", k), load=signal("load", k))

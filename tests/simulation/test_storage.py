@@ -8,17 +8,25 @@ import pytest
 from scipy.io import loadmat
 
 from dualwinch.config.settings import override
+from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import UNITS, Result
+from dualwinch.simulation.result import Result
 from dualwinch.simulation.simulate import simulate
 from dualwinch.simulation.storage import save
 
 NAMES = [
     *("t", "x", "v", "theta_1", "omega_1", "theta_2", "omega_2", "x_ref", "v_ref", "a_ref", "e", "F1", "F2"),
-    *("F1_cmd", "F2_cmd", "u", "u_sat", "d_hat", "d_true", "L1", "Z_a", "s", "tau1", "tau2"),
+    *("F1_cmd", "F2_cmd", "u", "u_sat", "d_true", "tau_1", "tau_2"),
 ]
+OWN = {
+    "fando-nftsm": ["Z_a", "s", "d_hat", "L1"],
+    "nftsm": ["Z_a", "s"],
+    "pid-cascade": [],
+    "super-twisting": ["Z_a", "s"],
+    "adrc": ["d_hat"],
+}
 
 
 @pytest.fixture(scope="module")
@@ -26,17 +34,19 @@ def pid() -> Result:
     return simulate(override(case(4, "pid-cascade"), {"simulation.duration": 0.5}))
 
 
-def test_columns_are_the_contract() -> None:
+@pytest.mark.parametrize("kind", POSITION_LAWS)
+def test_columns_are_the_contract(kind: str) -> None:
+    result = simulate(override(case(4, kind), {"simulation.duration": 0.01}))
     assert list(COLUMNS) == NAMES
+    assert list(result.columns) == list(result.quantities) == [*NAMES, *OWN[kind]]
 
 
-def test_csv_keeps_every_bit_and_leaves_missing_signals_empty(pid: Result, tmp_path: Path) -> None:
+def test_csv_keeps_every_bit(pid: Result, tmp_path: Path) -> None:
     save(pid, tmp_path / "run.csv")
     with (tmp_path / "run.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == NAMES
     assert len(rows) == 500
-    assert {row["d_hat"] for row in rows} == {""}
     assert [float(row["F1"]) for row in rows] == pid["F1"].tolist()
 
 
@@ -44,7 +54,7 @@ def test_units_of_csv_stand_beside_it(pid: Result, tmp_path: Path) -> None:
     save(pid, tmp_path / "run.csv", {"configuration": "x = 1"})
     facts = json.loads((tmp_path / "run.csv-metadata.json").read_text())
     assert facts["url"] == "run.csv"
-    assert {column["name"]: column["dualwinch:unit"] for column in facts["tableSchema"]["columns"]} == UNITS
+    assert {column["name"]: column["dualwinch:unit"] for column in facts["tableSchema"]["columns"]} == pid.units
     assert facts["dualwinch:configuration"] == "x = 1"
     assert facts["dualwinch:metrics"]["mse"] == pid.metrics.mse
 
@@ -53,16 +63,15 @@ def test_parquet_carries_units_and_facts(pid: Result, tmp_path: Path) -> None:
     save(pid, tmp_path / "run.parquet")
     table = pq.read_table(tmp_path / "run.parquet")
     assert table.column_names == NAMES
-    assert {field.name: field.metadata[b"unit"].decode() for field in table.schema} == UNITS
+    assert {field.name: field.metadata[b"unit"].decode() for field in table.schema} == pid.units
     assert table.schema.metadata[b"dualwinch.outcome"] == b"completed"
     np.testing.assert_array_equal(table["F2"].to_numpy(), pid["F2"])
-    assert np.isnan(table["L1"].to_numpy()).all()
 
 
 def test_npz_carries_units(pid: Result, tmp_path: Path) -> None:
     save(pid, tmp_path / "run.npz")
     with np.load(tmp_path / "run.npz") as data:
-        assert json.loads(str(data["units"])) == UNITS
+        assert json.loads(str(data["units"])) == pid.units
         np.testing.assert_array_equal(data["x"], pid["x"])
 
 

@@ -14,11 +14,11 @@ from dualwinch.model.tree import describe, leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.space import Interval, Pairs, Space
-from dualwinch.tuning.space_entries import POWER, entry_from, space_of
+from dualwinch.tuning.space_entries import entry_from, space_of
 from dualwinch.tuning.space_record import space_from, space_to_record
 from tests.tuning.conftest import MakeProblem
 
-BETA = "controller.nftsm.beta"
+BETA, POWER = "controller.nftsm.beta", "controller.nftsm.p/q"
 
 
 def space(*texts: str, kind: str = "fando-nftsm") -> Space:

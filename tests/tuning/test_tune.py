@@ -5,6 +5,7 @@ from itertools import pairwise
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.tree import leaves
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, importances, parallel_coordinates
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
@@ -21,7 +22,7 @@ def tuned(make_problem: MakeProblem) -> Tuned:
 def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tuned) -> None:
     assert [one.number for one in tuned.trials] == list(range(60))
     settings = tuned.problem.space.settings(tuned.verdict.best.point)
-    assert tuned.best.controller.nftsm.beta == settings["controller.nftsm.beta"]
+    assert leaves(tuned.best)["controller.nftsm.beta"] == settings["controller.nftsm.beta"]
     assert tuned.verdict.held_out
     assert tuned.verdict.held_out.scenarios == 6
 

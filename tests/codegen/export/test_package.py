@@ -106,7 +106,7 @@ def test_random_states_give_what_the_interpreter_gives(hosts, what: str, freeze:
 def test_single_precision_stays_within_its_band_over_case_4(hosts) -> None:
     result, made = simulate(case(4)), of("controller")
     outputs = hosts("controller", "float").run(recorded(result, made))
-    for name, column, band in (("tau_1", "tau1", 0.02), ("u_sat", "u_sat", 0.3), ("d_hat", "d_hat", 3e-5)):
+    for name, column, band in (("tau_1", "tau_1", 0.02), ("u_sat", "u_sat", 0.3), ("d_hat", "d_hat", 3e-5)):
         worst = np.abs(outputs[:, place(made, "outputs", name)] - result.columns[column]).max()
         assert 0 < worst < band
 

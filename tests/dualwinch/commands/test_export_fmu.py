@@ -62,7 +62,7 @@ def test_plant_and_controller_together_are_the_closed_loop(
         x.append(sensed[0])
         tau_1.append(torques[0])
     assert np.abs(np.array(x) - expected["x"]).max() < 1e-9
-    assert np.abs(np.array(tau_1) - expected["tau1"]).max() < 1e-6
+    assert np.abs(np.array(tau_1) - expected["tau_1"]).max() < 1e-6
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -92,7 +92,7 @@ def test_closed_loop_says_what_a_run_says(version: int, exported: Exported, pape
         loop.step()
         # at the end of the step: motion is that of the next sample, what answers the reference that of this one
         assert loop.get("x", "F1", "t") == pytest.approx([expected[name][sample + 1] for name in ("x", "F1", "t")])
-        assert loop.get("e", "tau1") == pytest.approx([expected[name][sample] for name in ("e", "tau1")])
+        assert loop.get("e", "tau_1") == pytest.approx([expected[name][sample] for name in ("e", "tau_1")])
 
 
 @pytest.mark.parametrize("version", [2, 3])

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.coordinations.differential_tension import tension_commands
-from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.operating_point import operating_point, operating_points
@@ -79,7 +79,7 @@ def test_the_residual_sees_a_wrong_state(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @given(net=st.floats(-5800, 5800), preload=st.floats(401, 11999))
 def test_tensions_are_shared_as_the_controller_shares_them(net: float, preload: float) -> None:
-    expected = tension_commands(net, Coordination(preload=preload))
+    expected = tension_commands(net, Limits(preload=preload))
     found = [float(force) for force in shared_tensions(net, preload, 200.0, 6000.0)]
     assert found == pytest.approx(expected, abs=1e-9)
 

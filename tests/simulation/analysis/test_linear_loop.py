@@ -90,8 +90,8 @@ def test_position_follows_its_reference_and_a_winch_at_its_limit_holds_its_torqu
     slow, fast = (linear_closed_loop(PAPER, 25.0, v) for v in (0.5, 1.8))
     gain = slow.C @ np.linalg.solve(np.eye(len(slow.states)) - slow.A, slow.B) + slow.D
     assert gain[slow.outputs.index("x"), slow.inputs.index("x_ref")] == pytest.approx(1)
-    assert not fast.C[fast.outputs.index("tau2")].any()
-    assert slow.C[slow.outputs.index("tau2")].any()
+    assert not fast.C[fast.outputs.index("tau_2")].any()
+    assert slow.C[slow.outputs.index("tau_2")].any()
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from dualwinch.simulation.batch import request
 from dualwinch.simulation.batch.request import check_batch
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
 
 COORDINATION = "controller.coordination."
@@ -42,19 +43,11 @@ COORDINATION = "controller.coordination."
     ],
 )
 def test_a_row_out_of_range_is_refused(names: list[str], row: list[float], message: str) -> None:
-    values = np.array([[getattr_path(case(4), name) for name in names]] * 5)
+    values = np.array([[parameters_of(case(4))[name] for name in names]] * 5)
     check_batch(names, values, [case(4)])
     values[3] = row
     with pytest.raises(ConfigurationError, match=rf"^parameters\[3\]: .*{message}"):
         check_batch(names, values, [case(4)])
-
-
-def getattr_path(experiment: Experiment, key: str) -> float:
-    value: object = experiment
-    for name in key.replace("nominal.", "plant.").split("."):
-        value = getattr(value, name)
-    assert isinstance(value, int | float)
-    return float(value)
 
 
 def test_rows_must_fit_every_scenario() -> None:

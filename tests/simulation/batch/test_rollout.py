@@ -7,6 +7,8 @@ import pytest
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
 from dualwinch.simulation.experiment import Experiment
@@ -124,7 +126,7 @@ def test_wrong_input_is_named(names: list[str], shape: tuple[int, int], message:
 
 
 def test_scenarios_must_go_together() -> None:
-    other = replace(scenario(4), controller=replace(scenario(4).controller, kind="nftsm"))
+    other = replace(scenario(4), controller=Controller(law=Nftsm()))
     with pytest.raises(ConfigurationError, match=r"scenarios\[1\]"):
         rollout(NAMES, GAINS, [scenario(4), other])
     with pytest.raises(ConfigurationError, match="at least one"):

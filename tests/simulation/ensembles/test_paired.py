@@ -7,6 +7,10 @@ from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.estimators.kalman import Kalman
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import NftsmGains
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.portions import BLOCKS
 from dualwinch.simulation.ensembles import paired_run
@@ -24,7 +28,7 @@ def sea() -> Ensemble:
 
 
 def stronger() -> Controller:
-    return replace(paper_controller(), estimator="kalman", coordination=replace(Controller().coordination, preload=3e3))
+    return replace(paper_controller(), estimator=Kalman(), limits=Limits(preload=3e3))
 
 
 def test_each_controller_meets_the_ensemble_as_if_alone(sea: Ensemble) -> None:
@@ -117,7 +121,7 @@ def test_what_cannot_be_compared_is_refused(sea: Ensemble) -> None:
     drawn = Drawn(Uniform(1.0, 2.0), relative=True)
     with pytest.raises(ConfigurationError, match=r"controller\.observer\.l0: is drawn"):
         compare({"a": Controller()}, replace(sea, distributions={"controller.observer.l0": drawn}), 1, 0)
-    wrong = replace(Controller(), nftsm=replace(Controller().nftsm, p=4))
+    wrong = Controller(law=FandoNftsm(nftsm=NftsmGains(p=4)))
     with pytest.raises(ConfigurationError, match=r"a: controller\.nftsm\.p = 4: must be odd"):
         compare({"a": wrong}, sea, 1, 0)
     for scenarios, seed in ((0, 0), (1, -1)):

@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 
 from dualwinch.config.settings import override
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.simulation.exogenous.kept_signals import KeptSignals
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
@@ -17,7 +19,7 @@ def test_signals_are_kept_for_all_controllers_of_a_scenario() -> None:
     signals = KeptSignals(10, 10**9)
     first = signals(scenario(1))
     assert np.array_equal(first, exogenous_signals(scenario(1)))
-    assert signals(replace(scenario(1), controller=replace(scenario(1).controller, kind="nftsm"))) is first
+    assert signals(replace(scenario(1), controller=Controller(law=Nftsm()))) is first
     assert signals(scenario(2)) is not first
 
 

@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.estimators.low_pass import LowPass
+from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.vehicle import Vehicle
@@ -93,7 +95,7 @@ def test_a_torque_reaches_the_motor_late(delay: int) -> None:
 
 
 def test_the_speed_filter_delays_what_the_controller_sees() -> None:
-    slow = replace(case(4, "nftsm"), simulation=SHORT, controller=Controller("nftsm", speed_filter_time=0.05))
+    slow = replace(case(4, "nftsm"), simulation=SHORT, controller=Controller(law=Nftsm(), estimator=LowPass(0.05)))
     result = simulate(slow)
     filtered, v = 0.0, []
     for speed in result["v"]:

@@ -50,8 +50,8 @@ def test_an_evaluation_is_that_of_the_tuned_experiments(make_problem: MakeProble
 
 def test_the_paper_is_compared_without_estimator_and_constraints_hold_for_it(make_problem: MakeProblem) -> None:
     problem = make_problem()
-    assert problem.experiment.controller.estimator == "calibrating-kalman"
-    assert problem.paper_experiment.controller.estimator == "none"
+    assert problem.experiment.controller.estimator.kind == "calibrating-kalman"
+    assert problem.paper_experiment.controller.estimator.kind == "none"
     chatter = problem.paper_result.metrics["chatter"][0, 1]  # the only draw among corners
     assert problem.bounded[0].bound == pytest.approx(chatter)
 
