@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.linear_loop import whole_broken_loop, without_idle_states
 from dualwinch.simulation.analysis.margins import Margins, margins
 from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.experiment import Experiment
@@ -97,7 +97,7 @@ def amplitude_sweep(
         surface = describing_gain(amplitude, ratio, gains.smoothing)
         weights = np.array([1.0, terminal, surface])
         matrices = {name: np.tensordot(weights, part, axes=1) for name, part in parts.items()}
-        system = replace(template, **matrices)
+        system = without_idle_states(replace(template, **matrices))
         points.append(AmplitudePoint(amplitude, terminal, surface, system, margins(system)))
     return points
 
@@ -115,7 +115,7 @@ def _parts(experiment: Experiment, x: float, v: float, cut: str) -> tuple[Linear
     for smoothing in PROBES:
         probed = replace(law, nftsm=replace(gains, smoothing=smoothing))
         controller = replace(experiment.controller, law=probed)
-        systems.append(linear_broken_loop(replace(experiment, controller=controller), x, v, cut))
+        systems.append(whole_broken_loop(replace(experiment, controller=controller), x, v, cut))
     slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
     shares = np.linalg.inv(slopes)
     return systems[0], {

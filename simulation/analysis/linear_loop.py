@@ -62,7 +62,8 @@ def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) 
     rows, columns = [loop.columns.index(name) for name in outputs], [loop.exogenous.index(name) for name in INPUTS]
     matrices = (A.full(), B.full()[:, columns], C.full()[rows], D.full()[np.ix_(rows, columns)])
     units = {name: loop.quantities[name].unit for name in outputs} | dict(INPUTS.values())
-    return _named(cruise, matrices, tuple(name for name, _ in INPUTS.values()), tuple(outputs), units)
+    inputs = tuple(name for name, _ in INPUTS.values())
+    return without_idle_states(_named(cruise, matrices, inputs, tuple(outputs), units))
 
 
 def linear_broken_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0, cut: str = "u") -> LinearSystem:
@@ -79,6 +80,11 @@ def linear_broken_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0, 
     Raises:
         ConfigurationError: another cut, or no steady cruise there.
     """
+    return without_idle_states(whole_broken_loop(experiment, x, v, cut))
+
+
+def whole_broken_loop(experiment: Experiment, x: float, v: float, cut: str) -> LinearSystem:
+    """`linear_broken_loop` with all states, also those that move nothing: the same for all values of the gains."""
     if cut not in CUTS:
         raise ConfigurationError(f"unknown cut '{cut}'; did you mean '{nearest(cut, CUTS)}'?")
     cruise = loop_cruise(experiment, x, v)
@@ -115,30 +121,38 @@ def _named(
     outputs: tuple[str, ...],
     units: dict[str, str],
 ) -> LinearSystem:
-    """A system of the states that matter: something depends on them, and they depend on something."""
-    A, B, C, D = matrices
+    """A system of all states."""
+    names, state_units = state_names(cruise)
+    return LinearSystem(
+        *matrices,
+        cruise.experiment.simulation.sample_time,
+        tuple(names),
+        inputs,
+        outputs,
+        units | state_units,
+        cruise.row | {"preload": cruise.experiment.controller.limits.preload, "residual": cruise.residual},
+    )
+
+
+def without_idle_states(system: LinearSystem) -> LinearSystem:
+    """The system of the states that matter: something depends on them, and they move.
+
+    A state that keeps its value whatever happens, such as an integral whose gain is zero, stays where the cruise has it.
+    """
+    A, B, C = system.A, system.B, system.C
     matters = C.any(axis=0)
     while True:
         grown = matters | A[matters].any(axis=0)
         if (grown == matters).all():
             break
         matters = grown
-    matters &= A.any(axis=1) | B.any(axis=1)
+    moves = A.any(axis=1) & (A != np.eye(len(A))).any(axis=1)
+    matters &= moves | B.any(axis=1)
     kept = np.flatnonzero(matters)
-    names, state_units = state_names(cruise)
-    states = tuple(names[place] for place in kept)
-    return LinearSystem(
-        A[np.ix_(kept, kept)],
-        B[kept],
-        C[:, kept],
-        D,
-        cruise.experiment.simulation.sample_time,
-        states,
-        inputs,
-        outputs,
-        units | {name: state_units[name] for name in states},
-        cruise.row | {"preload": cruise.experiment.controller.limits.preload, "residual": cruise.residual},
-    )
+    states = tuple(system.states[index] for index in kept)
+    idle = set(system.states) - set(states)
+    units = {name: unit for name, unit in system.units.items() if name not in idle - {*system.inputs, *system.outputs}}
+    return replace(system, A=A[np.ix_(kept, kept)], B=B[kept], C=C[:, kept], states=states, units=units)
 
 
 def state_names(cruise: LoopCruise) -> tuple[list[str], dict[str, str]]:

@@ -116,12 +116,14 @@ def _solved(
         residual = float(np.max(np.abs(kept) / np.maximum(np.abs(state[rows]), 1.0)))
         if not np.isfinite(residual):
             break
-        matrix = np.column_stack([slope_state[np.ix_(rows, unknown)], slope_reference[rows, index]])
+        # a state that nothing moves, such as an integral without a gain, is where it began
+        moved = unknown & slope_state[:, rows].any(axis=1)
+        matrix = np.column_stack([slope_state[np.ix_(rows, moved)], slope_reference[rows, index]])
         step = _least_step(matrix, kept)
-        left = float(np.max(np.abs(step) / np.maximum(np.abs([*state[unknown], exogenous[index]]), 1.0)))
+        left = float(np.max(np.abs(step) / np.maximum(np.abs([*state[moved], exogenous[index]]), 1.0)))
         if last < RESIDUAL and residual >= last / 2 and left < STEP:
             break
-        state[unknown] += step[:-1]
+        state[moved] += step[:-1]
         exogenous[index] += step[-1]
     return state, exogenous, residual, left
 
