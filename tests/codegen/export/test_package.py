@@ -16,7 +16,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.export.package import Provenance, c_package, frozen
-from dualwinch.codegen.source.c_body import PRECISIONS
+from dualwinch.codegen.source.precision import PRECISIONS
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
