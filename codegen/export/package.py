@@ -37,10 +37,10 @@ class Provenance:
 
 def frozen(block: Block, names: Collection[str] | None = None) -> Block:
     """The block with parameters as constants: those of the names, by default all (its functions then take none)."""
-    kept = tuple(one for one in block.parameters if names is not None and one.name not in names)
+    kept = tuple(variable for variable in block.parameters if names is not None and variable.name not in names)
     free = ca.SX.sym("parameters", len(kept))
-    symbols = dict(zip((one.name for one in kept), ca.vertsplit(free) if kept else (), strict=True))
-    values = ca.vertcat(*(symbols.get(one.name, one.start) for one in block.parameters))
+    symbols = dict(zip((variable.name for variable in kept), ca.vertsplit(free) if kept else (), strict=True))
+    values = ca.vertcat(*(symbols.get(variable.name, variable.start) for variable in block.parameters))
 
     def bound(function: ca.Function) -> ca.Function:
         names, results = function.name_in(), function.name_out()

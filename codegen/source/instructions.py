@@ -30,13 +30,15 @@ def instructions(function: ca.Function) -> tuple[Instruction, ...]:
     """The instructions of a function in their order.
 
     Raises:
-        CodegenError: it is no function of SX expressions.
+        CodegenError: it is no function of SX expressions, or calls another one.
     """
     if not function.is_a("SXFunction"):
         raise CodegenError(f"{function.name()} is no function of SX expressions; expand() it first")
     found = []
     for index in range(function.n_instructions()):
         operation = function.instruction_id(index)
+        if operation == ca.OP_CALL:
+            raise CodegenError(f"no plain C for {function.name()}: it calls a function that is not inlined")
         read, written = function.instruction_input(index), function.instruction_output(index)
         constant = function.instruction_constant(index) if operation == ca.OP_CONST else 0.0
         found.append(Instruction(operation, tuple(read), tuple(written), constant))
