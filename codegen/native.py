@@ -135,15 +135,15 @@ def compile(function: ca.Function, compiler: Compiler | None = None) -> Compiled
 def _source(function: ca.Function) -> str:
     """C99 translation unit that evaluates a function for a batch, every array column by column."""
     ins, outs = ([f"{word}{k}" for k in range(n)] for word, n in (("in", function.n_in()), ("out", function.n_out())))
-    symbols = [ca.SX.sym(name, *function.size_in(place)) for place, name in enumerate(ins)]
+    symbols = [ca.SX.sym(name, *function.size_in(index)) for index, name in enumerate(ins)]
     try:
         results = [ca.vec(ca.densify(result)) for result in function.expand().call(symbols)]
-        dense = ca.Function("evaluate", [ca.vec(symbol) for symbol in symbols], results, ins, outs, {"cse": True})
-        definition = c_source([dense])
-    except (RuntimeError, CodegenError) as error:
+    except RuntimeError as error:
         raise CodegenError(f"no plain C for {function.name()}: it is no chain of elementary operations") from error
-    arguments = [f"inputs[{place}] + k * steps[{place}]" for place in range(len(ins))]
-    arguments += [f"outputs[{place}] + k * {result.numel()}" for place, result in enumerate(results)]
+    name, given = f"{function.name()}_", [ca.vec(symbol) for symbol in symbols]  # no name of the C library or its own
+    definition = c_source([ca.Function(name, given, results, ins, outs, {"cse": True})])
+    arguments = [f"inputs[{index}] + k * steps[{index}]" for index in range(len(ins))]
+    arguments += [f"outputs[{index}] + k * {result.numel()}" for index, result in enumerate(results)]
     return f"""{definition}
 #include <stdint.h>
 #if defined(_WIN32)
@@ -153,6 +153,6 @@ __attribute__((visibility("default")))
 #endif
 void run(const double *const *inputs, const int64_t *steps, double *const *outputs, int64_t count) {{
   for (int64_t k = 0; k < count; ++k)
-    evaluate({", ".join(arguments)});
+    {name}({", ".join(arguments)});
 }}
 """

@@ -75,10 +75,10 @@ IN_LANES share(const double *restrict line, double *restrict w) {
   for (int i = 0; i < (int)(sizeof read / sizeof *read); ++i) EACH_LANE w[read[i] * LANES + l] = line[read[i]];
 }
 
-/* One sample's signals, of each lane its own; `place` is that of the sample's line in their tables. */
-IN_LANES gather(const double *const *tables, int64_t place, double *restrict w) {
+/* One sample's signals, of each lane its own; `offset` is where the sample's line begins in their tables. */
+IN_LANES gather(const double *const *tables, int64_t offset, double *restrict w) {
   EACH_LANE {
-    const double *line = tables[l] + place;
+    const double *line = tables[l] + offset;
     __builtin_prefetch(line + 16 * EXOGENOUS);
     for (int i = 0; i < EXOGENOUS; ++i) w[i * LANES + l] = line[i];
   }

@@ -1,10 +1,11 @@
 """Many rollouts at once in compiled C: one set of parameters in each vector lane."""
 
 import ctypes
-import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,46 +15,35 @@ from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
-from dualwinch.codegen.source.lanes import DEFINITION, LANES, in_lanes, lane_flags, lane_sizes
+from dualwinch.codegen.source.instructions import elements_read
+from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 
 Floats = NDArray[np.float64]
 
-EXOGENOUS = re.compile(r"\bexogenous\[(\d+)\*LANES")
-"""An element of the exogenous signals that a function in lanes reads."""
-
-PARAMETER = re.compile(r"\bparameters\[(\d+)\*LANES")
-"""A parameter that a function in lanes reads."""
-
 EVERY_SAMPLE = ("sample", "leap")
-"""Functions that are called at every sample."""
-
-
-def _compacted(source: str) -> tuple[str, list[int]]:
-    """The source with ``sample`` and ``leap`` over the parameters they use, without gaps; and which these are.
-
-    What a sample takes lies close together then, and stays in the fastest cache.
-    """
-    definitions = {one.group(1): one.group() for one in DEFINITION.finditer(source) if one.group(1) in EVERY_SAMPLE}
-    used = sorted({int(place) for text in definitions.values() for place in PARAMETER.findall(text)}) or [0]
-    for text in definitions.values():
-        closer = PARAMETER.sub(lambda found: f"parameters[{used.index(int(found.group(1)))}*LANES", text)
-        source = source.replace(text, closer)
-    return source, used
+"""Functions that are called at every sample; they take only the parameters they use, which then lie close together."""
 
 
 def batch_source(system: Sampled, compiler: Compiler) -> str:
     """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
     functions = hoisted_all(system.functions)
-    arrays = {
-        function.name(): {*function.name_in(), *function.name_out()} - {"part"}  # the same in all lanes
+    often = [function for function in functions if function.name() in EVERY_SAMPLE]
+    read, used = _read(functions, "exogenous"), _read(often, "parameters")
+    lanes = {
+        function.name(): Lanes(
+            paired=not compiler.is_clang, shared=("part",), packed={"parameters": used} if function in often else {}
+        )
         for function in functions
     }
-    sizes = system.sizes | lane_sizes(compiler)
-    source, used = _compacted(in_lanes(c_source(functions), arrays, compiler))
-    read = sorted({int(place) for place in EXOGENOUS.findall(source)}) or [0]
     listed = f"#define READ_EXOGENOUS {{{', '.join(map(str, read))}}}\n"
     listed += f"#define USED_PARAMETERS {{{', '.join(map(str, used))}}}\n"
-    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "batch.c")
+    source = c_source(functions, lanes=lanes)
+    return unit(system.sizes | lane_sizes(compiler), functions, "elementary.h", "lanes.h", source, listed, "batch.c")
+
+
+def _read(functions: Iterable[ca.Function], name: str) -> list[int]:
+    """The elements of an input that some functions read; at least one, as C has no empty arrays."""
+    return sorted(set().union(*(elements_read(function, name) for function in functions))) or [0]
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,6 @@ static inline double limited(double value, double lower, double upper) {
   return value > upper ? upper : value;
 }
 
-/* Without a call where numbers need not be finite; y where one is NaN */
-static inline double inline_fmin(double x, double y) { return x < y ? x : y; }
-static inline double inline_fmax(double x, double y) { return x > y ? x : y; }
-
 #define ROUNDER 6755399441055744.0 /* 1.5 * 2^52: adding it rounds to an integer, kept in the low bits */
 
 /* 2^n for an integer n in [-1022, 1023], given as ROUNDER + n */

@@ -11,7 +11,7 @@ from functools import cache
 
 import casadi as ca
 
-from dualwinch.codegen.source.instructions import applied, operands_of
+from dualwinch.codegen.source.instructions import applied, instructions, operands_of
 
 Vertex = Hashable
 
@@ -49,30 +49,30 @@ class LinearisedGraph:
         vertices: dict[int, Vertex | None] = {}
         values: dict[int, ca.SX] = {}
         operands = operands_of(function)
-        for step in range(function.n_instructions()):
-            operation, made_of = function.instruction_id(step), operands.get(step, ())
+        for step, instruction in enumerate(instructions(function)):
+            operation, made_of = instruction.operation, operands.get(step, ())
             if operation == ca.OP_INPUT:
-                vector, element = function.instruction_input(step)
+                vector, element = instruction.read
                 source = names_in[vector], element
                 values[step] = symbols[source[0]][element]
                 vertices[step] = source if source in active else None
                 if source[0] in fixed:
                     self._fixed.add(step)
             elif operation == ca.OP_CONST:
-                values[step], vertices[step] = ca.SX(function.instruction_constant(step)), None
+                values[step], vertices[step] = ca.SX(instruction.constant), None
                 self._fixed.add(step)
             elif operation == ca.OP_OUTPUT:
-                vector, element = function.instruction_output(step)
+                vector, element = instruction.written
                 target, source = (names_out[vector], element), vertices[made_of[0]]
                 if target[0] in outputs and source is not None:
                     self._connect(source, target, ca.SX(1))
             else:
-                given = [values[place] for place in made_of]
+                given = [values[operand] for operand in made_of]
                 values[step], vertices[step] = applied(operation, given), None
                 if self._fixed.issuperset(made_of):
                     self._fixed.add(step)
-                for place, slope in zip(made_of, _partials(operation, len(given)).call(given), strict=True):
-                    source = vertices[place]
+                for operand, slope in zip(made_of, _partials(operation, len(given)).call(given), strict=True):
+                    source = vertices[operand]
                     if source is not None and not slope.is_zero():
                         self._connect(source, step, slope)
                         vertices[step] = step
@@ -140,6 +140,6 @@ class LinearisedGraph:
 @cache
 def _partials(operation: int, count: int) -> ca.Function:
     """The derivatives of an operation by its operands."""
-    operands = [ca.SX.sym(f"operand_{place}") for place in range(count)]
+    operands = [ca.SX.sym(f"operand_{operand}") for operand in range(count)]
     value = applied(operation, operands)
     return ca.Function("partials", operands, [ca.jacobian(value, operand) for operand in operands])

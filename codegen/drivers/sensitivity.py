@@ -16,7 +16,8 @@ from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.hoist import hoisted
-from dualwinch.codegen.source.lanes import LANES, in_lanes, lane_flags, lane_sizes
+from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
+from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ def spreads_of(smooth: Sampled, gains: tuple[int, ...]) -> dict[str, Spread]:
     found = {"SPREAD_SAMPLE": spread(smooth.sample, by_gains, ["discrete", "held"])}
     if smooth.leap:
         still = found["SPREAD_SAMPLE"].still
-        moving = [place for place in range(smooth.leap.size1_in("held")) if ("held", place) not in still]
+        moving = [element for element in range(smooth.leap.size1_in("held")) if ("held", element) not in still]
         between = {"motion": Tangents("motion_tangent"), "held": Tangents("held_tangent", moving)}
         found["SPREAD_LEAP"] = spread(smooth.leap, between, ["next_motion"])
     return found
@@ -57,15 +58,15 @@ def sensitivity_source(
     What slopes take that depends on the parameters alone is left to the caller: long code for once a run.
     """
     run = hoisted_all((system.sample, system.move, *((system.leap,) if system.leap else ())))
-    sloped = [hoisted(one.slopes)[1] for one in spreads.values()]
-    slopes = {one.name(): {*one.name_in(), "slopes"} - {"parameters", "derived"} for one in sloped}
-    tangents = {"along_move": {"motion_tangent", "held_tangent", "next_motion_tangent"}}
-    definitions = in_lanes(c_source([*run, *sloped, _along(smooth.move)]), slopes, compiler)
-    definitions = in_lanes(definitions, tangents, compiler, lanes="DIRECTIONS")
-    products = [f"#define {name} {' '.join(one.statements)}" for name, one in spreads.items()]
+    sloped, along = [hoisted(split.slopes)[1] for split in spreads.values()], _along(smooth.move)
+    paired = not compiler.is_clang
+    lanes = {slopes.name(): Lanes(paired, shared=("parameters", "derived")) for slopes in sloped}
+    lanes[along.name()] = Lanes(paired, shared=smooth.move.name_in(), apart="DIRECTIONS")
+    definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
+    products = [f"#define {name} {' '.join(split.statements)}" for name, split in spreads.items()]
     sizes = system.sizes | lane_sizes(compiler)
     sizes |= {"GAINS": len(gains), "DIRECTIONS": directions_for(gains), "TRACKED": 0}
-    sizes |= {one.name().upper(): one.numel_out("slopes") for one in sloped}
+    sizes |= {slopes.name().upper(): slopes.numel_out("slopes") for slopes in sloped}
     return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
 
 
@@ -149,4 +150,4 @@ def compile_sensitivity(
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer] * 7 + [count, count, pointer, pointer, ctypes.POINTER(count)]
-    return Sensitivity(directions_for(gains), tuple(hoisted(one.slopes)[0] for one in spreads.values()), call)
+    return Sensitivity(directions_for(gains), tuple(hoisted(split.slopes)[0] for split in spreads.values()), call)

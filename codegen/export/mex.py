@@ -36,8 +36,8 @@ def mex_files(
         files |= {file: package[file] for file in (f"{name}.h", f"{name}.c")}
         facts = {"block": block, "name": name, "provenance": provenance}
         files[f"{name}_mex.c"] = environment.get_template("mex.c.j2").render(facts)
-    outputs, commands = _places(plant.outputs), _places(controller.outputs)
-    inputs, drives = _places(controller.inputs), _places(plant.inputs)
+    outputs, commands = _positions(plant.outputs), _positions(controller.outputs)
+    inputs, drives = _positions(controller.inputs), _positions(plant.inputs)
     wanted = [name for name in inputs if name not in outputs]
     facts = {
         "plant": plant,
@@ -56,6 +56,6 @@ def mex_files(
     return files
 
 
-def _places(variables: tuple[Variable, ...]) -> dict[str, int]:
-    """Name → place, counted from one."""
-    return {variable.name: place for place, variable in enumerate(variables, start=1)}
+def _positions(variables: tuple[Variable, ...]) -> dict[str, int]:
+    """Name → position, counted from one."""
+    return {variable.name: position for position, variable in enumerate(variables, start=1)}

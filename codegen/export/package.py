@@ -10,8 +10,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.c_body import PRECISIONS, Precision, c_body, literal, member
+from dualwinch.codegen.export.members import member, of_structures
 from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.codegen.source.operations import Style
+from dualwinch.codegen.source.precision import PRECISIONS, Precision, literal
+from dualwinch.codegen.source.statements import Element, Strand, helpers, statements
 
 WORTHWHILE = 0.25
 """Share of a step's operations that must depend on the parameters alone for a package to keep their results."""
@@ -34,10 +37,10 @@ class Provenance:
 
 def frozen(block: Block, names: Collection[str] | None = None) -> Block:
     """The block with parameters as constants: those of the names, by default all (its functions then take none)."""
-    kept = tuple(one for one in block.parameters if names is not None and one.name not in names)
+    kept = tuple(variable for variable in block.parameters if names is not None and variable.name not in names)
     free = ca.SX.sym("parameters", len(kept))
-    symbols = dict(zip((one.name for one in kept), ca.vertsplit(free) if kept else (), strict=True))
-    values = ca.vertcat(*(symbols.get(one.name, one.start) for one in block.parameters))
+    symbols = dict(zip((variable.name for variable in kept), ca.vertsplit(free) if kept else (), strict=True))
+    values = ca.vertcat(*(symbols.get(variable.name, variable.start) for variable in block.parameters))
 
     def bound(function: ca.Function) -> ca.Function:
         names, results = function.name_in(), function.name_out()
@@ -99,6 +102,7 @@ def c_package(
         "precision": precision,
         "provenance": provenance,
         "bodies": _bodies(written, apart, precision),
+        "helpers": helpers(_functions(written, apart), precision),
         "comment": _comment,
     }
     files = {
@@ -130,20 +134,30 @@ def templates(precision: Precision) -> Environment:
 
 
 def _bodies(block: Block, apart: tuple[ca.Function, ca.Function] | None, precision: Precision) -> dict[str, str]:
-    places = {
+    """The statements of each of a package's functions."""
+    vectors = {
         "state": ("state->", block.states),
         "input": ("input->", block.inputs),
         "parameters": ("parameters->", block.parameters),
         "next_state": ("next->", block.states),
         "output": ("next->output.", block.outputs),
     }
-    bodies = {
-        "step": c_body(apart[1] if apart else block.step, places, precision),
-        "initial": c_body(block.initial, places | {"state": ("next->", block.states)}, precision),
-    }
+    at_start = of_structures(vectors | {"state": ("next->", block.states)})
+    elements = of_structures(vectors)
+
+    def body(function: ca.Function, element: Element = elements) -> str:
+        style = Style(precision, compares=True)
+        return "\n".join(statements(function, style, [Strand(element)])) + "\n"
+
+    bodies = {"step": body(apart[1] if apart else block.step), "initial": body(block.initial, at_start)}
     if apart:
-        bodies["derive"] = c_body(apart[0], places, precision)
-    return bodies | ({"output": c_body(block.output, places, precision)} if block.output else {})
+        bodies["derive"] = body(apart[0])
+    return bodies | ({"output": body(block.output)} if block.output else {})
+
+
+def _functions(block: Block, apart: tuple[ca.Function, ca.Function] | None) -> list[ca.Function]:
+    """What a package evaluates."""
+    return [*(apart or (block.step,)), block.initial, *([block.output] if block.output else [])]
 
 
 def _comment(variable: Variable, *, value: bool = False) -> str:

@@ -57,7 +57,7 @@ def build_fmu(
         CompileError: the compiler fails.
         CacheError: the cache folder cannot be used.
     """
-    compilers = {one: compiler_for(one) for one in platforms}
+    compilers = {platform: compiler_for(platform) for platform in platforms}
     source, token = fmu_source(model)
     describe = fmi2.model_description if model.version == 2 else fmi3.model_description
     name = model.block.name

@@ -47,9 +47,9 @@ def listed(model: FmuModel) -> tuple[Signal, ...]:
 
     Derivatives only with model exchange, and what an integrator keeps for itself only with co-simulation.
     """
-    continuous = {one.state for one in model.of("derivative")}
+    continuous = {signal.state for signal in model.of("derivative")}
     shown = {"derivative": model.flows, "state": model.steps}
-    return tuple(one for one in model.signals if shown.get(one.role, True) or one.reference in continuous)
+    return tuple(signal for signal in model.signals if shown.get(signal.role, True) or signal.reference in continuous)
 
 
 def root(model: FmuModel, about: About, **attributes: str) -> Element:
@@ -71,7 +71,7 @@ def root(model: FmuModel, about: About, **attributes: str) -> Element:
 def add_units(parent: Element, model: FmuModel) -> None:
     """Definitions of every unit, with their base units where FMI can express them."""
     units = SubElement(parent, "UnitDefinitions")
-    for unit in sorted({one.variable.unit for one in listed(model)} - {"1", ""}):
+    for unit in sorted({signal.variable.unit for signal in listed(model)} - {"1", ""}):
         definition = SubElement(units, "Unit", name=unit)
         powers = base_powers(unit)
         if powers is not None:

@@ -35,7 +35,7 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
     description.add_log_category(document)
     description.add_experiment(document, model, about)
     variables = SubElement(document, "ModelVariables")
-    index = {signal.reference: place for place, signal in enumerate(description.listed(model), start=1)}
+    index = {signal.reference: position for position, signal in enumerate(description.listed(model), start=1)}
     for signal in description.listed(model):
         scalar = SubElement(variables, "ScalarVariable", description.variable_attributes(signal))
         attributes = description.value_attributes(signal)
@@ -49,10 +49,10 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
             continue
         unknowns = SubElement(structure, group)
         for signal in model.of(role):
-            known = " ".join(str(index[reference]) for reference in model.dependencies[signal.reference])
-            SubElement(unknowns, "Unknown", index=str(index[signal.reference]), dependencies=known)
+            dependencies = " ".join(str(index[known]) for known in model.dependencies[signal.reference])
+            SubElement(unknowns, "Unknown", index=str(index[signal.reference]), dependencies=dependencies)
     unknowns = SubElement(structure, "InitialUnknowns")
     for reference, knowns in model.initial_unknowns.items():
-        known = " ".join(str(index[one]) for one in knowns)
-        SubElement(unknowns, "Unknown", index=str(index[reference]), dependencies=known)
+        dependencies = " ".join(str(index[known]) for known in knowns)
+        SubElement(unknowns, "Unknown", index=str(index[reference]), dependencies=dependencies)
     return description.text(document)

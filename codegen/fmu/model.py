@@ -18,7 +18,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True)
 class Signal:
-    """One variable of an FMU; its value reference is its place among all.
+    """One variable of an FMU; its value reference is its position among all.
 
     Attributes:
         name: in FMI's structured convention.
@@ -72,16 +72,16 @@ class FmuModel:
             CodegenError: two variables have one name.
         """
         block = self.block
-        state_names = [_structured(f"state.{one.name}") for one in block.states]
+        names = [_structured(f"state.{variable.name}") for variable in block.states]
         first_state = len(block.inputs) + len(block.parameters) + len(block.outputs)
         rows = [
-            *((_structured(one.name), "input", one, None) for one in block.inputs),
-            *((_structured(one.name), "parameter", one, None) for one in block.parameters),
-            *((_structured(one.name), "output", one, None) for one in block.outputs),
-            *((name, "state", one, None) for name, one in zip(state_names, block.states, strict=True)),
+            *((_structured(variable.name), "input", variable, None) for variable in block.inputs),
+            *((_structured(variable.name), "parameter", variable, None) for variable in block.parameters),
+            *((_structured(variable.name), "output", variable, None) for variable in block.outputs),
+            *((name, "state", variable, None) for name, variable in zip(names, block.states, strict=True)),
             *(
-                (f"der({name})", "derivative", _rate(one), first_state + place)
-                for place, (name, one) in enumerate(zip(state_names, block.continuous, strict=False))
+                (f"der({name})", "derivative", _rate(variable), reference)
+                for reference, (name, variable) in enumerate(zip(names, block.continuous, strict=False), first_state)
             ),
             ("time", "time", Variable("time", "s", "time", 0.0), None),
         ]
@@ -89,7 +89,8 @@ class FmuModel:
         if twice:
             raise CodegenError(f"two variables of {block.name} are called {twice[0]}")
         return tuple(
-            Signal(name, role, place, variable, state) for place, (name, role, variable, state) in enumerate(rows)
+            Signal(name, role, reference, variable, state)
+            for reference, (name, role, variable, state) in enumerate(rows)
         )
 
     def of(self, role: str) -> tuple[Signal, ...]:
@@ -103,8 +104,8 @@ class FmuModel:
         inputs, states = self.of("input"), self.of("state") if self.flows else ()
         uses = self.functions
         return {
-            unknown.reference: [one.reference for one, used in zip(inputs, uses.on_input[row], strict=True) if used]
-            + [one.reference for one, used in zip(states, uses.on_state[row], strict=False) if used]
+            unknown.reference: [known.reference for known, used in zip(inputs, uses.on_input[row], strict=True) if used]
+            + [known.reference for known, used in zip(states, uses.on_state[row], strict=False) if used]
             for row, unknown in enumerate(unknowns)
         }
 
@@ -115,13 +116,13 @@ class FmuModel:
         Outputs and, with model exchange, continuous states and their derivatives.
         """
         unknowns = (*self.of("state"), *self.of("derivative"), *self.of("output"))
-        continuous = {one.state for one in self.of("derivative")}
+        continuous = {signal.state for signal in self.of("derivative")}
         knowns = (*self.of("input"), *self.of("parameter"))
-        wanted = {one.reference for one in self.of("output")}
+        wanted = {signal.reference for signal in self.of("output")}
         if self.flows:
-            wanted |= continuous | {one.reference for one in self.of("derivative")}
+            wanted |= continuous | {signal.reference for signal in self.of("derivative")}
         found = {
-            unknown.reference: [one.reference for one, used in zip(knowns, row, strict=True) if used]
+            unknown.reference: [known.reference for known, used in zip(knowns, row, strict=True) if used]
             for unknown, row in zip(unknowns, self.functions.at_start, strict=True)
             if unknown.reference in wanted
         }

@@ -30,8 +30,8 @@ class Platform:
 
 
 PLATFORMS = {
-    one.name: one
-    for one in (
+    supported.name: supported
+    for supported in (
         Platform("linux64", "x86_64-linux", ".so", "x86_64-linux-gnu.2.17", "x86-64"),
         Platform("win64", "x86_64-windows", ".dll", "x86_64-windows-gnu", "x86-64"),
         Platform("darwin64", "x86_64-darwin", ".dylib", "x86_64-macos.11.0-none", "x86-64"),
@@ -44,7 +44,7 @@ PLATFORMS = {
 
 def find_platform(name: str) -> Platform | None:
     """The platform of a name, FMI 2's or FMI 3's; None where there is none."""
-    return next((one for one in PLATFORMS.values() if name in {one.name, one.tuple_}), None)
+    return next((known for known in PLATFORMS.values() if name in {known.name, known.tuple_}), None)
 
 
 def host_platform() -> Platform:

@@ -18,7 +18,7 @@ WRAPPERS = {2: ("core.c", "fmi2.c"), 3: ("core.c", "fmi3.c", "fmi3_lacking.c")}
 def fmu_source(model: FmuModel) -> tuple[str, str]:
     """The C source of an FMU and its token, which the model description repeats."""
     functions = model.functions
-    tangents = [one for one in (functions.start_tangent, functions.now_tangent) if one is not None]
+    tangents = [tangent for tangent in (functions.start_tangent, functions.now_tangent) if tangent is not None]
     body = [
         *_sizes(model),
         *_tables(model),
@@ -33,12 +33,12 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
 
 def _sizes(model: FmuModel) -> list[str]:
     sizes: dict[str, int] = {}
-    place = 0
+    reference = 0
     for role in ROLES:
         count = len(model.of(role))
-        sizes |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": place}
-        place += count
-    sizes |= {"TIME": place, "VARIABLES": place + 1, "HAS_DERIVATIVES": int(bool(model.of("derivative")))}
+        sizes |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": reference}
+        reference += count
+    sizes |= {"TIME": reference, "VARIABLES": reference + 1, "HAS_DERIVATIVES": int(bool(model.of("derivative")))}
     sizes["HAS_HELD"] = int(model.functions.on_input[len(model.of("derivative")) :].any())
     return [
         *(f"#define {name} {size}" for name, size in sizes.items()),
@@ -52,13 +52,13 @@ def _sizes(model: FmuModel) -> list[str]:
 def _tables(model: FmuModel) -> list[str]:
     """Names, start values and ranges of all variables, and which outputs answer an input at once."""
     listed = model.signals
-    nominals = [_number(one.nominal) for one in model.block.continuous]
+    nominals = [_number(state.nominal) for state in model.block.continuous]
     uses = model.functions.on_input[len(model.of("derivative")) :]
     return [
-        _table("const char *const name", "VARIABLES", [f'"{one.name}"' for one in listed]),
-        _table("double start_value", "VARIABLES", [_number(one.variable.start) for one in listed]),
-        _table("double lower", "VARIABLES", [_number(_limits(one)[0]) for one in listed]),
-        _table("double upper", "VARIABLES", [_number(_limits(one)[1]) for one in listed]),
+        _table("const char *const name", "VARIABLES", [f'"{signal.name}"' for signal in listed]),
+        _table("double start_value", "VARIABLES", [_number(signal.variable.start) for signal in listed]),
+        _table("double lower", "VARIABLES", [_number(_limits(signal)[0]) for signal in listed]),
+        _table("double upper", "VARIABLES", [_number(_limits(signal)[1]) for signal in listed]),
         *([_table("double nominal", "DERIVATIVES", nominals)] if model.flows else []),
         _table("int held", "OUTPUTS", [str(int(row.any())) for row in uses]),
     ]
@@ -81,5 +81,5 @@ def _number(value: float) -> str:
 
 def _table(what: str, size: str, entries: list[str]) -> str:
     constant = what if what.startswith("const") else f"const {what}"
-    lines = [", ".join(entries[place : place + 6]) for place in range(0, len(entries), 6)]
+    lines = [", ".join(entries[reference : reference + 6]) for reference in range(0, len(entries), 6)]
     return f"static {constant}[{size}] = {{\n  " + ",\n  ".join(lines) + "};"

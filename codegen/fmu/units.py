@@ -33,9 +33,9 @@ def base_powers(unit: str) -> dict[str, int] | None:
         None where the unit is no integer power of them (``m^(1/2)/s``) or not known.
     """
     powers: Counter[str] = Counter()
-    place = 0
-    while place < len(unit):
-        factor = FACTOR.match(unit, place)
+    position = 0
+    while position < len(unit):
+        factor = FACTOR.match(unit, position)
         if factor is None:
             return None
         slash, group, name, power = factor.groups()
@@ -45,5 +45,5 @@ def base_powers(unit: str) -> dict[str, int] | None:
         times = int(power or 1) * (-1 if slash else 1)
         for base, count in part.items():
             powers[base] += times * count
-        place = factor.end()
+        position = factor.end()
     return {base: count for base, count in powers.items() if count}

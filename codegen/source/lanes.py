@@ -1,9 +1,11 @@
-"""Turns generated C functions into ones that compilers carry out in vector lanes."""
+"""How functions are written that compilers carry out in vector lanes, and with which flags."""
 
-import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from dualwinch.codegen.compiler import SCHEDULED, Compiler
+from dualwinch.codegen.source.operations import Style
+from dualwinch.codegen.source.statements import Strand
 
 LANES = 16
 """Computations that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
@@ -21,21 +23,6 @@ GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps")
 Else it makes branches of choices, threads those through each other, and turns what comes of it into several masks each.
 """
 
-DEFINITION = re.compile(r"^static inline (?:\S+ )?void (\w+)\(\n.*?^\}$", re.MULTILINE | re.DOTALL)
-"""A generated function (`codegen.source.c_source`)."""
-
-CALL = re.compile(r"(?<=[=(\-])(tanh|sin|cos|exp|log|pow)\(")
-"""A call of an elementary function; `elementary.h` has one that runs in lanes."""
-
-SMALLER_OR_LARGER = re.compile(r"(?<=return )(fmin|fmax)\(")
-"""A call in CasADi's own helpers, which `elementary.h` makes none of."""
-
-STATEMENT = re.compile(r"^  (double a\d|a\d+=|(if \(\w+\) )?\w+\[)|^      *a\d")
-"""A line of a generated function that declares or computes something."""
-
-OPTIONAL = re.compile(r"\bif \(\w+\) (?=\w+\[)")
-"""What lets a generated function leave an output out."""
-
 
 def lane_flags(compiler: Compiler) -> tuple[str, ...]:
     """Flags of a build with lanes, beside those of every build."""
@@ -43,42 +30,40 @@ def lane_flags(compiler: Compiler) -> tuple[str, ...]:
 
 
 def lane_sizes(compiler: Compiler) -> dict[str, int]:
-    """``LANES``, and ``PAIRED``: whether `in_lanes` interleaves the work of two vectors (clang does it by itself)."""
+    """``LANES``, and ``PAIRED``: whether functions work on two lanes a call (clang interleaves them by itself)."""
     return {"LANES": LANES, "PAIRED": int(not compiler.is_clang)}
 
 
-def in_lanes(source: str, arrays: Mapping[str, Collection[str]], compiler: Compiler, *, lanes: str = "LANES") -> str:
-    """The same functions over arrays whose elements lie `lanes` apart, without calls and without null outputs.
+@dataclass(frozen=True)
+class Lanes:
+    """A function in lanes: its arrays' elements lie some lanes apart, it calls nothing that `elementary.h` has.
 
-    Args:
-        source: definitions by `codegen.source.c_source`.
-        arrays: function name → names of those of its arguments that have a number for each lane. Functions not named
-            here stay as they are.
-        compiler: what it is for. For others than clang each statement stands twice, for a lane and for the one
-            lanes/2 further on, so that a processor has something to do while it waits for a result.
-        lanes: a number of lanes as C text.
+    Attributes:
+        paired: a call works on a lane and on the one lanes/2 further on, statement by statement, so that a processor
+            has something to do while it waits for a result.
+        shared: arguments that are the same in all lanes.
+        apart: the number of lanes as C text.
+        packed: input → those of its elements that its array holds, in their order; others hold all.
     """
 
-    def replaced(definition: re.Match[str]) -> str:
-        name = definition.group(1)
-        return (
-            _in_lanes(definition.group(), arrays[name], lanes, not compiler.is_clang)
-            if name in arrays
-            else definition.group()
-        )
+    paired: bool
+    shared: Collection[str] = ()
+    apart: str = "LANES"
+    packed: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
-    return DEFINITION.sub(replaced, SMALLER_OR_LARGER.sub(r"inline_\1(", source))
+    style = Style(compares=True, inlined=True)
+    """How operations are written."""
 
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        """The evaluations of a call."""
+        first = Strand(self._element)
+        return (first, Strand(self._half_further, "b")) if self.paired else (first,)
 
-def _in_lanes(definition: str, arrays: Collection[str], lanes: str, paired: bool) -> str:
-    element = re.compile(rf"\b({'|'.join(arrays)})\[(\d+)\]")
-    lines: list[str] = []
-    for line in CALL.sub(r"inline_\1(", definition).splitlines():
-        if not STATEMENT.match(line):
-            lines.append(line.replace("static inline void", "static inline __attribute__((always_inline)) void"))
-            continue
-        once = OPTIONAL.sub("", line)
-        lines.append(element.sub(rf"\1[\2*{lanes}]", once))
-        if paired:
-            lines.append(re.sub(r"\ba(\d+)\b", r"b\1", element.sub(rf"\1[\2*{lanes}+{lanes}/2]", once)))
-    return "\n".join(lines)
+    def _element(self, name: str, element: int) -> str:
+        position = self.packed[name].index(element) if name in self.packed else element
+        return f"{name}[{position}]" if name in self.shared else f"{name}[{position}*{self.apart}]"
+
+    def _half_further(self, name: str, element: int) -> str:
+        here = self._element(name, element)
+        return here if name in self.shared else f"{here[:-1]}+{self.apart}/2]"

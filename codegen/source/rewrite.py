@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from dualwinch.codegen.source.instructions import applied, operands_of
+from dualwinch.codegen.source.instructions import Instruction, applied, instructions, operands_of
 
 SCALINGS = {ca.OP_NEG: -1.0, ca.OP_TWICE: 2.0}
 """Operations that are products with a constant."""
@@ -68,32 +68,32 @@ class Rewriting:
     def __init__(self, function: ca.Function, inputs: list[ca.SX]) -> None:
         """Rewrite a function of dense SX expressions with an input ``parameters``; `inputs` are new symbols."""
         self.reciprocals = Reciprocals()
-        self._function, self._inputs = function, [ca.vertsplit(symbol) for symbol in inputs]
+        self._inputs = [ca.vertsplit(symbol) for symbol in inputs]
         self._parameters = function.name_in().index("parameters")
         self._operands = operands_of(function)
-        self._uses = Counter(place for made in self._operands.values() for place in set(made))
+        self._uses = Counter(operand for made in self._operands.values() for operand in set(made))
         self._divided_by = Counter(
-            made[1] for step, made in self._operands.items() if function.instruction_id(step) == ca.OP_DIV
+            self._operands[step][1] for step, made in enumerate(instructions(function)) if made.operation == ca.OP_DIV
         )
         self._inverses: dict[int, ca.SX] = {}
         self._values: dict[int, _Value] = {}
-        outputs = [[ca.SX(0)] * function.numel_out(place) for place in range(function.n_out())]
-        for step in range(function.n_instructions()):
-            if function.instruction_id(step) == ca.OP_OUTPUT:
-                vector, element = function.instruction_output(step)
+        outputs = [[ca.SX(0)] * function.numel_out(vector) for vector in range(function.n_out())]
+        for step, instruction in enumerate(instructions(function)):
+            if instruction.operation == ca.OP_OUTPUT:
+                vector, element = instruction.written
                 outputs[vector][element] = self._values[self._operands[step][0]].whole
             else:
-                self._values[step] = self._value(step)
+                self._values[step] = self._value(step, instruction)
         self.outputs = [ca.vertcat(*elements) for elements in outputs]
 
-    def _value(self, step: int) -> _Value:
-        operation = self._function.instruction_id(step)
+    def _value(self, step: int, instruction: Instruction) -> _Value:
+        operation = instruction.operation
         if operation == ca.OP_INPUT:
-            vector, element = self._function.instruction_input(step)
+            vector, element = instruction.read
             return _Value(self._inputs[vector][element], fixed=vector == self._parameters)
         if operation == ca.OP_CONST:
-            return _Value(ca.SX(self._function.instruction_constant(step)), fixed=True)
-        made = [self._values[place] for place in self._operands[step]]
+            return _Value(ca.SX(instruction.constant), fixed=True)
+        made = [self._values[operand] for operand in self._operands[step]]
         if not all(value.fixed for value in made):
             if operation == ca.OP_MUL:
                 return self._product(step, *made)
@@ -106,16 +106,16 @@ class Rewriting:
     def _product(self, step: int, left: _Value, right: _Value) -> _Value:
         if left.fixed or right.fixed:
             return right.times(left.whole) if left.fixed else left.times(right.whole)
-        whole, places = left.whole * right.whole, self._operands[step]
-        for one, other, place in ((left, right, places[0]), (right, left, places[1])):
-            if one.rest is not None and self._uses[place] == self._uses[step] == 1:
-                return _Value(whole, factor=one.factor, rest=one.rest * other.whole)
+        whole, operands = left.whole * right.whole, self._operands[step]
+        for scaled, other, operand in ((left, right, operands[0]), (right, left, operands[1])):
+            if scaled.rest is not None and self._uses[operand] == self._uses[step] == 1:
+                return _Value(whole, factor=scaled.factor, rest=scaled.rest * other.whole)
         return _Value(whole)
 
     def _quotient(self, step: int, left: _Value, right: _Value) -> _Value:
         if right.fixed:
             return left.times(self.reciprocals.of(right.whole))
-        place = self._operands[step][1]
-        if self._divided_by[place] > 1:
-            return _Value(left.whole * self._inverses.setdefault(place, 1 / right.whole))
+        divisor = self._operands[step][1]
+        if self._divided_by[divisor] > 1:
+            return _Value(left.whole * self._inverses.setdefault(divisor, 1 / right.whole))
         return _Value(left.whole / right.whole)

@@ -137,7 +137,7 @@ def _named(
 def without_idle_states(system: LinearSystem) -> LinearSystem:
     """The system of the states that matter: something depends on them, and they move.
 
-    A state that keeps its value whatever happens, such as an integral whose gain is zero, stays where the cruise has it.
+    A state that keeps its value whatever happens, such as an integral without a gain, stays where the cruise has it.
     """
     A, B, C = system.A, system.B, system.C
     matters = C.any(axis=0)
@@ -146,7 +146,7 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
         if (grown == matters).all():
             break
         matters = grown
-    moves = A.any(axis=1) & (A != np.eye(len(A))).any(axis=1)
+    moves = A.any(axis=1) & (np.eye(len(A)) != A).any(axis=1)
     matters &= moves | B.any(axis=1)
     kept = np.flatnonzero(matters)
     states = tuple(system.states[index] for index in kept)

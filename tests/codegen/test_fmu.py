@@ -65,13 +65,15 @@ def test_units_are_powers_of_the_base_units(unit: str, powers: dict[str, int] | 
 
 def test_model_description_names_what_depends_on_what() -> None:
     root = ET.fromstring(build_fmu(fmu_model(spring(), 3), (), ABOUT)["modelDescription.xml"])  # noqa: S314
-    reference = {one.get("name"): one.get("valueReference") for one in root.find("ModelVariables") or ()}
+    reference = {variable.get("name"): variable.get("valueReference") for variable in root.find("ModelVariables") or ()}
     name_of = {value: name for name, value in reference.items()}
     structure = root.find("ModelStructure")
     assert structure is not None
     found = {
-        (one.tag, name_of[one.get("valueReference")]): {name_of[i] for i in (one.get("dependencies") or "").split()}
-        for one in structure
+        (unknown.tag, name_of[unknown.get("valueReference")]): {
+            name_of[i] for i in (unknown.get("dependencies") or "").split()
+        }
+        for unknown in structure
     }
     assert found["Output", "pull"] == {"state.queue[0].x"}
     assert found["ContinuousStateDerivative", "der(state.queue[0].v)"] == {"force", "state.queue[0].x"}

@@ -60,5 +60,8 @@ def test_what_has_no_plain_c_is_refused() -> None:
     root = ca.rootfinder("root", "newton", {"x": x, "g": x**2 - 2})
     with pytest.raises(CodegenError, match="no plain C for root"):
         compiled(root)
+    y = ca.SX.sym("y")
+    with pytest.raises(CodegenError, match="no plain C for shown_: there is none for its 'printme'"):
+        compiled(ca.Function("shown", [y], [y.printme(y)]))
     with pytest.raises(CodegenError, match="must have an input and an output"):
         compiled(ca.Function("nothing", [], [ca.DM(1)]))

@@ -16,7 +16,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.export.package import Provenance, c_package, frozen
-from dualwinch.codegen.source.c_body import PRECISIONS
+from dualwinch.codegen.source.precision import PRECISIONS
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
@@ -36,7 +36,7 @@ def of(what: str) -> Block:
     return block(what, case(4))
 
 
-def place(block: Block, vector: str, name: str) -> int:
+def position(block: Block, vector: str, name: str) -> int:
     return [variable.name for variable in getattr(block, vector)].index(name)
 
 
@@ -62,10 +62,11 @@ def test_whole_runs_are_those_of_simulate_and_every_step_is_the_interpreters(hos
     experiment = case(number)
     plant, controller = hosts("plant"), hosts("controller")
     blocks = {"plant": of("plant"), "controller": of("controller")}
-    plant.parameters[place(blocks["plant"], "parameters", "disturbance.vortex")] = experiment.disturbance.vortex
+    plant.parameters[position(blocks["plant"], "parameters", "disturbance.vortex")] = experiment.disturbance.vortex
     assert plant.reset() == 0
     references = exogenous_signals(experiment)[:, :3]
-    sensed = [len(blocks["plant"].states) + place(blocks["plant"], "outputs", name) for name in ("x", "v", "F1", "F2")]
+    measured = [position(blocks["plant"], "outputs", name) for name in ("x", "v", "F1", "F2")]
+    sensed = np.array(measured) + len(blocks["plant"].states)
     before = {name: np.empty((len(references), len(made.states))) for name, made in blocks.items()}
     given = {name: np.empty((len(references), len(made.inputs))) for name, made in blocks.items()}
     after = {name: np.empty((len(references), len(made.states + made.outputs))) for name, made in blocks.items()}
@@ -79,7 +80,7 @@ def test_whole_runs_are_those_of_simulate_and_every_step_is_the_interpreters(hos
             after[name][k] = host.state
     columns = simulate(experiment).columns
     for name, tolerance in (("x", 1e-9), ("v", 1e-9), ("theta_1", 1e-9), ("omega_2", 1e-8)):
-        ours = before["plant"][:, place(blocks["plant"], "states", name)]
+        ours = before["plant"][:, position(blocks["plant"], "states", name)]
         np.testing.assert_allclose(ours, columns[name], rtol=0, atol=tolerance)
     for name, every in (("controller", 1), ("plant", 50)):
         parameters = {"plant": plant, "controller": controller}[name].parameters
@@ -106,8 +107,8 @@ def test_random_states_give_what_the_interpreter_gives(hosts, what: str, freeze:
 def test_single_precision_stays_within_its_band_over_case_4(hosts) -> None:
     result, made = simulate(case(4)), of("controller")
     outputs = hosts("controller", "float").run(recorded(result, made))
-    for name, column, band in (("tau_1", "tau_1", 0.02), ("u_sat", "u_sat", 0.3), ("d_hat", "d_hat", 3e-5)):
-        worst = np.abs(outputs[:, place(made, "outputs", name)] - result.columns[column]).max()
+    for name, band in (("tau_1", 0.02), ("u_sat", 0.3), ("d_hat", 3e-5)):
+        worst = np.abs(outputs[:, position(made, "outputs", name)] - result.columns[name]).max()
         assert 0 < worst < band
 
 
@@ -117,7 +118,8 @@ def test_the_kalman_gain_is_worked_out_when_parameters_change_and_only_then(tmp_
     source = c_package(made, made.name, ABOUT, precision)
     assert len(source["controller.c"].split("static void evaluate")[1].splitlines()) < 600
     library = build(tmp_path, source, made.name, find_compiler().command, *(PRECISE if precision == "float" else ()))
-    host, noise = Host(library, made.name, made, precision), place(made, "parameters", "controller.kalman.speed_noise")
+    host = Host(library, made.name, made, precision)
+    noise = position(made, "parameters", "controller.kalman.speed_noise")
     states, inputs = plausible(made, 60)
     tolerance = {"double": 1e-12, "float": 1e-3}[precision]
     for k, (state, given) in enumerate(zip(states, inputs, strict=True)):
@@ -189,7 +191,7 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
         needed = {symbol for kind, symbol in found if kind == "U"} - {"memcmp", "memcpy", "memset", "__stack_chk_fail"}
         needed.discard("_GLOBAL_OFFSET_TABLE_")
         allowed = {"exp", "log", "sin", "sqrt", "tanh", "floor"}
-        assert needed <= ({f"{one}f" for one in allowed} if precision == "float" else allowed)
+        assert needed <= ({f"{function}f" for function in allowed} if precision == "float" else allowed)
     loop = of("closed-loop")
     (tmp_path / "closed_loop.h").write_text((files := c_package(loop, loop.name, ABOUT, "float"))["closed_loop.h"])
     (tmp_path / "closed_loop.c").write_text(files["closed_loop.c"])

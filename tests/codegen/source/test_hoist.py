@@ -11,7 +11,7 @@ from tests.codegen.toy import oscillator
 
 
 def divisions(function: ca.Function) -> int:
-    kinds = [function.instruction_id(place) for place in range(function.n_instructions())]
+    kinds = [function.instruction_id(index) for index in range(function.n_instructions())]
     return kinds.count(ca.OP_DIV) + kinds.count(ca.OP_INV)
 
 
@@ -38,7 +38,7 @@ def test_factors_that_are_parameters_become_one() -> None:
     product = -(2 * (x[0] * p[0]) * x[1] * p[1]) / p[2]
     function = ca.Function("product", [x, p], [product], ["x", "parameters"], ["y"])
     derive, lean = hoisted(function)
-    kinds = [lean.instruction_id(place) for place in range(lean.n_instructions())]
+    kinds = [lean.instruction_id(index) for index in range(lean.n_instructions())]
     assert (kinds.count(ca.OP_MUL), kinds.count(ca.OP_NEG), kinds.count(ca.OP_TWICE)) == (2, 0, 0)
     assert float(lean([3, 4], [5, 6, 7], derive([5, 6, 7]))) == pytest.approx(-2 * 3 * 5 * 4 * 6 / 7, rel=1e-15)
 

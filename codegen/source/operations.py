@@ -1,0 +1,127 @@
+"""How each operation of CasADi's SX expressions is written in C."""
+
+from dataclasses import dataclass
+from functools import cache
+from string import Template
+
+import casadi as ca
+
+from dualwinch.codegen.source.precision import Precision, suffix
+
+OPERATORS = {
+    ca.OP_ADD: "({0}+{1})",
+    ca.OP_SUB: "({0}-{1})",
+    ca.OP_MUL: "({0}*{1})",
+    ca.OP_DIV: "({0}/{1})",
+    ca.OP_NEG: "(-{0})",
+    ca.OP_INV: "(1/{0})",
+    ca.OP_SQ: "({0}*{0})",
+    ca.OP_TWICE: "(2*{0})",
+    ca.OP_LT: "({0}<{1})",
+    ca.OP_LE: "({0}<={1})",
+    ca.OP_EQ: "({0}=={1})",
+    ca.OP_NE: "({0}!={1})",
+    ca.OP_NOT: "({0}==0)",
+    ca.OP_AND: "({0}!=0&&{1}!=0)",
+    ca.OP_OR: "({0}!=0||{1}!=0)",
+    ca.OP_IF_ELSE_ZERO: "({0}!=0?{1}:0)",
+    ca.OP_SIGN: "({0}<0?-1:{0}>0?1:{0})",
+}
+"""Operations that C has operators for; small integers are exact in either precision."""
+
+FUNCTIONS_OF_ONE = {
+    ca.OP_EXP: "exp",
+    ca.OP_EXPM1: "expm1",
+    ca.OP_LOG: "log",
+    ca.OP_LOG1P: "log1p",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_TAN: "tan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_SINH: "sinh",
+    ca.OP_COSH: "cosh",
+    ca.OP_TANH: "tanh",
+    ca.OP_ASINH: "asinh",
+    ca.OP_ACOSH: "acosh",
+    ca.OP_ATANH: "atanh",
+    ca.OP_ERF: "erf",
+    ca.OP_ERFINV: "erf_inverse",
+    ca.OP_FLOOR: "floor",
+    ca.OP_CEIL: "ceil",
+    ca.OP_FABS: "fabs",
+}
+FUNCTIONS_OF_TWO = {
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_HYPOT: "hypot",
+    ca.OP_ATAN2: "atan2",
+    ca.OP_COPYSIGN: "copysign",
+    ca.OP_FMOD: "fmod",
+    ca.OP_REMAINDER: "remainder",
+    ca.OP_FMIN: "fmin",
+    ca.OP_FMAX: "fmax",
+}
+"""Operations that math.h has functions for, all but `ERF_INVERSE`."""
+
+COMPARISONS = {ca.OP_FMIN: "({0}<{1}?{0}:{1})", ca.OP_FMAX: "({0}>{1}?{0}:{1})"}
+"""The smaller and the larger of two without a call."""
+
+INLINED = ("exp", "log", "pow", "sin", "cos", "tanh")
+"""Functions that `elementary.h` has too; what is not here is a call of math.h in every lane."""
+
+ERF_INVERSE = Template("""\
+/* The inverse of erf: an estimate by Winitzki, then Halley's method, on erfc where erf has few digits left. */
+static inline $real erf_inverse$f($real x) {
+  const $real size = fabs$f(x), rest = 1 - size;
+  if (!(rest > 0)) return x / sqrt$f(rest);
+  const $real half_log = log$f(rest * (1 + size)) / 2, t = 4.3307467$f + half_log;
+  $real y = rest > 0.5$f ? size : sqrt$f(sqrt$f(t * t - 13.605442$f * half_log) - t);
+  for (int k = 0; k < 4; ++k) {
+    const $real miss = rest > 0.5$f ? erf$f(y) - size : rest - erfc$f(y);
+    const $real newton = miss * 0.88622692545275801$f * exp$f(y * y);
+    y -= newton / (1 + y * newton);
+  }
+  return copysign$f(y, x);
+}
+""")
+"""A function that math.h lacks."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """How operations are written.
+
+    Attributes:
+        precision: of every number and every operation.
+        compares: the smaller and the larger of two by a comparison, which is no call; the second where one is NaN.
+            Else by C's functions, which give the other one then.
+        inlined: elementary functions are those of `elementary.h`, as far as it has them.
+    """
+
+    precision: Precision = "double"
+    compares: bool = False
+    inlined: bool = False
+
+
+@cache
+def patterns(style: Style) -> dict[int, str]:
+    """Operation → its C, with ``{0}`` and ``{1}`` for its operands.
+
+    Every operation of SX expressions is there but ``OP_PRINTME``, and ``OP_CALL``, which calls another function.
+    """
+
+    def called(name: str) -> str:
+        return f"inline_{name}" if style.inlined and name in INLINED else name + suffix(style.precision)
+
+    written = OPERATORS | {operation: f"{called(name)}({{0}})" for operation, name in FUNCTIONS_OF_ONE.items()}
+    written |= {operation: f"{called(name)}({{0}},{{1}})" for operation, name in FUNCTIONS_OF_TWO.items()}
+    return written | (COMPARISONS if style.compares else {})
+
+
+def name_of(operation: int) -> str:
+    """CasADi's name of an operation, in lower case and without ``OP_``."""
+    names = (name for name in dir(ca) if name.startswith("OP_") and getattr(ca, name) == operation)
+    return next(names, f"operation {operation}").removeprefix("OP_").lower()
