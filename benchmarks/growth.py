@@ -8,14 +8,13 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import median
 
 import numpy as np
 
 from benchmarks.case import Case
 from benchmarks.document import duration, markdown, put
+from benchmarks.growth_point import Point
 from benchmarks.peers import compiled, hand_c
 from benchmarks.peers.candidates import GAIN
 from benchmarks.peers.peer import UnavailableError
@@ -36,30 +35,6 @@ DURATION = 50.0
 
 MANY = 8 * LANES
 """Rollouts in one call where the threads differ."""
-
-
-@dataclass
-class Point:
-    """One setting.
-
-    Attributes:
-        series: what grows: ``horizon``, ``hand C, horizon``, ``candidates`` or ``threads``.
-        value: how far.
-        rollouts: how many one call makes.
-        call: runs it once.
-        seconds: measured times of a call.
-    """
-
-    series: str
-    value: float
-    rollouts: int
-    call: Callable[[], object]
-    seconds: list[float] = field(default_factory=list)
-
-    @property
-    def middle(self) -> float:
-        """Median time of a call in s."""
-        return median(self.seconds)
 
 
 def _case(length: float) -> Case:

@@ -1,22 +1,19 @@
 """The figure of `benchmarks.growth`."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from benchmarks.growth_point import Point
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, new_figure
-
-if TYPE_CHECKING:
-    from benchmarks.growth import Point
 
 MILLI = 1e3
 
 
-def growth_figure(found: "Sequence[Point]") -> Figure:
+def growth_figure(found: Sequence[Point]) -> Figure:
     """Time of a run over its length, of a rollout over their number in a call, and rollouts a second over threads."""
     series: dict[str, list[Point]] = {}
     for point in found:
@@ -55,7 +52,7 @@ def growth_figure(found: "Sequence[Point]") -> Figure:
     return figure
 
 
-def _line(axes: Axes, points: "Sequence[Point]", colour: str, label: str, factor: float) -> None:
+def _line(axes: Axes, points: Sequence[Point], colour: str, label: str, factor: float) -> None:
     values = [(point.value, factor * point.middle) for point in points]
     if values:
         axes.plot(*zip(*values, strict=True), "o-", color=colour, markersize=3, label=label)
