@@ -6,6 +6,7 @@ A group is a frozen dataclass, of floats or of CasADi symbols, that may hold fur
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import cache
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import annotated_types as at
@@ -19,7 +20,17 @@ Group = TypeVar("Group")
 
 @dataclass(frozen=True)
 class _Slot:
-    """A field of a group type below a prefix: where its own key, its group's and its part's keys begin."""
+    """A field of a group type below a prefix.
+
+    Attributes:
+        field, hint, metadata, default: its name, type, annotations and default.
+        key: of the scalar it holds.
+        below: what the keys of a group that it holds begin with.
+        beside: what the keys of a part that it holds begin with.
+        plain: whether it can only hold a scalar.
+        choice: where it holds a part: what there is to choose from.
+        choice_key: key of the kind of that part.
+    """
 
     field: str
     hint: Any
@@ -28,20 +39,13 @@ class _Slot:
     key: str
     below: str
     beside: str
+    plain: bool
+    choice: Choice | None
+    choice_key: str
 
     def find(self, kind: type) -> Any:
         """The first piece of metadata of a type."""
         return next((item for item in self.metadata if isinstance(item, kind)), None)
-
-    @property
-    def choice(self) -> Choice | None:
-        """The choice, where the field holds a part."""
-        return self.find(Choice)
-
-    @property
-    def choice_key(self) -> str:
-        """Key of the kind of the part it holds."""
-        return self.beside + self.choice.key if self.choice else ""
 
 
 @cache
@@ -54,10 +58,26 @@ def _slots(group: type, prefix: str) -> tuple[_Slot, ...]:
         if get_origin(hint) is Annotated:
             hint, *metadata = get_args(hint)
         given = next((item.name for item in metadata if isinstance(item, Key)), None)
-        key = own + field.name if given is None else prefix + given
-        below = f"{prefix}{given or field.name}."
-        found.append(_Slot(field.name, hint, tuple(metadata), field.default, key, below, prefix))
+        choice = next((item for item in metadata if isinstance(item, Choice)), None)
+        found.append(
+            _Slot(
+                field=field.name,
+                hint=hint,
+                metadata=tuple(metadata),
+                default=field.default,
+                key=own + field.name if given is None else prefix + given,
+                below=f"{prefix}{given or field.name}.",
+                beside=prefix,
+                plain=all(option in PLAIN for option in get_args(hint) or (hint,)) or get_origin(hint) is Literal,
+                choice=choice,
+                choice_key=prefix + choice.key if choice else "",
+            )
+        )
     return tuple(found)
+
+
+PLAIN = (float, int, bool, str, type(None))
+"""Types of scalars."""
 
 
 def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
@@ -86,7 +106,7 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
     return found
 
 
-def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
+def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
     """Every scalar below an instance, by the types of the parts it is made of; keys as in `leaves`.
 
     Args:
@@ -96,6 +116,33 @@ def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
     Raises:
         TypeError: a scalar field has no `Quantity`.
     """
+    shape = _shape(group), prefix
+    if shape not in _described:
+        _described[shape] = MappingProxyType(_describe_parts(group, prefix))
+    return _described[shape]
+
+
+_described: dict[tuple[Any, str], Mapping[str, Leaf]] = {}
+"""What groups of a shape are, once they have been asked for."""
+
+
+def _shape(group: Any) -> tuple[Any, ...]:
+    """What the description of a group depends on: the types of its groups and the shapes of its arrays."""
+    found: list[Any] = [type(group)]
+    for slot in _slots(type(group), ""):
+        if slot.plain:
+            continue
+        value = getattr(group, slot.field)
+        if slot.choice:
+            found.append(len(slot.choice.registry))
+        if is_dataclass(value):
+            found.append(_shape(value))
+        elif is_array(value):
+            found.append(value.shape)
+    return tuple(found)
+
+
+def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
     found: dict[str, Leaf] = {}
     for slot in _slots(type(group), prefix):
         value = getattr(group, slot.field)
@@ -114,7 +161,7 @@ def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
     return found
 
 
-def _tied(found: dict[str, Leaf], slot: _Slot) -> dict[str, Leaf]:
+def _tied(found: Mapping[str, Leaf], slot: _Slot) -> Mapping[str, Leaf]:
     tied = slot.find(Tied)
     if tied is None:
         return found
@@ -166,7 +213,9 @@ def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, An
     found: dict[str, Any] = {}
     for slot in _slots(type(group), prefix):
         value = getattr(group, slot.field)
-        if isinstance(value, Part):
+        if slot.plain:
+            found[slot.key] = value
+        elif isinstance(value, Part):
             if slot.choice:
                 found[slot.choice_key] = value.kind
             found |= leaves(value, prefix, whole=whole)
@@ -194,6 +243,10 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
     """
     changes: dict[str, Any] = {}
     for slot in _slots(type(group), prefix):
+        if slot.plain:
+            if slot.key in values:
+                changes[slot.field] = values[slot.key]
+            continue
         value = getattr(group, slot.field)
         if isinstance(value, Part):
             kind = values.get(slot.choice_key, value.kind)
@@ -236,7 +289,7 @@ def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
     for rule in getattr(group, "rules", ()):
         yield own, group, rule
     for slot in _slots(type(group), prefix):
-        value = getattr(group, slot.field)
+        value = None if slot.plain else getattr(group, slot.field)
         if isinstance(value, Part):
             yield from rules(value, prefix)
         elif is_dataclass(value):

@@ -77,7 +77,7 @@ def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
     Raises:
         ConfigurationError: it names nothing; the message says what may be meant.
     """
-    known = known_keys() | (describe_parts(experiment) if experiment else {})
+    known = known_keys() | dict(describe_parts(experiment) if experiment else {})
     if key in known:
         return known[key]
     below = [name for name in known if name.startswith(key + ".")]

@@ -130,7 +130,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     sensors = with_leaves(template.sensors, values, "sensors.")
     sample_time = values["simulation.sample_time"]
     start = initial_loop_state(template.controller, template.plant, template.sensors)
-    known = describe_parts(start) | _sums()
+    known = {**describe_parts(start), **_sums()}
     state = with_leaves(start, of_state)
     exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
     plant_state = state.motion.plant

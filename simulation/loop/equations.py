@@ -1,7 +1,7 @@
 """Equations of controller, plant and closed loop over symbols, from the functions that `simulate` runs."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -71,7 +71,7 @@ def _new(names: Iterable[str]) -> Scalars:
     return {name: ca.SX.sym(name) for name in names}
 
 
-def _facts(described: dict[str, Leaf]) -> Facts:
+def _facts(described: Mapping[str, Leaf]) -> Facts:
     return {name: (leaf.quantity, leaf.bounds) for name, leaf in described.items()}
 
 

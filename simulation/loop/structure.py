@@ -65,7 +65,7 @@ def _alike(controller: Controller) -> Controller:
 def described_parameters(structure: Structure) -> dict[str, Leaf]:
     """What every parameter of a closed loop is, by its key (`parameters_of`)."""
     template = template_of(structure)
-    known = describe_parts(template) | describe_parts(template.plant, "nominal.")
+    known = {**describe_parts(template), **describe_parts(template.plant, "nominal.")}
     return {key: known[key] for key in parameters_of(template)}
 
 
