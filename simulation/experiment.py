@@ -38,6 +38,7 @@ class Simulation:
         at.Le(256),
         Quantity("1", "steps of the integrator in a sample (adaptive: where one step is not enough)", ""),
     ] = 5
+    seed: Annotated[int, at.Ge(0), Quantity("", "seed of every random signal of the run", "")] = 0
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from dualwinch.config.experiment_file import (
     toml_value,
     validated,
 )
+from dualwinch.config.renamed import current
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -77,7 +78,7 @@ def load_ensemble(name: str | Path, base: Experiment | None = None) -> Ensemble:
     distributions: dict[str, Drawn] = {}
     for key, entry in _entries(entries):
         with located(path, text, f"distributions.{key}"):
-            distributions[key] = drawn_from(key, entry, experiment)
+            distributions[current(key)] = drawn_from(current(key), entry, experiment)
     return Ensemble(heading.get("name", path.stem), heading.get("description", ""), experiment, distributions)
 
 
@@ -89,7 +90,7 @@ def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
             value, or a distribution that would leave its key's range.
     """
     for key in values:
-        drawn = ensemble.distributions.get(key)
+        drawn = ensemble.distributions.get(current(key))
         if drawn is not None and not drawn.relative:
             raise ConfigurationError(
                 f"{key}: is drawn in the ensemble '{ensemble.name}', whatever its nominal value; edit the file"

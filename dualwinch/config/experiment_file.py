@@ -6,16 +6,18 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any
 
+from dualwinch.config.renamed import current
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import Leaf, describe, leaves, nearest, with_leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.experiment import Experiment
 
 
-def load(path: Path, base: Experiment | None = None) -> Experiment:
+def load(path: str | PathLike[str], base: Experiment | None = None) -> Experiment:
     """Read an experiment from a TOML file.
 
     Args:
@@ -25,6 +27,7 @@ def load(path: Path, base: Experiment | None = None) -> Experiment:
     Raises:
         ConfigurationError: the file cannot be read, is no TOML, or holds an unknown key or a value out of range.
     """
+    path = Path(path)
     text, table = read_toml(path)
     values = dict(flattened(table))
     for key, value in values.items():
@@ -70,7 +73,7 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.
     """
-    return with_leaves(experiment, {key: validated(key, value) for key, value in values.items()})
+    return with_leaves(experiment, {current(key): validated(key, value) for key, value in values.items()})
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -169,7 +172,7 @@ def validated(key: str, value: Any) -> Any:
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.
     """
-    leaf = known_keys().get(key)
+    leaf = known_keys().get(current(key))
     if leaf is None:
         raise ConfigurationError(unknown(key))
     from pydantic import TypeAdapter, ValidationError

@@ -212,7 +212,7 @@ def test_an_interrupt_writes_what_was_finished(
         (["simulate", "--ensemble", "see"], "unknown ensemble 'see'; did you mean 'sea'?"),
         (["simulate", "--ensemble", "missing.toml"], "cannot read missing.toml"),
         (["simulate", "--scenarios", "3"], "--scenarios: needs --ensemble"),
-        (["simulate", "--seed", "3"], "--set disturbance.seed=N"),
+        (["simulate", "--seed", "3"], "--set simulation.seed=N"),
         (["simulate", *SHORT, "--stride", "2"], "--stride and --ensemble"),
         (["simulate", *SHORT, "--engine", "interpreter"], "--engine and --ensemble"),
         (["simulate", *SHORT, "--out", "sea.mat"], ".csv, .parquet, .npz, .json"),

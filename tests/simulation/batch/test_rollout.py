@@ -19,7 +19,7 @@ GAINS = np.column_stack([np.geomspace(0.02, 0.5, LANES + 3), np.linspace(1, 20, 
 
 def scenario(number: int, seed: int = 0, duration: float = 1.0) -> Experiment:
     """A case of the paper with a noisy speed sensor and a delay."""
-    noisy = {"sensors.speed_noise": 1e-3, "disturbance.seed": seed, "simulation.delay_samples": 1}
+    noisy = {"sensors.speed_noise": 1e-3, "simulation.seed": seed, "simulation.delay_samples": 1}
     return override(case(number), noisy | {"simulation.duration": duration})
 
 

@@ -53,7 +53,7 @@ def test_every_format_keeps_rows_units_seed_and_statistics(suffix: str, result: 
     save_ensemble(result, path, {"configuration": "the whole file"})
     columns, units, facts = read(path)
     assert [float(value) for value in columns[MASS]] == result.draws[MASS].tolist()
-    assert [int(value) for value in columns["disturbance.seed"]] == result.draws["disturbance.seed"].tolist()
+    assert [int(value) for value in columns["simulation.seed"]] == result.draws["simulation.seed"].tolist()
     assert [float(value) for value in columns["mse"]] == pytest.approx(result.metrics["mse"].tolist(), rel=1e-15)
     assert list(columns["outcome"]) == ["completed"] * 5
     assert set(METRICS) <= set(columns)
