@@ -17,11 +17,11 @@ from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.simulate import experiment as asked_experiment
 from dualwinch.config.experiment_file import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.files import save, writer
+from dualwinch.model.linear.files import writer
 from dualwinch.model.linear.linearisation import linearise_at
 from dualwinch.model.linear.mode_tracks import track_modes
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
-from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.linear.system import LinearSystem, save_sweep
 from dualwinch.model.quantity import nearest
 from dualwinch.simulation.experiment import Experiment
 
@@ -88,7 +88,7 @@ def linearise(
     else:
         print_sweep(tracks, points, _swept_name(sweep))
     if out:
-        save(systems[0] if sweep is None else systems, out)
+        systems[0].save(out) if sweep is None else save_sweep(systems, out)
         console.print(f"wrote {out}")
     if plot:
         with console.status(f"drawing {plot}"):

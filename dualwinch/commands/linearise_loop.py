@@ -12,10 +12,9 @@ from rich.table import Table
 
 from dualwinch.commands.linearise_tables import print_point
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.files import save
 from dualwinch.model.linear.modes import modes
 from dualwinch.model.linear.operating_point import operating_point
-from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.linear.system import LinearSystem, save_sweep
 from dualwinch.simulation.analysis.describing_function import KINDS, AmplitudePoint, amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import Margins, margins
@@ -58,7 +57,7 @@ def linearise_loop(
             asked = _with_preload(experiment, preload)
             _print_amplitudes(amplitude_sweep(asked, x, v, place, PRINTED_AMPLITUDES))
     if out:
-        save(systems if swept else systems[0], out)
+        systems[0].save(out) if swept is None else save_sweep(systems, out)
         console.print(f"wrote {out}")
     if plot:
         from dualwinch.simulation.plots import save as save_figure

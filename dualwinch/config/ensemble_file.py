@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib.resources import as_file, files
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ def built_in_ensembles() -> dict[str, Path]:
         return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 
-def find_ensemble(name: str | Path) -> Path:
+def find_ensemble(name: str | PathLike[str]) -> Path:
     """The file of an ensemble.
 
     Args:
@@ -50,7 +51,7 @@ def find_ensemble(name: str | Path) -> Path:
     raise ConfigurationError(f"unknown ensemble '{name}'; {hint} (or the path of a TOML file)")
 
 
-def load_ensemble(name: str | Path, base: Experiment | None = None) -> Ensemble:
+def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> Ensemble:
     """Read an ensemble.
 
     Args:
@@ -102,9 +103,14 @@ def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
 
 
 def ensemble_to_toml(ensemble: Ensemble) -> str:
-    """The complete ensemble as TOML: name, distributions and every key of the experiment."""
+    """The complete ensemble as TOML: name, distributions and every key of the experiment.
+
+    Raises:
+        ConfigurationError: a distribution that no file can hold.
+    """
     lines = ["[ensemble]", f"name = {toml_value(ensemble.name)}", f"description = {toml_value(ensemble.description)}"]
-    lines += ["", "[distributions]", *(f"{key} = {entry_of(drawn)}" for key, drawn in ensemble.distributions.items())]
+    lines += ["", "[distributions]"]
+    lines += [f"{key} = {entry_of(key, drawn)}" for key, drawn in ensemble.distributions.items()]
     return "\n".join(lines) + "\n\n" + to_toml(ensemble.experiment)
 
 

@@ -85,7 +85,7 @@ def test_names_must_fit_the_matrices_and_have_units() -> None:
 @pytest.mark.parametrize("system", [OSCILLATOR, OSCILLATOR.discretised(0.05)], ids=["continuous", "discrete"])
 def test_files_hold_everything(system: LinearSystem, tmp_path: Path) -> None:
     for suffix in ("json", "npz", "mat"):
-        system.save(tmp_path / f"system.{suffix}")
+        system.save(f"{tmp_path}/system.{suffix}")
     text = json.loads((tmp_path / "system.json").read_text())
     assert list(text) == ["A", "B", "C", "D", "dt", "states", "inputs", "outputs", "units", "operating_point"]
     assert text["dt"] == system.dt

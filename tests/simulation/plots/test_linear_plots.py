@@ -14,7 +14,7 @@ X = np.arange(0.0, 51.0, 5.0)
 
 @pytest.fixture(scope="module")
 def sweep() -> list[LinearSystem]:
-    return linearise_sweep(Plant(), X, 1.8)
+    return linearise_sweep(X, 1.8)
 
 
 def titles(figure: Figure, loc: str = "left") -> list[str]:
