@@ -1,10 +1,13 @@
 """The paper's four simulated cases, its three controllers and its figures (Section 4)."""
 
 from dataclasses import dataclass, replace
+from itertools import product
+from numbers import Integral
 
-from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.controller import POSITION_LAWS, Controller
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantity import nearest
 from dualwinch.model.reference import Reference
 from dualwinch.simulation.experiment import Experiment
 
@@ -36,7 +39,7 @@ CONTENTS = ("trajectory", "error", "commands", "tensions")
 """What the four figures of a case draw, in the paper's order."""
 
 FIGURES = tuple(
-    PaperFigure(5 + 4 * (case - 1) + place, case, content) for case in CASES for place, content in enumerate(CONTENTS)
+    PaperFigure(number, case, content) for number, (case, content) in enumerate(product(CASES, CONTENTS), start=5)
 )
 """Figures 5 to 20; Figure 21 compares two controllers."""
 
@@ -49,10 +52,15 @@ def case(number: int, controller: str = "fando-nftsm") -> Experiment:
         controller: a `controller.kind`.
 
     Raises:
-        ConfigurationError: there is no such case.
+        ConfigurationError: there is no such case or controller; the message names the nearest controller.
     """
-    if number not in CASES:
-        raise ConfigurationError(f"case {number}: must be 1, 2, 3 or 4")
+    if isinstance(number, bool) or not isinstance(number, Integral) or number not in CASES:
+        raise ConfigurationError(f"case {number!r}: must be 1, 2, 3 or 4")
+    if controller not in tuple(POSITION_LAWS):
+        near = nearest(str(controller).lower(), POSITION_LAWS)
+        raise ConfigurationError(
+            f"unknown controller {controller!r}; did you mean '{near}'? Must be one of {', '.join(POSITION_LAWS)}"
+        )
     return Experiment(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
