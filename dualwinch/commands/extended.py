@@ -1,11 +1,11 @@
 """Beyond the paper: every position law, and every coordination with the paper's law, side by side."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from rich.console import Console
 from rich.table import Table
 
+from dualwinch.config.experiment_file import override
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.simulation.paper import case
@@ -35,11 +35,7 @@ def run_variants(numbers: list[int], step: Callable[[str], None]) -> Variants:
     for number in numbers:
         for law, coordination in VARIANTS:
             step(f"case {number}, {law}, {coordination}")
-            experiment = case(number, law)
-            controller = experiment.controller
-            # a coordination is a word that was read from the table of coordinations
-            shared = replace(controller.coordination, kind=coordination)  # pyright: ignore[reportArgumentType]
-            experiment = replace(experiment, controller=replace(controller, coordination=shared))
+            experiment = override(case(number, law), {"controller.coordination.kind": coordination})
             runs[number, law, coordination] = simulate(experiment, stride=0)
     return runs
 

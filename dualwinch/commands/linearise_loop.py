@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dualwinch.commands.linearise_tables import print_point
+from dualwinch.config.experiment_file import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.modes import modes
 from dualwinch.model.linear.operating_point import operating_point
@@ -85,9 +85,7 @@ def _check(loop: str, cut: str | None, dt: float | None, swept: str | None, figu
 
 
 def _with_preload(experiment: Experiment, preload: float) -> Experiment:
-    controller = experiment.controller
-    coordination = replace(controller.coordination, preload=preload)
-    return replace(experiment, controller=replace(controller, coordination=coordination))
+    return override(experiment, {"controller.coordination.preload": float(preload)})
 
 
 def _print_closed(

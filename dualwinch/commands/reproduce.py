@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ Runs = dict[tuple[int, str], Result]
 FIGURE_21 = 21
 
 
-def reproduce(out: Path, cases: list[str], controllers: list[str], *, extended: bool = False) -> None:
+def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str], *, extended: bool = False) -> None:
     """Run, print and write everything.
 
     Args:
@@ -45,7 +46,7 @@ def reproduce(out: Path, cases: list[str], controllers: list[str], *, extended: 
         ConfigurationError: no such case or controller.
         OSError: the folder cannot be written to.
     """
-    numbers, kinds = _chosen_cases(cases), _chosen_controllers(controllers)
+    out, numbers, kinds = Path(out), _chosen_cases(cases), _chosen_controllers(controllers)
     for folder in (out, out / "data", out / "figures"):
         make_folder(folder)
     jobs = [(number, kind) for number in numbers for kind in kinds]

@@ -1,8 +1,8 @@
 """``dualwinch simulate``: one run, its figures of merit, its data and its figure."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress
@@ -24,7 +24,9 @@ from dualwinch.simulation.storage import save, writer
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
 
-def experiment(case: int | None, config: Path | None, controller: str | None, assignments: list[str]) -> Experiment:
+def experiment(
+    case: int | None, config: str | PathLike[str] | None, controller: str | None, assignments: Sequence[str]
+) -> Experiment:
     """The experiment a command line asks for.
 
     Raises:
@@ -33,10 +35,8 @@ def experiment(case: int | None, config: Path | None, controller: str | None, as
     if case is not None and config is not None:
         raise ConfigurationError("--case and --config: give one of them")
     base = paper_case(case) if case is not None else load(config) if config else Experiment()
-    if controller is not None:
-        base = replace(base, controller=replace(base.controller, kind=controller))
-    values: dict[str, Any] = dict(map(parse_assignment, assignments))
-    return override(base, values)
+    chosen = {} if controller is None else {"controller.kind": controller}
+    return override(base, chosen | dict(map(parse_assignment, assignments)))
 
 
 def check_plot(plot: Path | None) -> None:

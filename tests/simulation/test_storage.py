@@ -41,7 +41,7 @@ def test_csv_keeps_every_bit_and_leaves_missing_signals_empty(pid: Result, tmp_p
 
 
 def test_units_of_csv_stand_beside_it(pid: Result, tmp_path: Path) -> None:
-    save(pid, tmp_path / "run.csv", {"configuration": "x = 1"})
+    save(pid, f"{tmp_path}/run.csv", {"configuration": "x = 1"})
     facts = json.loads((tmp_path / "run.csv-metadata.json").read_text())
     assert facts["url"] == "run.csv"
     assert {column["name"]: column["dualwinch:unit"] for column in facts["tableSchema"]["columns"]} == UNITS

@@ -235,7 +235,7 @@ def test_a_subset_and_a_run_that_diverged(case_4: Results, tmp_path: Path) -> No
             plots.save(figure, tmp_path / "figure.png")
     figure = plots.overview(bad)
     assert "FANDO-NFTSM (diverged at 1.5 s)" in texts(figure)
-    plots.save(figure, tmp_path / "figure.png")
+    plots.save(figure, f"{tmp_path}/figure.png")
     plots.save(plots.steady_state_bars({"fando-nftsm": bad, "nftsm": case_4["nftsm"]}), tmp_path / "figure.png")
 
 
