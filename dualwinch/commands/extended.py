@@ -5,6 +5,7 @@ from collections.abc import Callable
 from rich.console import Console
 from rich.table import Table
 
+from dualwinch.commands.measured import measured
 from dualwinch.config.experiment_file import override
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
@@ -58,8 +59,8 @@ def print_variants(console: Console, runs: Variants, table: Table) -> None:
         table.add_row(
             str(number) if number != last else "",
             name + ended,
-            *(f"{value:.3g}" for value in values),
-            *(f"{value:.4g}" for value in forces),
+            *(measured(value, ".3g") for value in values),
+            *map(measured, forces),
         )
         last = number
     console.print(table)

@@ -17,6 +17,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.commands.folders import make_folder
+from dualwinch.commands.measured import measured
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import describe
@@ -178,9 +179,9 @@ def _print_tables(console: Console, runs: Runs) -> None:
         head = (str(number) if number != last else "", CONTROLLERS[kind] + ended)
         millimetres = (1e3 * m.mae, 1e3 * m.max_abs_error, 1e6 * m.mse)
         millimetres += (1e3 * m.steady_mae, 1e3 * m.steady_max_abs_error, 1e6 * m.steady_mse)
-        tracking.add_row(*head, *(f"{value:.3g}" for value in millimetres))
+        tracking.add_row(*head, *(measured(value, ".3g") for value in millimetres))
         forces = (100 * m.saturated_share, m.peak_tension, m.min_tension, m.chatter)
-        ropes.add_row(*head, *(f"{value:.4g}" for value in forces))
+        ropes.add_row(*head, *map(measured, forces))
         last = number
     console.print(tracking)
     console.print(ropes)

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.measured import measured
 from dualwinch.config.experiment_file import load, override, parse_assignment, to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import describe
@@ -103,5 +104,5 @@ def print_result(result: Result) -> None:
     table.add_column(style="dim")
     for name, leaf in describe(Metrics).items():
         unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
-        table.add_row(name, f"{getattr(result.metrics, name):.6g}", unit, leaf.quantity.meaning)
+        table.add_row(name, measured(getattr(result.metrics, name), ".6g"), unit, leaf.quantity.meaning)
     console.print(table)

@@ -143,6 +143,7 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
     finite = np.isfinite(list(result.final_state.values())).all()
     assert finite == (result.outcome != "diverged")
     assert len(result["t"]) == round(result.end_time / 1e-3)
+    assert np.isnan(result.metrics.mse) == np.isnan(result.metrics.peak_tension) == (result.outcome != "completed")
 
 
 @settings(max_examples=60)
