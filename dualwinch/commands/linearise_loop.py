@@ -32,6 +32,7 @@ def linearise_loop(
     experiment: Experiment,
     values: dict[str, list[float]],
     swept: str | None,
+    *,
     loop: str,
     cut: str | None,
     dt: float | None,
@@ -41,12 +42,12 @@ def linearise_loop(
 ) -> None:
     """Linearise, print, write; `values` holds x, v and preload of every point, `swept` says which of them varies."""
     _check(loop, cut, dt, swept, figure)
-    place, console = cut or "u", Console(stderr=True)
+    joint, console = cut or "u", Console(stderr=True)
     points = np.broadcast_arrays(*(np.array(values[name]) for name in ("x", "v", "preload")))
     systems = []
     for x, v, preload in zip(*(column.tolist() for column in points), strict=True):
         asked = _with_preload(experiment, preload)
-        systems.append(linear_closed_loop(asked, x, v) if loop == "closed" else linear_broken_loop(asked, x, v, place))
+        systems.append(linear_closed_loop(asked, x, v) if loop == "closed" else linear_broken_loop(asked, x, v, joint))
     found = [margins(system) for system in systems] if loop == "broken" else []
     x, v, preload = (float(column[0]) for column in points)
     if loop == "closed":
@@ -55,7 +56,7 @@ def linearise_loop(
         _print_margins(systems, found, swept, values)
         if swept is None and experiment.controller.kind in KINDS and systems[0].B.any():
             asked = _with_preload(experiment, preload)
-            _print_amplitudes(amplitude_sweep(asked, x, v, place, PRINTED_AMPLITUDES))
+            _print_amplitudes(amplitude_sweep(asked, x, v, joint, PRINTED_AMPLITUDES))
     if out:
         systems[0].save(out) if swept is None else save_sweep(systems, out)
         console.print(f"wrote {out}")
@@ -66,7 +67,7 @@ def linearise_loop(
         if loop == "closed":
             picture = closed_loop_poles(systems, swept)
         elif figure == "amplitude":
-            picture = amplitude_margins(amplitude_sweep(_with_preload(experiment, preload), x, v, place))
+            picture = amplitude_margins(amplitude_sweep(_with_preload(experiment, preload), x, v, joint))
         else:
             picture = loop_bode(systems, found, swept)
         save_figure(picture, plot)
@@ -132,8 +133,8 @@ def _print_margins(
     if not any(system.B.any() for system in systems):
         console.print(f"nothing comes back: {CUTS[cut]} rests on its limit or answers to nothing here")
     table = _margin_table([swept] if swept else [])
-    for k, one in enumerate(found):
-        table.add_row(*([f"{values[swept][k]:g}"] if swept else []), *_margin_words(one))
+    for k, margin in enumerate(found):
+        table.add_row(*([f"{values[swept][k]:g}"] if swept else []), *_margin_words(margin))
     console.print(table)
 
 
