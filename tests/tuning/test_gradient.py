@@ -59,7 +59,10 @@ def test_few_steps_lead_to_a_minimum(gentle: Problem) -> None:
 
 def test_after_a_minimum_others_are_looked_for(gentle: Problem) -> None:
     trials = tune(gentle, method="gradient", trials=100).trials
-    values, points = [one.objectives[0] for one in trials], np.array([gentle.space.encoded(one.point) for one in trials])
+    values, points = (
+        [one.objectives[0] for one in trials],
+        np.array([gentle.space.encoded(one.point) for one in trials]),
+    )
     place = int(np.argmin(values[:30]))
     assert values[place] < 1.1 * min(values)  # a later minimum may be better by little
     assert (np.ptp(points[place + 1 :], axis=0) > 0.8).all()
