@@ -76,7 +76,17 @@ def test_a_sampled_plant_has_the_same_modes() -> None:
 def test_other_systems_are_labelled_by_their_states() -> None:
     A = np.array([[0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     units: dict[str, str] = dict.fromkeys(("filter", "late", "runaway"), "1")
-    system = LinearSystem(A, np.zeros((3, 0)), np.zeros((0, 3)), np.zeros((0, 0)), 0.1, tuple(units), (), (), units)
+    system = LinearSystem(
+        A,
+        np.zeros((3, 0)),
+        np.zeros((0, 3)),
+        np.zeros((0, 0)),
+        dt=0.1,
+        states=tuple(units),
+        inputs=(),
+        outputs=(),
+        units=units,
+    )
     by_label = {mode.label: mode for mode in modes(system)}
     assert by_label["filter"].rate == pytest.approx(np.log(0.5) / 0.1)
     assert (by_label["late"].natural_frequency, by_label["late"].damping, by_label["late"].time_constant) == (inf, 1, 0)
