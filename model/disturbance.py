@@ -54,9 +54,6 @@ class Disturbance:
     normal_force_time: Annotated[
         float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD
     ] = 5.0
-    seed: Annotated[
-        int, at.Ge(0), Quantity("", "seed of every random signal of the scenario", ""), Mark.DRAWN_AHEAD
-    ] = 0
 
 
 def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:

@@ -9,3 +9,10 @@ class ConfigurationError(DualwinchError):
 
 class MissingExtraError(DualwinchError):
     """An optional library is not installed; the message says how to install it."""
+
+
+class UnknownNameError(DualwinchError, KeyError):
+    """A name that is not among those there are; the message names the nearest. A `KeyError`, but for its quotes."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])

@@ -20,11 +20,13 @@ class Part:
         kind: name in files and on command lines, such as ``pid-cascade``.
         label: name in figures and tables; default: the kind.
         colour: in figures, as matplotlib names it; default: the next that is free.
+        dashes: line style in figures, as matplotlib names it; default: solid.
     """
 
     kind: ClassVar[str]
     label: ClassVar[str] = ""
     colour: ClassVar[str] = ""
+    dashes: ClassVar[Any] = ""
 
     @classmethod
     def table(cls) -> str:
@@ -66,12 +68,10 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         Raises:
             ConfigurationError: there is none; the message lists all and names the nearest.
         """
-        if kind in self._parts:
+        if isinstance(kind, str) and kind in self._parts:
             return self._parts[kind]
-        known = ", ".join(self._parts)
-        raise ConfigurationError(
-            f"unknown {self.what} {kind!r}: must be one of {known}; did you mean '{nearest(str(kind), self._parts)}'?"
-        )
+        near, known = nearest(str(kind).lower(), self._parts), ", ".join(self._parts)
+        raise ConfigurationError(f"unknown {self.what} {kind!r}; did you mean '{near}'? Must be one of {known}")
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,13 @@
 """The paper's four simulated cases, its three controllers and its figures (Section 4)."""
 
 from dataclasses import dataclass
+from itertools import product
+from numbers import Integral
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import Nftsm
+from dualwinch.controllers.laws.pid_cascade import PidCascade
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
@@ -17,7 +22,7 @@ CASES = {
 }
 """Case number → what it is."""
 
-CONTROLLERS = {"fando-nftsm": "FANDO-NFTSM", "nftsm": "NFTSM", "pid-cascade": "PID cascade"}
+CONTROLLERS = {law.kind: law.label for law in (FandoNftsm, Nftsm, PidCascade)}
 """The paper's controllers: `controller.kind` → its name in figures and tables (Table 2)."""
 
 REDUCTIONS = {"mae": -0.76, "max_abs_error": -0.67, "mse": -0.935}
@@ -37,7 +42,7 @@ CONTENTS = ("trajectory", "error", "commands", "tensions")
 """What the four figures of a case draw, in the paper's order."""
 
 FIGURES = tuple(
-    PaperFigure(5 + 4 * (case - 1) + place, case, content) for case in CASES for place, content in enumerate(CONTENTS)
+    PaperFigure(number, case, content) for number, (case, content) in enumerate(product(CASES, CONTENTS), start=5)
 )
 """Figures 5 to 20; Figure 21 compares two controllers."""
 
@@ -50,10 +55,10 @@ def case(number: int, controller: str = "fando-nftsm") -> Experiment:
         controller: a `controller.kind`.
 
     Raises:
-        ConfigurationError: there is no such case.
+        ConfigurationError: there is no such case or controller; the message names the nearest controller.
     """
-    if number not in CASES:
-        raise ConfigurationError(f"case {number}: must be 1, 2, 3 or 4")
+    if isinstance(number, bool) or not isinstance(number, Integral) or number not in CASES:
+        raise ConfigurationError(f"case {number!r}: must be 1, 2, 3 or 4")
     return Experiment(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),

@@ -41,7 +41,8 @@ def simulate(
         progress: called now and then in a long run with the share that is done.
 
     Returns:
-        The result; a run that diverges or leaves the track is one too, with its outcome.
+        The result; a run that diverges or leaves the track is one too, with its outcome, its rows until then, and
+        NaN for figures of merit.
 
     Raises:
         ConfigurationError: the experiment's values do not fit together, or its rows not into memory.
@@ -66,11 +67,11 @@ def simulate(
         if outcome != COMPLETED:
             break
     rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
-    columns = {name: rows[:, index].copy() for index, name in enumerate(loop.columns)}
+    columns = {name: column.copy() for name, column in zip(loop.columns, rows.T, strict=True)}
     final = dict(zip(loop.states, state.tolist(), strict=True))
     return Result(
         columns=columns,
-        metrics=metrics_of(final),
+        metrics=metrics_of(final, completed=outcome == COMPLETED),
         outcome=OUTCOMES[outcome],
         end_time=done * experiment.simulation.sample_time,
         final_state=final,

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.result import Result
 
 
-def save(result: Result, path: Path, notes: Mapping[str, str] | None = None) -> None:
+def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
     """Write a result to a file; the file appears whole or not at all.
 
     A CSV file holds nothing but the header and full double-precision numbers (empty where the controller lacks the
@@ -29,6 +30,7 @@ def save(result: Result, path: Path, notes: Mapping[str, str] | None = None) -> 
         ConfigurationError: unknown suffix.
         OSError: the file cannot be written.
     """
+    path = Path(path)
     write = writer(path)
     with atomic(path) as unfinished:
         write(result, unfinished, dict(notes or {}))
@@ -37,12 +39,13 @@ def save(result: Result, path: Path, notes: Mapping[str, str] | None = None) -> 
             unfinished.write_text(json.dumps(_csv_metadata(result, path.name, dict(notes or {})), indent=2))
 
 
-def writer(path: Path) -> Callable[[Result, Path, dict[str, str]], None]:
+def writer(path: str | PathLike[str]) -> Callable[[Result, Path, dict[str, str]], None]:
     """What writes the format of a path's suffix.
 
     Raises:
         ConfigurationError: unknown suffix.
     """
+    path = Path(path)
     try:
         return WRITERS[path.suffix.lower()]
     except KeyError:

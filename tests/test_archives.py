@@ -50,7 +50,7 @@ def test_the_wheel_holds_one_name(archives: tuple[Path, Path]) -> None:
     names = contents(archives[1])
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"dualwinch"}
     assert len(names) == len(set(names))
-    assert "dualwinch/py.typed" in names
+    assert {"dualwinch/py.typed", "dualwinch/__init__.pyi"} <= set(names)
     for package in PACKAGES:
         tracked = {
             str(path.relative_to(ROOT)) for path in (ROOT / package).rglob("*.*") if "__pycache__" not in str(path)

@@ -55,6 +55,7 @@ class Adrc(PositionLaw):
     kind: ClassVar = "adrc"
     label: ClassVar = "ADRC"
     colour: ClassVar = "#56B4E9"
+    dashes: ClassVar = (0, (2, 1.5))
 
     def initial_state(self) -> AdrcState:
         """Nothing expected."""

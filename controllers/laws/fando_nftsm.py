@@ -42,6 +42,7 @@ class FandoNftsm(PositionLaw):
     kind: ClassVar = "fando-nftsm"
     label: ClassVar = "FANDO-NFTSM"
     colour: ClassVar = "#0072B2"
+    dashes: ClassVar = "-"
 
     def initial_state(self) -> FandoNftsmState:
         """Nothing estimated, nothing cut off so far."""

@@ -77,6 +77,7 @@ class Nftsm(PositionLaw):
     kind: ClassVar = "nftsm"
     label: ClassVar = "NFTSM"
     colour: ClassVar = "#D55E00"
+    dashes: ClassVar = (0, (5, 2))
 
     def initial_state(self) -> NftsmState:
         """Nothing cut off so far."""

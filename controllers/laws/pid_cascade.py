@@ -44,6 +44,7 @@ class PidCascade(PositionLaw):
     kind: ClassVar = "pid-cascade"
     label: ClassVar = "PID cascade"
     colour: ClassVar = "#009E73"
+    dashes: ClassVar = (0, (5, 1.5, 1, 1.5))
 
     def initial_state(self) -> PidCascadeState:
         """Empty integrals."""

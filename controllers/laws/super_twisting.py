@@ -56,6 +56,7 @@ class SuperTwisting(PositionLaw):
     kind: ClassVar = "super-twisting"
     label: ClassVar = "Super-twisting"
     colour: ClassVar = "#CC79A7"
+    dashes: ClassVar = (0, (3, 1, 1, 1, 1, 1))
 
     def initial_state(self) -> SuperTwistingState:
         """Nothing taken up, nothing cut off so far."""

@@ -65,5 +65,16 @@ def linearise(
     gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error.
     """
     from dualwinch.commands.linearise import linearise as run
+    from dualwinch.commands.simulate import experiment
 
-    run(case, config, controller, set_ or [], x, v, preload, sweep, loop, cut, dt, out, plot, figure)
+    run(
+        experiment(case, config, controller, set_ or []),
+        {"x": x, "v": v, "preload": preload},
+        sweep,
+        loop=loop,
+        cut=cut,
+        dt=dt,
+        out=out,
+        plot=plot,
+        figure=figure,
+    )

@@ -63,7 +63,7 @@ def simulate(
     if scenarios is not None:
         raise ConfigurationError("--scenarios: needs --ensemble")
     if seed is not None:
-        raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set disturbance.seed=N")
+        raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set simulation.seed=N")
     from dualwinch.commands.simulate import simulate as run
 
     run(case, config, controller, set_ or [], out, plot, stride, engine)

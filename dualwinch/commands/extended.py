@@ -1,11 +1,12 @@
 """Beyond the paper: every position law, and every coordination with the paper's law, side by side."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from rich.console import Console
 from rich.table import Table
 
+from dualwinch.commands.measured import measured
+from dualwinch.config.settings import override
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.simulation.paper import case
@@ -35,10 +36,7 @@ def run_variants(numbers: list[int], step: Callable[[str], None]) -> Variants:
     for number in numbers:
         for law, coordination in VARIANTS:
             step(f"case {number}, {law}, {coordination}")
-            experiment = case(number, law)
-            controller = experiment.controller
-            shared = COORDINATIONS[coordination]()
-            experiment = replace(experiment, controller=replace(controller, coordination=shared))
+            experiment = override(case(number, law), {"controller.coordination.kind": coordination})
             runs[number, law, coordination] = simulate(experiment, stride=0)
     return runs
 
@@ -61,8 +59,8 @@ def print_variants(console: Console, runs: Variants, table: Table) -> None:
         table.add_row(
             str(number) if number != last else "",
             name + ended,
-            *(f"{value:.3g}" for value in values),
-            *(f"{value:.4g}" for value in forces),
+            *(measured(value, ".3g") for value in values),
+            *map(measured, forces),
         )
         last = number
     console.print(table)

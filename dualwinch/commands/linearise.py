@@ -14,14 +14,13 @@ from rich.console import Console
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.linearise_tables import print_point, print_sweep
 from dualwinch.commands.simulate import check_plot
-from dualwinch.commands.simulate import experiment as asked_experiment
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.files import save, writer
+from dualwinch.model.linear.files import writer
 from dualwinch.model.linear.linearisation import linearise_at
 from dualwinch.model.linear.mode_tracks import track_modes
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
-from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.linear.system import LinearSystem, save_sweep
 from dualwinch.model.quantity import nearest
 from dualwinch.simulation.experiment import Experiment
 
@@ -44,14 +43,10 @@ LOOPS: dict[str, Loop] = {"open": open_loop}
 
 
 def linearise(
-    case: int | None,
-    config: Path | None,
-    controller: str | None,
-    assignments: list[str],
-    x: float | None,
-    v: float | None,
-    preload: float | None,
+    experiment: Experiment,
+    given: dict[str, float | None],
     sweep: str | None,
+    *,
     loop: str,
     cut: str | None,
     dt: float | None,
@@ -59,10 +54,21 @@ def linearise(
     plot: Path | None,
     figure: FigureName | None,
 ) -> None:
-    """Linearise, print, write. Everything that can be wrong with the files is found before."""
-    experiment = asked_experiment(case, config, controller, assignments)
-    if preload is not None:
-        experiment = override(experiment, {"controller.coordination.preload": float(preload)})
+    """Linearise, print, write. Everything that can be wrong with the files is found before.
+
+    Args:
+        experiment: plant, controller and sample time.
+        given: x, v and preload, where they were given.
+        sweep: as for `grid`.
+        loop: ``open``, ``closed`` or ``broken``.
+        cut: where the loop is broken.
+        dt: sample time in s of a discrete plant.
+        out: file of the matrices.
+        plot: file of the figure.
+        figure: which figure.
+    """
+    if given["preload"] is not None:
+        experiment = override(experiment, {"controller.coordination.preload": float(given["preload"])})
     if out:
         writer(out)
         check_folder(out.parent)
@@ -73,11 +79,11 @@ def linearise(
         from dualwinch.commands.linearise_loop import linearise_loop
 
         swept = _swept_name(sweep) if sweep else None
-        values = grid({"x": x, "v": v, "preload": preload}, sweep, experiment)
-        linearise_loop(experiment, values, swept, loop, cut, dt, out, plot, figure)
+        values = grid(given, sweep, experiment)
+        linearise_loop(experiment, values, swept, loop=loop, cut=cut, dt=dt, out=out, plot=plot, figure=figure)
         return
     _check_figure(figure, sweep)
-    values = grid({"x": x, "v": v, "preload": preload}, sweep, experiment)
+    values = grid(given, sweep, experiment)
     points = _operating_points(experiment, values)
     console = Console(stderr=True)
     with console.status("linearising"):
@@ -88,7 +94,7 @@ def linearise(
     else:
         print_sweep(tracks, points, _swept_name(sweep))
     if out:
-        save(systems[0] if sweep is None else systems, out)
+        systems[0].save(out) if sweep is None else save_sweep(systems, out)
         console.print(f"wrote {out}")
     if plot:
         with console.status(f"drawing {plot}"):

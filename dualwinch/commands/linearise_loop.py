@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +10,13 @@ from rich.console import Console
 from rich.table import Table
 
 from dualwinch.commands.linearise_tables import print_point
+from dualwinch.config.settings import override
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.files import save
 from dualwinch.model.linear.modes import modes
 from dualwinch.model.linear.operating_point import operating_point
-from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.linear.system import LinearSystem, save_sweep
 from dualwinch.simulation.analysis.describing_function import AmplitudePoint, amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import Margins, margins
@@ -35,6 +34,7 @@ def linearise_loop(
     experiment: Experiment,
     values: dict[str, list[float]],
     swept: str | None,
+    *,
     loop: str,
     cut: str | None,
     dt: float | None,
@@ -44,12 +44,12 @@ def linearise_loop(
 ) -> None:
     """Linearise, print, write; `values` holds x, v and preload of every point, `swept` says which of them varies."""
     _check(loop, cut, dt, swept, figure)
-    place, console = cut or "u", Console(stderr=True)
+    joint, console = cut or "u", Console(stderr=True)
     points = np.broadcast_arrays(*(np.array(values[name]) for name in ("x", "v", "preload")))
     systems = []
     for x, v, preload in zip(*(column.tolist() for column in points), strict=True):
         asked = _with_preload(experiment, preload)
-        systems.append(linear_closed_loop(asked, x, v) if loop == "closed" else linear_broken_loop(asked, x, v, place))
+        systems.append(linear_closed_loop(asked, x, v) if loop == "closed" else linear_broken_loop(asked, x, v, joint))
     found = [margins(system) for system in systems] if loop == "broken" else []
     x, v, preload = (float(column[0]) for column in points)
     if loop == "closed":
@@ -58,9 +58,9 @@ def linearise_loop(
         _print_margins(systems, found, swept, values)
         if swept is None and isinstance(experiment.controller.law, FandoNftsm | Nftsm) and systems[0].B.any():
             asked = _with_preload(experiment, preload)
-            _print_amplitudes(amplitude_sweep(asked, x, v, place, PRINTED_AMPLITUDES))
+            _print_amplitudes(amplitude_sweep(asked, x, v, joint, PRINTED_AMPLITUDES))
     if out:
-        save(systems if swept else systems[0], out)
+        systems[0].save(out) if swept is None else save_sweep(systems, out)
         console.print(f"wrote {out}")
     if plot:
         from dualwinch.simulation.plots import save as save_figure
@@ -69,7 +69,7 @@ def linearise_loop(
         if loop == "closed":
             picture = closed_loop_poles(systems, swept)
         elif figure == "amplitude":
-            picture = amplitude_margins(amplitude_sweep(_with_preload(experiment, preload), x, v, place))
+            picture = amplitude_margins(amplitude_sweep(_with_preload(experiment, preload), x, v, joint))
         else:
             picture = loop_bode(systems, found, swept)
         save_figure(picture, plot)
@@ -88,8 +88,7 @@ def _check(loop: str, cut: str | None, dt: float | None, swept: str | None, figu
 
 
 def _with_preload(experiment: Experiment, preload: float) -> Experiment:
-    controller = experiment.controller
-    return replace(experiment, controller=replace(controller, limits=replace(controller.limits, preload=preload)))
+    return override(experiment, {"controller.coordination.preload": float(preload)})
 
 
 def _print_closed(
@@ -136,8 +135,8 @@ def _print_margins(
     if not any(system.B.any() for system in systems):
         console.print(f"nothing comes back: {CUTS[cut]} rests on its limit or answers to nothing here")
     table = _margin_table([swept] if swept else [])
-    for k, one in enumerate(found):
-        table.add_row(*([f"{values[swept][k]:g}"] if swept else []), *_margin_words(one))
+    for k, margin in enumerate(found):
+        table.add_row(*([f"{values[swept][k]:g}"] if swept else []), *_margin_words(margin))
     console.print(table)
 
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.commands.folders import make_folder
+from dualwinch.commands.measured import measured
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.tree import describe
@@ -32,7 +34,7 @@ Runs = dict[tuple[int, str], Result]
 FIGURE_21 = 21
 
 
-def reproduce(out: Path, cases: list[str], controllers: list[str], *, extended: bool = False) -> None:
+def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str], *, extended: bool = False) -> None:
     """Run, print and write everything.
 
     Args:
@@ -45,7 +47,7 @@ def reproduce(out: Path, cases: list[str], controllers: list[str], *, extended: 
         ConfigurationError: no such case or controller.
         OSError: the folder cannot be written to.
     """
-    numbers, kinds = _chosen_cases(cases), _chosen_controllers(controllers)
+    out, numbers, kinds = Path(out), _chosen_cases(cases), _chosen_controllers(controllers)
     for folder in (out, out / "data", out / "figures"):
         make_folder(folder)
     jobs = [(number, kind) for number in numbers for kind in kinds]
@@ -177,9 +179,9 @@ def _print_tables(console: Console, runs: Runs) -> None:
         head = (str(number) if number != last else "", CONTROLLERS[kind] + ended)
         millimetres = (1e3 * m.mae, 1e3 * m.max_abs_error, 1e6 * m.mse)
         millimetres += (1e3 * m.steady_mae, 1e3 * m.steady_max_abs_error, 1e6 * m.steady_mse)
-        tracking.add_row(*head, *(f"{value:.3g}" for value in millimetres))
+        tracking.add_row(*head, *(measured(value, ".3g") for value in millimetres))
         forces = (100 * m.saturated_share, m.peak_tension, m.min_tension, m.chatter)
-        ropes.add_row(*head, *(f"{value:.4g}" for value in forces))
+        ropes.add_row(*head, *map(measured, forces))
         last = number
     console.print(tracking)
     console.print(ropes)

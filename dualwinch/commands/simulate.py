@@ -1,5 +1,7 @@
 """``dualwinch simulate``: one run, its figures of merit, its data and its figure."""
 
+from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ from rich.table import Table
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.measured import measured
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import parse_assignment
@@ -25,7 +28,9 @@ from dualwinch.simulation.storage import save, writer
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
 
-def experiment(case: int | None, config: Path | None, controller: str | None, assignments: list[str]) -> Experiment:
+def experiment(
+    case: int | None, config: str | PathLike[str] | None, controller: str | None, assignments: Sequence[str]
+) -> Experiment:
     """The experiment a command line asks for.
 
     Raises:
@@ -104,5 +109,5 @@ def print_result(result: Result) -> None:
     table.add_column(style="dim")
     for name, leaf in describe(Metrics).items():
         unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
-        table.add_row(name, f"{getattr(result.metrics, name):.6g}", unit, leaf.quantity.meaning)
+        table.add_row(name, measured(getattr(result.metrics, name), ".6g"), unit, leaf.quantity.meaning)
     console.print(table)

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.measured import measured
 from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.toml_text import parse_assignment
@@ -98,7 +99,7 @@ def print_ensemble(result: EnsembleResult) -> None:
         statistic = result.statistic(name)
         values = (statistic.mean, statistic.median, statistic.p95, statistic.worst)
         unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
-        table.add_row(name, *(f"{value:.4g}" for value in values), unit)
+        table.add_row(name, *map(measured, values), unit)
     console.print(table)
     if len(result.outcome_counts) > 1 or "completed" not in result.outcome_counts:
         console.print("Statistics are those of the completed scenarios.")

@@ -94,7 +94,7 @@ def _distribution(leaf: Leaf, entry: Mapping[str, Any]) -> Distribution:
 
 
 def _pair(key: str, word: str, value: Any) -> tuple[float, float]:
-    numbers = isinstance(value, list) and all(type(one) in {int, float} and abs(one) < float("inf") for one in value)
+    numbers = isinstance(value, list) and all(type(end) in {int, float} and abs(end) < float("inf") for end in value)
     if not numbers or len(value) != 2:
         raise ConfigurationError(f"{key}: {word} = {value}: must be two finite numbers, [a, b]")
     return float(value[0]), float(value[1])
@@ -119,15 +119,24 @@ def check_range(key: str, drawn: Drawn, experiment: Experiment) -> None:
             raise ConfigurationError(f"{key}: its distribution reaches a value that is not allowed: {error}") from error
 
 
-def entry_of(drawn: Drawn) -> str:
-    """The entry of a file that `drawn_from` reads."""
+def entry_of(key: str, drawn: Drawn) -> str:
+    """The entry of a file that `drawn_from` reads.
+
+    Raises:
+        ConfigurationError: a distribution that no entry stands for.
+    """
     match drawn.distribution:
         case Uniform(low, high):
             words = [f"uniform = [{low!r}, {high!r}]"]
         case Normal(mean, sigma, low, high):
             words = [f"normal = [{mean!r}, {sigma!r}], within = [{low!r}, {high!r}]"]
+        case Choice(values):
+            words = [f"choice = [{', '.join(map(toml_value, values))}]"]
         case other:
-            words = [f"choice = [{', '.join(map(toml_value, other.ends))}]"]
+            raise ConfigurationError(
+                f"{key}: a distribution of type {type(other).__name__} cannot stand in a file; "
+                f"must be one of {', '.join(SHAPES)}"
+            )
     if drawn.relative:
         words.append('of = "nominal"')
     if drawn.together is not None:

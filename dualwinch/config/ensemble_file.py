@@ -4,11 +4,13 @@ import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib.resources import as_file, files
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from dualwinch.config.distribution_entries import SHAPES, check_range, drawn_from, entry_of
 from dualwinch.config.experiment_file import from_table, to_toml
+from dualwinch.config.renamed import current
 from dualwinch.config.settings import known_keys, override
 from dualwinch.config.toml_text import read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
@@ -22,7 +24,7 @@ def built_in_ensembles() -> dict[str, Path]:
         return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 
-def find_ensemble(name: str | Path) -> Path:
+def find_ensemble(name: str | PathLike[str]) -> Path:
     """The file of an ensemble.
 
     Args:
@@ -42,7 +44,7 @@ def find_ensemble(name: str | Path) -> Path:
     raise ConfigurationError(f"unknown ensemble '{name}'; {hint} (or the path of a TOML file)")
 
 
-def load_ensemble(name: str | Path, base: Experiment | None = None) -> Ensemble:
+def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> Ensemble:
     """Read an ensemble.
 
     Args:
@@ -67,7 +69,7 @@ def load_ensemble(name: str | Path, base: Experiment | None = None) -> Ensemble:
     distributions: dict[str, Drawn] = {}
     for key, entry in _entries(entries):
         with source.located(f"distributions.{key}"):
-            distributions[key] = drawn_from(key, entry, experiment)
+            distributions[current(key)] = drawn_from(current(key), entry, experiment)
     return Ensemble(heading.get("name", path.stem), heading.get("description", ""), experiment, distributions)
 
 
@@ -79,7 +81,7 @@ def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
             value, or a distribution that would leave its key's range.
     """
     for key in values:
-        drawn = ensemble.distributions.get(key)
+        drawn = ensemble.distributions.get(current(key))
         if drawn is not None and not drawn.relative:
             raise ConfigurationError(
                 f"{key}: is drawn in the ensemble '{ensemble.name}', whatever its nominal value; edit the file"
@@ -91,9 +93,14 @@ def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
 
 
 def ensemble_to_toml(ensemble: Ensemble) -> str:
-    """The complete ensemble as TOML: name, distributions and every key of the experiment."""
+    """The complete ensemble as TOML: name, distributions and every key of the experiment.
+
+    Raises:
+        ConfigurationError: a distribution that no file can hold.
+    """
     lines = ["[ensemble]", f"name = {toml_value(ensemble.name)}", f"description = {toml_value(ensemble.description)}"]
-    lines += ["", "[distributions]", *(f"{key} = {entry_of(drawn)}" for key, drawn in ensemble.distributions.items())]
+    lines += ["", "[distributions]"]
+    lines += [f"{key} = {entry_of(key, drawn)}" for key, drawn in ensemble.distributions.items()]
     return "\n".join(lines) + "\n\n" + to_toml(ensemble.experiment)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
+from dualwinch.config.renamed import current
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import Leaf, Mark, nearest
 from dualwinch.model.tree import describe, describe_parts, leaves, owners, with_leaves
@@ -51,17 +52,19 @@ def with_settings(
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.
     """
+    given = {current(key): key for key in values}
+    values = {current(key): value for key, value in values.items()}
     checked: dict[str, Any] = {}
     for describe_those in (describe_choices, describe_parts):  # parts first: they say which gains there are
         known = describe_those(experiment)
         for key, value in values.items():
             if key in known and key not in checked:
-                with located(key):
+                with located(given[key]):
                     checked[key] = validated(known[key], value)
         experiment = with_leaves(experiment, checked)
     idle = [key for key in values if key not in checked]
     for key in idle:
-        with located(key):
+        with located(given[key]):
             validated(leaf_of(key), values[key])
     return experiment, idle
 
@@ -77,7 +80,7 @@ def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
     Raises:
         ConfigurationError: it names nothing; the message says what may be meant.
     """
-    known = known_keys() | dict(describe_parts(experiment) if experiment else {})
+    known, key = known_keys() | dict(describe_parts(experiment) if experiment else {}), current(key)
     if key in known:
         return known[key]
     below = [name for name in known if name.startswith(key + ".")]

@@ -8,8 +8,9 @@ last, so that ``A(:, :, k)`` is a matrix), and every number of the operating poi
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -17,48 +18,53 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.system import LinearSystem
 
 
 @dataclass(frozen=True)
 class Content:
-    """What a file holds: one system, or a sweep of systems whose names and sample time are those of the first."""
+    """What a file holds: one system, or a sweep of systems, whose names and sample time are those of the content.
 
-    first: LinearSystem
+    Attributes:
+        matrices: ``A``, ``B``, ``C``, ``D`` → the matrix, or those of a sweep with the points as their first axis.
+        dt: sample time in s; None: continuous time.
+        states, inputs, outputs: names.
+        units: name → unit.
+        operating_point: name → value, or values of a sweep.
+    """
+
     matrices: Mapping[str, NDArray[np.float64]]
+    dt: float | None
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
     operating_point: Mapping[str, float | list[float]]
 
 
-def save(system: LinearSystem | Sequence[LinearSystem], path: Path) -> None:
-    """Write a linear system, or a sweep of them, to a file; the file appears whole or not at all.
+def write(content: Content, path: str | PathLike[str]) -> None:
+    """Write linear systems to a file, which appears whole or not at all.
 
     Args:
-        system: what to write; systems of a sweep have the same names.
+        content: what to write.
         path: its suffix chooses the format: json, mat, npz.
 
     Raises:
         ConfigurationError: unknown suffix.
         OSError: the file cannot be written.
     """
-    write = writer(path)
+    path = Path(path)
+    write_format = writer(path)
     with atomic(path) as unfinished:
-        write(unfinished, _content(system))
+        write_format(unfinished, content)
 
 
-def _content(system: LinearSystem | Sequence[LinearSystem]) -> Content:
-    if isinstance(system, LinearSystem):
-        return Content(system, {name: getattr(system, name) for name in "ABCD"}, system.operating_point)
-    matrices = {name: np.array([getattr(one, name) for one in system]) for name in "ABCD"}
-    values = {name: [one.operating_point[name] for one in system] for name in system[0].operating_point}
-    return Content(system[0], matrices, values)
-
-
-def writer(path: Path) -> Callable[[Path, Content], None]:
+def writer(path: str | PathLike[str]) -> Callable[[Path, Content], None]:
     """What writes the format of a path's suffix.
 
     Raises:
         ConfigurationError: unknown suffix.
     """
+    path = Path(path)
     try:
         return WRITERS[path.suffix.lower()]
     except KeyError:
@@ -67,28 +73,26 @@ def writer(path: Path) -> Callable[[Path, Content], None]:
 
 
 def _write_json(path: Path, content: Content) -> None:
-    first = content.first
     entries = {
         **{name: matrix.tolist() for name, matrix in content.matrices.items()},
-        "dt": first.dt,
-        "states": list(first.states),
-        "inputs": list(first.inputs),
-        "outputs": list(first.outputs),
-        "units": dict(first.units),
+        "dt": content.dt,
+        "states": list(content.states),
+        "inputs": list(content.inputs),
+        "outputs": list(content.outputs),
+        "units": dict(content.units),
         "operating_point": dict(content.operating_point),
     }
     path.write_text(json.dumps(entries, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _write_npz(path: Path, content: Content) -> None:
-    first = content.first
     arrays = {
         **content.matrices,
-        "dt": np.array(first.dt or 0.0),
-        "states": np.array(first.states),
-        "inputs": np.array(first.inputs),
-        "outputs": np.array(first.outputs),
-        "units": np.array(json.dumps(dict(first.units))),
+        "dt": np.array(content.dt or 0.0),
+        "states": np.array(content.states),
+        "inputs": np.array(content.inputs),
+        "outputs": np.array(content.outputs),
+        "units": np.array(json.dumps(dict(content.units))),
         "operating_point": np.array(json.dumps(dict(content.operating_point))),
     }
     np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
@@ -97,17 +101,16 @@ def _write_npz(path: Path, content: Content) -> None:
 def _write_mat(path: Path, content: Content) -> None:
     from scipy.io import savemat
 
-    first = content.first
     entries = {
         **{
             name: np.moveaxis(matrix, 0, -1) if matrix.ndim == 3 else matrix
             for name, matrix in content.matrices.items()
         },
-        "dt": first.dt or 0.0,
-        "states": _cells(first.states),
-        "inputs": _cells(first.inputs),
-        "outputs": _cells(first.outputs),
-        "units": {_field(name): unit for name, unit in first.units.items()},
+        "dt": content.dt or 0.0,
+        "states": _cells(content.states),
+        "inputs": _cells(content.inputs),
+        "outputs": _cells(content.outputs),
+        "units": {_field(name): unit for name, unit in content.units.items()},
         "operating_point": {_field(name): value for name, value in content.operating_point.items()},
     }
     savemat(path, entries, long_field_names=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,12 +27,15 @@ UNITS = {
 }
 """Name → unit of every state, input and output."""
 
+NAMES: dict[str, Any] = {"states": STATES, "inputs": INPUTS, "outputs": OUTPUTS, "units": UNITS}
+"""What every linear model of the plant calls its signals, by field of `LinearSystem`."""
+
 
 def linearise(
-    plant: Plant | None = None,
     x: float = 25.0,
     v: float = 0.0,
     preload: float = PRELOAD,
+    plant: Plant | None = None,
     *,
     current: float = 0.0,
     force: float = 0.0,
@@ -46,10 +50,10 @@ def linearise(
     the system holds for motions that are quick against length/v.
 
     Args:
-        plant: default: the paper's.
         x: position in m.
         v: speed in m/s.
         preload: sum of both tensions in N.
+        plant: default: the paper's.
         current: ambient current in m/s, constant.
         force: disturbance force in N along the track, constant.
         tension_min: lower limit of a tension in N, as `model.linear.operating_point.operating_point` uses it.
@@ -59,18 +63,17 @@ def linearise(
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
     """
-    given = plant or Plant()
     (system,) = linearise_sweep(
-        given, x, v, preload, current=current, force=force, tension_min=tension_min, tension_max=tension_max, dt=dt
+        x, v, preload, plant, current=current, force=force, tension_min=tension_min, tension_max=tension_max, dt=dt
     )
     return system
 
 
 def linearise_sweep(
-    plant: Plant,
     x: ArrayLike = 25.0,
     v: ArrayLike = 0.0,
     preload: ArrayLike = PRELOAD,
+    plant: Plant | None = None,
     *,
     current: float = 0.0,
     force: float = 0.0,
@@ -83,10 +86,11 @@ def linearise_sweep(
     Raises:
         ConfigurationError: as `linearise`, for the first point that is wrong.
     """
+    given = plant or Plant()
     points = operating_points(
-        x, v, preload, plant, current=current, force=force, tension_min=tension_min, tension_max=tension_max
+        x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
     )
-    return linearise_at(points, plant, dt)
+    return linearise_at(points, given, dt)
 
 
 def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | None = None) -> list[LinearSystem]:
@@ -112,7 +116,7 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
         for side_by_side in _jacobians(plant.rope_slack)(*arguments)
     ]
     systems = [
-        LinearSystem(A, B, C, D, None, STATES, INPUTS, OUTPUTS, UNITS, numbers(point))
+        LinearSystem(A, B, C, D, dt=None, **NAMES, operating_point=numbers(point))
         for A, B, C, D, point in zip(*jacobians, points, strict=True)
     ]
     return systems if dt is None else [system.discretised(dt) for system in systems]

@@ -45,8 +45,8 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     moved = displacements(shape, plant, prefix)
     largest = max(map(abs, moved))
     if max(map(abs, moved.stretches)) < RIGID * largest:
-        speed, place = participation[prefix + "v"], participation[prefix + "x"]
-        return "rigid drift: speed" if speed > place else "rigid drift: position"
+        speed, position = participation[prefix + "v"], participation[prefix + "x"]
+        return "rigid drift: speed" if speed > position else "rigid drift: position"
     return _by_energies(moved, plant, x)
 
 

@@ -28,7 +28,7 @@ def check_range(key: str, value: float, lower: float, upper: float, unit: str, *
     )
 
 
-def check_place(x: float, track: Track) -> None:
+def check_position(x: float, track: Track) -> None:
     """Raise `ConfigurationError` for a position off the track, or one that leaves a rope at its shortest length."""
     overrun = track.rope_offset / 2
     check_range("x", x, -overrun, track.length + overrun, "m (the track of plant.track.length, and half a rope_offset)")

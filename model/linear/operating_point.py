@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.model.linear.operating_limits import FASTEST, check_place, check_range, remarks, violations
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.operating_limits import FASTEST, check_position, check_range, remarks, violations
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
 from dualwinch.model.quantity import Quantity
 from dualwinch.model.steady_cruise import (
@@ -116,14 +117,15 @@ def operating_points(
     Raises:
         ConfigurationError: as `operating_point`, for the first point that is wrong.
     """
-    asked = np.broadcast_arrays(*np.atleast_1d(x, v, preload))
-    points = np.array([np.ravel(values).astype(np.float64) for values in asked])
+    given = {"x": x, "v": v, "preload": preload}
+    asked = np.broadcast_arrays(*(np.atleast_1d(_numbers(name, values)) for name, values in given.items()))
+    points = np.array([np.ravel(values) for values in asked])
     check_range("tension_min", tension_min, 0.0, math.inf, "N")
     check_range("tension_max", tension_max, tension_min, math.inf, "N")
     check_range("force", force, -math.inf, math.inf, "N")
     check_range("current", current, -FASTEST, FASTEST, "m/s")
-    for place, speed, total in points.T:
-        check_place(float(place), plant.track)
+    for position, speed, total in points.T:
+        check_position(float(position), plant.track)
         check_range("v", float(speed), -FASTEST, FASTEST, "m/s")
         check_range("preload", float(total), 2 * tension_min, 2 * tension_max, "N", strictly=True)
     outside = np.array([[force], [current], [tension_min], [tension_max]])
@@ -134,6 +136,16 @@ def operating_points(
     table = np.vstack([found, left])
     limits = (tension_min, tension_max)
     return [_point(column, inputs[:, k], plant, limits) for k, column in enumerate(table.T)]
+
+
+def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        kind = type(values).__name__
+        raise ConfigurationError(
+            f"{name}: must be a number or an array of numbers, not {kind}; the order is x, v, preload, plant"
+        ) from None
 
 
 @cache

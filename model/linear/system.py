@@ -1,15 +1,16 @@
 """A linear system whose states, inputs and outputs have names and units."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
+from dualwinch.model.linear.files import Content, write
 from dualwinch.model.quantity import nearest
 
 Array = NDArray[np.float64]
@@ -76,8 +77,8 @@ class LinearSystem:
             ConfigurationError: an unknown name; the message says which is nearest.
         """
         chosen_in, chosen_out = tuple(inputs), tuple(outputs)
-        columns = [_place(name, self.inputs, "input") for name in chosen_in]
-        rows = [_place(name, self.outputs, "output") for name in chosen_out]
+        columns = [_index(name, self.inputs, "input") for name in chosen_in]
+        rows = [_index(name, self.outputs, "output") for name in chosen_out]
         return replace(
             self,
             B=self.B[:, columns],
@@ -126,19 +127,44 @@ class LinearSystem:
         }
         return control.StateSpace(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt, **names)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | PathLike[str]) -> None:
         """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.files`).
 
         Raises:
             ConfigurationError: unknown suffix.
             OSError: the file cannot be written.
         """
-        from dualwinch.model.linear.files import save
-
-        save(self, path)
+        write(_content(self, {name: getattr(self, name) for name in "ABCD"}, self.operating_point), path)
 
 
-def _place(name: str, names: tuple[str, ...], kind: str) -> int:
+def save_sweep(systems: Sequence[LinearSystem], path: str | PathLike[str]) -> None:
+    """Write systems of the same names to one file (see `model.linear.files`).
+
+    Raises:
+        ConfigurationError: unknown suffix.
+        OSError: the file cannot be written.
+    """
+    first = systems[0]
+    matrices = {name: np.array([getattr(system, name) for system in systems]) for name in "ABCD"}
+    values = {name: [system.operating_point[name] for system in systems] for name in first.operating_point}
+    write(_content(first, matrices, values), path)
+
+
+def _content(
+    first: LinearSystem, matrices: Mapping[str, Array], operating_point: Mapping[str, float] | Mapping[str, list[float]]
+) -> Content:
+    return Content(
+        matrices=matrices,
+        dt=first.dt,
+        states=first.states,
+        inputs=first.inputs,
+        outputs=first.outputs,
+        units=first.units,
+        operating_point=operating_point,
+    )
+
+
+def _index(name: str, names: tuple[str, ...], kind: str) -> int:
     if name not in names:
         raise ConfigurationError(f"unknown {kind} '{name}'; did you mean '{nearest(name, names)}'?")
     return names.index(name)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
+from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.ensembles.ensemble import Scenario
@@ -27,7 +28,7 @@ class BatchResult:
     Attributes:
         outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track`` or, after an interrupt, ``not_run``.
         end_times: (n, m) in s.
-        metrics: name → (n, m), as in `Metrics`; NaN where a pair was not run.
+        metrics: name → (n, m), as in `Metrics`; NaN where a pair was not completed.
         columns: name → (n, m, kept) where rows were asked for, NaN after an early end; else empty.
         interrupted: whether an interrupt ended the batch, even if every pair was under way by then and is finished.
     """
@@ -94,5 +95,6 @@ def rollout(
 
     blocks = [pairs.indices[first : first + LANES] for first in range(0, len(pairs.indices), LANES)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
-    metrics = vars(metrics_of(dict(zip(FINAL, final, strict=True))))
+    completed = outcomes == OUTCOMES[COMPLETED]
+    metrics = vars(metrics_of(dict(zip(FINAL, final, strict=True)), completed=completed))
     return BatchResult(outcomes, end_times, metrics, columns, interrupted=not whole)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import Mark
@@ -36,8 +37,8 @@ class Sensitivities:
     Attributes:
         names: the gains.
         outcomes: (n, m) words, as in `simulation.batch.rollout.BatchResult`.
-        metrics: figure of merit → (n, m).
-        gradients: figure of merit → (n, m, p).
+        metrics: figure of merit → (n, m); NaN where a pair was not completed.
+        gradients: figure of merit → (n, m, p); NaN where the figure of merit is.
         errors: (n, m, kept) tracking error e in m; NaN after an early end.
         slopes: (n, m, kept, p) derivatives of e.
         interrupted: whether an interrupt ended the call; what is left out is ``not_run`` and NaN.
@@ -99,10 +100,11 @@ def sensitivities(
             gains = range(first, min(first + run.directions, p))
             outcome, final, tangent, x, slopes = _run(run, pairs, i, j, gains, stride)
             result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
-            for name, gradient in _gradients(pairs.loop.states, final, tangent).items():
+            completed = outcome == COMPLETED
+            for name, gradient in _gradients(pairs.loop.states, final, tangent, completed=completed).items():
                 result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
             result.errors[i, j, : len(x)] = x - pairs.signals(j)[:: max(stride, 1), wanted][: len(x)]
-            metrics = metrics_of(dict(zip(pairs.loop.states, final.tolist(), strict=True)))
+            metrics = metrics_of(dict(zip(pairs.loop.states, final.tolist(), strict=True)), completed=completed)
             for name, table in result.metrics.items():
                 table[i, j] = getattr(metrics, name)
             result.outcomes[i, j] = OUTCOMES[outcome]
@@ -143,10 +145,12 @@ def _run(
     return outcome, state, tangent, x, slopes
 
 
-def _gradients(names: tuple[str, ...], final: Floats, tangents: Floats) -> dict[str, Floats]:
+def _gradients(names: tuple[str, ...], final: Floats, tangents: Floats, *, completed: bool) -> dict[str, Floats]:
     """Derivatives of the metrics along tangents of the final state (states, directions), by a complex step."""
     moved = np.empty(tangents.shape, complex)
     moved.real, moved.imag = final[:, np.newaxis], TINY * tangents
     with np.errstate(invalid="ignore"):  # a run that diverged
-        metrics = metrics_of(dict(zip(names, moved, strict=True)))
-    return {name: np.imag(value) / TINY for name, value in vars(metrics).items()}
+        metrics = metrics_of(dict(zip(names, moved, strict=True)), completed=completed)
+    return {
+        name: np.where(np.isnan(np.real(value)), np.nan, np.imag(value) / TINY) for name, value in vars(metrics).items()
+    }

@@ -1,17 +1,15 @@
 """An ensemble: an experiment some of whose values are drawn anew in every scenario."""
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-
-import numpy as np
 
 from dualwinch.model.plant import Plant
 from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.ensembles.distributions import Distribution, Value
+from dualwinch.simulation.exogenous.streams import stream
 from dualwinch.simulation.experiment import Experiment
 
-SEED_KEY = "disturbance.seed"
+SEED_KEY = "simulation.seed"
 """Key of the seed of a scenario's own signals: drawn as well, unless the ensemble says otherwise."""
 
 EDGE = 0.02
@@ -58,7 +56,7 @@ class Scenario:
         index: its number in the ensemble, from 0.
         experiment: what is simulated, the drawn values in it.
         nominal: the plant the controller was designed for, without the draws.
-        draws: key → drawn value, ``disturbance.seed`` among them.
+        draws: key → drawn value, ``simulation.seed`` among them.
         extreme: whether it is a corner of what may happen, not one draw like the others.
     """
 
@@ -107,10 +105,10 @@ class Ensemble:
         for key in self.drawn_keys:
             drawn = self.distributions.get(key)
             if drawn is None:
-                draws[key] = int(_stream(seed, index, key).integers(SEEDS))
+                draws[key] = int(stream(seed, index, key).integers(SEEDS))
             else:
                 name = key if drawn.together is None else f"together: {drawn.together}"
-                share = _stream(seed, index, name).random()
+                share = stream(seed, index, name).random()
                 if extreme:
                     share = EDGE if share < 0.5 else 1 - EDGE
                 draws[key] = drawn.value(share, nominal[key])
@@ -119,8 +117,3 @@ class Ensemble:
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
         """The first `count` scenarios, one after the other."""
         return (self.scenario(index, seed) for index in range(count))
-
-
-def _stream(seed: int, index: int, name: str) -> np.random.Generator:
-    word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, word)))

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def facts(result: EnsembleResult, notes: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def save_ensemble(result: EnsembleResult, path: Path, notes: Mapping[str, str] | None = None) -> None:
+def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
     """Write a result to a file; the file appears whole or not at all.
 
     As with a single run (`simulation.storage.save`) a CSV file's units stand beside it in ``FILE-metadata.json``; the
@@ -67,6 +68,7 @@ def save_ensemble(result: EnsembleResult, path: Path, notes: Mapping[str, str] |
         ConfigurationError: unknown suffix.
         OSError: the file cannot be written.
     """
+    path = Path(path)
     write = ensemble_writer(path)
     about = facts(result, notes or {})
     table = columns(result)
@@ -77,12 +79,13 @@ def save_ensemble(result: EnsembleResult, path: Path, notes: Mapping[str, str] |
             unfinished.write_text(json.dumps(_csv_metadata(table, about, path.name), indent=2), encoding="utf-8")
 
 
-def ensemble_writer(path: Path) -> Callable[[dict[str, Column], dict[str, Any], Path], None]:
+def ensemble_writer(path: str | PathLike[str]) -> Callable[[dict[str, Column], dict[str, Any], Path], None]:
     """What writes the format of a path's suffix.
 
     Raises:
         ConfigurationError: unknown suffix.
     """
+    path = Path(path)
     try:
         return WRITERS[path.suffix.lower()]
     except KeyError:

@@ -1,10 +1,11 @@
 """Signals of the latest scenarios, kept: all controllers and candidates of a scenario share them."""
 
 import threading
-from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from cachetools import LRUCache, cached
 from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
@@ -14,37 +15,29 @@ from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
-KEPT, KEPT_BYTES = 32 * cores(), 2**27 * cores()
-"""Scenarios whose signals are kept, and room for them: those of a portion of 50 s at 1 kHz."""
+SHARE = 2**22
+"""Bytes of a scenario of 50 s at 1 kHz. A shorter one counts for as many: a portion's scenarios are kept, not more."""
+
+ROOM = 32 * cores() * SHARE
+"""Bytes of the signals that are kept: those of a portion."""
 
 
-class KeptSignals:
-    """The signals of the experiments that were asked for last, so many and so many bytes; for many threads."""
-
-    def __init__(self, most: int, room: int) -> None:
-        self._most, self._room, self._taken = most, room, 0
-        self._tables: OrderedDict[Experiment, Floats] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def __len__(self) -> int:
-        return len(self._tables)
-
-    def __call__(self, experiment: Experiment) -> Floats:
-        """The signals of an experiment (`exogenous_signals`); not to be written to. They leave the controller out."""
-        key = replace(experiment, controller=Controller())
-        with self._lock:
-            if key in self._tables:
-                self._tables.move_to_end(key)
-                return self._tables[key]
-        table = exogenous_signals(key)
-        with self._lock:
-            if key not in self._tables and table.nbytes <= self._room:
-                self._tables[key] = table
-                self._taken += table.nbytes
-            while self._taken > self._room or len(self) > self._most:
-                self._taken -= self._tables.popitem(last=False)[1].nbytes
-        return table
+def size(table: Floats) -> int:
+    """Bytes that the signals of a scenario count for."""
+    return max(table.nbytes, SHARE)
 
 
-signals = KeptSignals(KEPT, KEPT_BYTES)
+def _scenario(experiment: Experiment) -> Experiment:
+    return replace(experiment, controller=Controller())
+
+
+def keeping(room: int) -> Callable[[Experiment], Floats]:
+    """The signals of an experiment (`exogenous_signals`), those asked for last kept within a number of bytes.
+
+    They do not depend on the controller, are for many threads, and not to be written to.
+    """
+    return cached(LRUCache(room, getsizeof=size), key=_scenario, lock=threading.Lock())(exogenous_signals)
+
+
+signals = keeping(ROOM)
 """The signals of an experiment, kept for the next call."""

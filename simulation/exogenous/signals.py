@@ -1,7 +1,7 @@
 """Signals a run receives from outside, drawn sample by sample ahead of it: reference, sea, sensor noise."""
 
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -10,20 +10,11 @@ from numpy.typing import NDArray
 from dualwinch.model.reference import Reference, Setpoint, setpoint
 from dualwinch.model.tree import leaves
 from dualwinch.simulation.exogenous.sensors import Noise
+from dualwinch.simulation.exogenous.streams import stream
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import Exogenous
 
 Floats: TypeAlias = NDArray[np.float64]
-
-CHANNELS: tuple[str, ...] = (
-    "current",
-    "normal force",
-    "position noise",
-    "speed noise",
-    "tension 1 noise",
-    "tension 2 noise",
-)
-"""Random signals; each has a stream of its own, so that switching one on leaves the others as they are."""
 
 SIGNALS = len(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
 """Number of signals a sample receives."""
@@ -63,26 +54,22 @@ class GaussMarkov:
 
 
 class _Outside:
-    """The signals of an experiment, drawn chunk after chunk."""
+    """The signals of an experiment, drawn chunk after chunk.
+
+    Each has a stream of its own, so that switching one on leaves the others as they are.
+    """
 
     def __init__(self, experiment: Experiment) -> None:
-        sample_time, disturbance, sensors = (
-            experiment.simulation.sample_time,
-            experiment.disturbance,
-            experiment.sensors,
-        )
-        seeds = np.random.SeedSequence(disturbance.seed).spawn(len(CHANNELS))
-        streams = dict(zip(CHANNELS, map(np.random.default_rng, seeds), strict=True))
-        load = disturbance.normal_force_sigma * experiment.plant.vehicle.normal_force
-        self._current = GaussMarkov(
-            disturbance.current_sigma, disturbance.current_time, sample_time, streams["current"]
-        )
-        self._load = GaussMarkov(load, disturbance.normal_force_time, sample_time, streams["normal force"])
+        simulation, sea, sensors = experiment.simulation, experiment.disturbance, experiment.sensors
+        named = partial(stream, simulation.seed)
+        load = sea.normal_force_sigma * experiment.plant.vehicle.normal_force
+        self._current = GaussMarkov(sea.current_sigma, sea.current_time, simulation.sample_time, named("current"))
+        self._load = GaussMarkov(load, sea.normal_force_time, simulation.sample_time, named("normal force"))
         self._noise = [
-            (streams["position noise"], sensors.position_noise),
-            (streams["speed noise"], sensors.speed_noise),
-            (streams["tension 1 noise"], sensors.tension_noise),
-            (streams["tension 2 noise"], sensors.tension_noise),
+            (named("position noise"), sensors.position_noise),
+            (named("speed noise"), sensors.speed_noise),
+            (named("tension 1 noise"), sensors.tension_noise),
+            (named("tension 2 noise"), sensors.tension_noise),
         ]
         self._experiment = experiment
 
@@ -101,13 +88,13 @@ class _Outside:
         )
         signals = Exogenous(
             reference=Setpoint(x, v, a),
-            noise=Noise(*(stream.standard_normal(n) if sigma > 0 else 0.0 for stream, sigma in self._noise)),
+            noise=Noise(*(drawn.standard_normal(n) if sigma > 0 else 0.0 for drawn, sigma in self._noise)),
             current=current,
             normal_force_variation=load,
             steady=steady,
         )
-        for place, column in enumerate(leaves(signals, whole=True).values()):
-            table[:, place] = column
+        for column, values in zip(table.T, leaves(signals, whole=True).values(), strict=True):
+            column[:] = values
 
 
 @lru_cache(maxsize=16)
@@ -122,7 +109,7 @@ def _reference(reference: Reference, window: tuple[float, float], sample_time: f
 def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
     """Everything a run receives from outside, in pieces of at most `length` samples.
 
-    Drawn from ``disturbance.seed``: the same experiment gives the same bits, however it is divided.
+    Drawn from ``simulation.seed``: the same experiment gives the same bits, however it is divided.
 
     Yields:
         (samples, exogenous), columns in the closed loop's order.

@@ -12,7 +12,7 @@ from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
 
 @dataclass(frozen=True)
 class Metrics:
-    """Figures of merit; NaN where a run ended before there was anything to measure."""
+    """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure."""
 
     mae: Annotated[float, Quantity("m", "mean |e|, whole run")]
     max_abs_error: Annotated[float, Quantity("m", "largest |e|, whole run")]
@@ -25,9 +25,9 @@ class Metrics:
     slack_share: Annotated[float, Quantity("1", "share of samples with a rope at zero tension")]
     peak_tension: Annotated[float, Quantity("N", "largest tension of both ropes, at the samples")]
     min_tension: Annotated[float, Quantity("N", "smallest tension of both ropes, at the samples")]
-    chatter: Annotated[float, Quantity("N", "mean |change of tension| from sample to sample, of both ropes")]
+    chatter: Annotated[float, Quantity("N", "mean absolute change of tension from sample to sample, of both ropes")]
     energy: Annotated[float, Quantity("J", "work of both motors, braking counted like driving")]
-    torque_rate: Annotated[float, Quantity("N m/s", "mean |change of motor torque| a second, of both winches")]
+    torque_rate: Annotated[float, Quantity("N m/s", "mean absolute change of motor torque a second, of both winches")]
     continuous_load: Annotated[float, Quantity("N m", "root mean square of the motor torques, of both winches")]
 
 
@@ -149,10 +149,15 @@ FINAL = (*KEYS.values(), "sample")
 """States of a closed loop that the metrics follow from."""
 
 
-def metrics_of(final_state: Mapping[str, Any]) -> Metrics:
-    """The metrics from the final state of a closed loop, given by name, whose ``metrics.*`` are the accumulators.
+def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True) -> Metrics:
+    """The metrics from the final state of a closed loop.
 
-    Each may be an array, of many runs; then the metrics are arrays.
+    Args:
+        final_state: name → value; those called ``metrics.*`` are the accumulators. Each may be an array, of many runs;
+            then the metrics are arrays.
+        completed: whether the run was, or an array of that. What one that was not has summed up is no figure of merit
+            of the run: it counts for no sample at all.
     """
     sums = {name: final_state[key] for name, key in KEYS.items()}
-    return finish(sums, final_state["sample"])
+    sums["steady_samples"] = sums["steady_samples"] * completed
+    return finish(sums, final_state["sample"] * completed)

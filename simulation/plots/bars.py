@@ -1,6 +1,7 @@
 """What the observer is worth in the steady state: Figure 21."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,20 +10,11 @@ from matplotlib.patches import Patch
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.comparison import WITH_OBSERVER, WITHOUT_OBSERVER, percent, steady_change
 from dualwinch.simulation.paper import REDUCTIONS
+from dualwinch.simulation.plots.curves import Curve, Runs, curves, ending
+from dualwinch.simulation.plots.headings import case_number, scenario
 from dualwinch.simulation.plots.motion import length_unit
-from dualwinch.simulation.plots.style import (
-    COLOURS,
-    GREY,
-    INK,
-    LAW_NAMES,
-    case_number,
-    house_style,
-    legend_below,
-    new_figure,
-    ordered,
-    scenario,
-)
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.plots.page import GivenAxes, Page
+from dualwinch.simulation.plots.style import GREY, INK, house_style, law_kind
 
 NAMES = {"mae": "mean |e|", "max_abs_error": "largest |e|", "mse": "mean e²"}
 """Figure of merit → its name on an axis."""
@@ -36,42 +28,48 @@ ROOM = 0.2
 """A change this large has room for its number inside its bar."""
 
 
-def steady_state_bars(results: Mapping[str, Result]) -> Figure:
+def steady_state_bars(results: Runs, *, ax: GivenAxes = None) -> Figure:
     """Steady-state errors with and without the observer, and their change beside the paper's (Figure 21).
 
     Args:
-        results: controller → result of one case, the paper's Case 4; `fando-nftsm` and `nftsm` are compared.
+        results: label → result, or results, of one case, the paper's Case 4; the first by `fando-nftsm` and the first
+            by `nftsm` are compared.
+        ax: axes for the three errors and for their changes; default: a figure of its own.
 
     Raises:
         ConfigurationError: one of the two is missing.
     """
-    change = steady_change(results)
+    by_law: dict[str, Curve] = {}
+    for run in curves(results):
+        by_law.setdefault(law_kind(run.experiment), run)
+    change = steady_change({kind: run.result for kind, run in by_law.items()})
     if change is None:
         raise ConfigurationError(f"Figure 21 compares {WITH_OBSERVER} with {WITHOUT_OBSERVER}: both are needed")
-    pair = {kind: ordered(results)[kind] for kind in (WITHOUT_OBSERVER, WITH_OBSERVER)}
-    experiment = pair[WITH_OBSERVER].experiment
+    pair = [by_law[kind] for kind in (WITHOUT_OBSERVER, WITH_OBSERVER)]
+    experiment = pair[1].experiment
     start, end = experiment.steady_window
     number = case_number(experiment)
     title = "what the observer is worth in the steady state"
     title = f"Figure 21 · Case {number}: {title}" if number == 4 else title[0].upper() + title[1:]
     subtitle = f"{scenario(experiment).capitalize()}; steady state from {start:g} to {end:g} s"
+    draw = [partial(_errors, pair=pair, metric=metric) for metric in NAMES]
+    draw.append(partial(_changes, change=change, colour=pair[1].colour))
     with house_style():
-        figure = new_figure(5.0, title, subtitle, gap=0.07)
-        panels = figure.subplot_mosaic([list(NAMES), ["change"] * 3], height_ratios=(1.25, 1))
-        for metric in NAMES:
-            _errors(panels[metric], pair, metric)
-        _changes(panels["change"], change)
-        handles = [Patch(facecolor=COLOURS[kind], label=LAW_NAMES[kind]) for kind in pair]
-        legend_below(figure, [*handles, Patch(facecolor=PAPER_COLOUR, label="the paper's reduction")])
-    return figure
+        page = Page(ax, 5.0, title, subtitle, gap=0.07)
+        panels = page.mosaic([list(NAMES), ["change"] * 3], height_ratios=(1.25, 1))
+        for axes, panel in zip(panels, draw, strict=False):
+            panel(axes)
+        handles = [Patch(facecolor=run.colour, label=f"{run.label}{ending(run.result)}") for run in pair]
+        page.legend([*handles, Patch(facecolor=PAPER_COLOUR, label="the paper's reduction")])
+    return page.figure
 
 
-def _errors(axes: Axes, pair: Mapping[str, Result], metric: str) -> None:
-    values = {kind: getattr(result.metrics, f"steady_{metric}") for kind, result in pair.items()}
+def _errors(axes: Axes, pair: Sequence[Curve], metric: str) -> None:
+    values = [getattr(run.result.metrics, f"steady_{metric}") for run in pair]
     power = POWERS[metric]
-    unit, name = length_unit(max(values.values()) ** (1 / power))
-    heights = [value / unit**power for value in values.values()]
-    bars = axes.bar(range(len(pair)), heights, width=0.62, color=[COLOURS[kind] for kind in pair])
+    unit, name = length_unit(max(values) ** (1 / power))
+    heights = [value / unit**power for value in values]
+    bars = axes.bar(range(len(pair)), heights, width=0.62, color=[run.colour for run in pair])
     axes.bar_label(bars, [three_digits(height) for height in heights], padding=2, fontsize=8.5)
     axes.set_xticks([])
     axes.set_xlim(-0.6, len(pair) - 0.4)
@@ -82,18 +80,15 @@ def _errors(axes: Axes, pair: Mapping[str, Result], metric: str) -> None:
     axes.spines["left"].set_visible(False)
 
 
-def _changes(axes: Axes, change: Mapping[str, float]) -> None:
-    for place, (metric, paper) in enumerate(REDUCTIONS.items()):
-        for offset, value, colour in (
-            (-0.19, change[metric], COLOURS[WITH_OBSERVER]),
-            (0.19, paper, PAPER_COLOUR),
-        ):
+def _changes(axes: Axes, change: Mapping[str, float], colour: str) -> None:
+    for row, (metric, paper) in enumerate(REDUCTIONS.items()):
+        for offset, value, its_colour in ((-0.19, change[metric], colour), (0.19, paper, PAPER_COLOUR)):
             measured = offset < 0
-            axes.barh(place + offset, 100 * value, height=0.34, color=colour)
+            axes.barh(row + offset, 100 * value, height=0.34, color=its_colour)
             room = value < -ROOM
             axes.annotate(
                 percent(value) if measured else percent(value, "+g"),
-                (100 * value if room else min(100 * value, 0.0), place + offset),
+                (100 * value if room else min(100 * value, 0.0), row + offset),
                 xytext=(6 if room else -4, -0.5),
                 textcoords="offset points",
                 ha="left" if room else "right",

@@ -1,5 +1,9 @@
 """Controllers in the same scenarios at a glance: how their errors and chatter spread, and the ratios of their means."""
 
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -7,8 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dualwinch.simulation.ensembles.paired import COMPARED, CONFIDENCE, Comparison
+from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import (
     BLUE,
+    DASHES,
     GOLD,
     GREEN,
     GREY,
@@ -17,12 +23,10 @@ from dualwinch.simulation.plots.style import (
     VERMILION,
     WINE,
     house_style,
-    legend_below,
-    new_figure,
 )
 
 COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
-"""One a controller, the first being what the others are compared with; then from the start again."""
+"""A colour for each controller, the first being what the others are compared with; then again, with other dashes."""
 
 PANELS = (("mse", "mean square error (mm²)", 1e6), ("chatter", "chatter (N/sample)", 1.0))
 """Figure of merit, axis and factor of the panels that show the scenarios."""
@@ -31,46 +35,65 @@ FEW_DECADES = 300
 """Ratio of an axis's ends up to which numbers between powers of ten have room."""
 
 
-def comparison(result: Comparison) -> Figure:
-    """Shares of scenarios up to an error and a chatter, and ratios to the first controller with their intervals."""
-    colours = {name: COLOURS[place % len(COLOURS)] for place, name in enumerate(result.contenders)}
+def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
+    """Shares of scenarios up to an error and a chatter, and ratios to the first controller with their intervals.
+
+    Args:
+        result: of controllers in the same scenarios.
+        ax: axes for error, chatter and ratios; default: a figure of its own.
+    """
+    looks = _looks(list(result.contenders))
     others = list(result.contenders)[1:]
     height = 3.0 + (0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0)
     words = f"{len(result)} scenarios of “{result.ensemble.name}”, seed {result.seed}, the same for all"
+    draw = [partial(_shares, metric=metric, axis=axis, factor=factor) for metric, axis, factor in PANELS]
+    top, layout = [metric for metric, _, _ in PANELS], {}
+    if others:
+        draw.append(_ratios)
+        layout = {"height_ratios": (2.2, height - 3.0)}
     with house_style():
-        figure = new_figure(height, "Controllers in the same scenarios", words)
-        if others:
-            grid = figure.add_gridspec(2, 2, height_ratios=(2.2, height - 3.0))
-            _ratios(figure.add_subplot(grid[1, :]), result, others, colours)
-        else:
-            grid = figure.add_gridspec(1, 2)
-        for place, (metric, axis, factor) in enumerate(PANELS):
-            axes = figure.add_subplot(grid[0, place])
-            _shares(axes, result, metric, factor, colours)
-            axes.set_xlabel(axis)
-            axes.set_ylabel("" if place else "share of scenarios")
-        legend_below(figure, [Line2D([], [], color=colours[name], label=name) for name in colours])
-    return figure
+        page = Page(ax, height, "Controllers in the same scenarios", words)
+        panels = page.mosaic([top, *([["ratios"] * 2] if others else [])], **layout)
+        for axes, panel in zip(panels, draw, strict=False):
+            panel(axes, result, looks)
+        panels[0].set_ylabel("share of scenarios")
+        page.legend([Line2D([], [], **look, label=name) for name, look in looks.items()])
+    return page.figure
 
 
-def _shares(axes: Axes, result: Comparison, metric: str, factor: float, colours: dict[str, str]) -> None:
-    for name, one in result.contenders.items():
-        values = np.sort(factor * one.metrics[metric][one.completed])
+def _looks(names: list[str]) -> dict[str, dict[str, Any]]:
+    """Colour and line style of every controller."""
+    dashes = list(DASHES.values())
+    return {
+        name: {
+            "color": COLOURS[index % len(COLOURS)],
+            "linestyle": dashes[index // len(COLOURS) % len(dashes)],
+        }
+        for index, name in enumerate(names)
+    }
+
+
+def _shares(
+    axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]], *, metric: str, axis: str, factor: float
+) -> None:
+    for name, contender in result.contenders.items():
+        values = np.sort(factor * contender.metrics[metric][contender.completed])
         if len(values):
-            axes.step(values, np.arange(1, len(values) + 1) / len(values), where="post", color=colours[name])
+            axes.step(values, np.arange(1, len(values) + 1) / len(values), where="post", **looks[name])
     _logarithmic(axes)
     axes.set_ylim(0, 1)
     axes.set_title(metric.upper() if metric == "mse" else metric)
+    axes.set_xlabel(axis)
 
 
-def _ratios(axes: Axes, result: Comparison, others: list[str], colours: dict[str, str]) -> None:
-    first = next(iter(result.contenders))
-    for place, name in enumerate(others):
-        offset = 0.6 * (place + 0.5) / len(others) - 0.3
+def _ratios(axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]]) -> None:
+    first, *others = result.contenders
+    for index, name in enumerate(others):
+        offset, colour = 0.6 * (index + 0.5) / len(others) - 0.3, looks[name]["color"]
         for row, pair in enumerate(result.paired(name).values()):
             ratio = pair.ratio_of_means
-            axes.plot((ratio.low, ratio.high), (row + offset,) * 2, color=colours[name], linewidth=2.2, alpha=0.55)
-            axes.plot(ratio.estimate, row + offset, "o", color=colours[name], markersize=4)
+            axes.plot((ratio.low, ratio.high), (row + offset,) * 2, color=colour, linewidth=2.2, alpha=0.55)
+            axes.plot(ratio.estimate, row + offset, "o", color=colour, markersize=4)
     axes.axvline(1, color=GREY, linewidth=0.8, zorder=1)
     _logarithmic(axes)
     axes.set_yticks(range(len(COMPARED)), [name.replace("_", " ") for name in COMPARED])

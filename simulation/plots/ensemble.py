@@ -1,5 +1,7 @@
 """An ensemble at a glance: how far the error and the tensions spread over the scenarios."""
 
+from functools import partial
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -8,19 +10,17 @@ from matplotlib.patches import Patch
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
-from dualwinch.simulation.paper import CONTROLLERS
 from dualwinch.simulation.plots.motion import length_unit
+from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.ropes import KILO, draw_limits, limit_handle
 from dualwinch.simulation.plots.style import (
-    COLOURS,
     GREY,
     INK,
     house_style,
-    legend_below,
-    new_figure,
+    law_colour,
+    law_label,
     shade,
     steady_handle,
-    time_axis,
 )
 
 BANDS = ((0.05, 0.95, 0.28), (0.25, 0.75, 0.5))
@@ -34,38 +34,39 @@ ASIDE = {"loc": "right", "fontsize": 7.5, "color": GREY}
 """Style of what is said in words beside a panel's name."""
 
 
-def fan_chart(result: EnsembleResult) -> Figure:
+def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> Figure:
     """Error and rope tensions over time: median, the middle 50 % and 90 % of the scenarios, and all of them.
 
     Args:
         result: of an ensemble, with traces.
+        ax: axes for the error and for the tensions of rope 1 and rope 2; default: a figure of its own.
 
     Raises:
         ConfigurationError: no traces were kept, or no scenario ran to its end.
     """
-    if result.traces is None:
+    traces = result.traces
+    if traces is None:
         raise ConfigurationError("a fan chart needs traces of scenarios that ran to their end: there are none")
     experiment = result.ensemble.experiment
-    colour = COLOURS[experiment.controller.law.kind]
+    colour = law_colour(experiment)
+    draw = (_error, partial(_tension, rope=1), partial(_tension, rope=2))
     with house_style():
-        figure = new_figure(6.4, *_headings(result))
-        error, *ropes = figure.subplots(3, 1, sharex=True, height_ratios=(1.45, 1, 1))
-        for axes in (error, *ropes):
+        page = Page(ax, 6.4, *_headings(result))
+        panels = page.panels(3, sharex=True, height_ratios=(1.45, 1, 1))
+        for axes, panel in zip(panels, draw, strict=False):
             shade(axes, experiment)
-        _error(error, result, result.traces, colour)
-        for rope, axes in enumerate(ropes, start=1):
-            _tension(axes, result, result.traces, rope, colour)
-        time_axis(ropes[-1], experiment)
-        figure.align_ylabels()
-        legend_below(figure, [*_handles(colour), limit_handle(experiment), steady_handle()])
-    return figure
+            panel(axes, result, traces, colour=colour)
+        page.time_axes(panels, experiment)
+        page.align()
+        page.legend([*_handles(colour), limit_handle(experiment), steady_handle()])
+    return page.figure
 
 
 def _headings(result: EnsembleResult) -> tuple[str, str]:
     ensemble, counts = result.ensemble, result.outcome_counts
     completed = counts.get("completed", 0)
     others = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
-    title = f"{CONTROLLERS[ensemble.experiment.controller.law.kind]} in the ensemble “{ensemble.name}”"
+    title = f"{law_label(ensemble.experiment)} in the ensemble “{ensemble.name}”"
     words = f"{completed} scenarios, seed {result.seed}"
     return title, words + (f"; not drawn: {', '.join(others)}" if others else "; every one ran to its end")
 
@@ -82,7 +83,7 @@ def _error(axes: Axes, result: EnsembleResult, traces: Traces, colour: str) -> N
     axes.set_title(words + f"95 % {largest.p95 / unit:.3g}, worst {largest.worst / unit:.3g} {name}", **ASIDE)
 
 
-def _tension(axes: Axes, result: EnsembleResult, traces: Traces, rope: int, colour: str) -> None:
+def _tension(axes: Axes, result: EnsembleResult, traces: Traces, colour: str, rope: int) -> None:
     column = f"F{rope}"
     _fan(axes, traces, column, KILO, colour)
     draw_limits(axes, result.ensemble.experiment)

@@ -1,6 +1,7 @@
 """Figures as files: PNG, SVG and PDF, the same bytes for the same figure."""
 
 from io import BytesIO
+from os import PathLike
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -35,7 +36,7 @@ def encode(figure: Figure, suffix: str) -> bytes:
     return stream.getvalue()
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: str | PathLike[str]) -> None:
     """Write a figure to a file, which appears whole or not at all.
 
     Args:
@@ -46,6 +47,7 @@ def save(figure: Figure, path: Path) -> None:
         ConfigurationError: another suffix.
         OSError: the file cannot be written.
     """
+    path = Path(path)
     content = encode(figure, path.suffix)
     with atomic(path) as unfinished:
         unfinished.write_bytes(content)

@@ -1,6 +1,7 @@
 """Figures of the linearised plant: frequency response, mode shapes."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import matplotlib as mpl
 import numpy as np
@@ -16,7 +17,8 @@ from dualwinch.model.linear.mode_label import displacements, plant_prefix
 from dualwinch.model.linear.modes import Mode, modes
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
-from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, ROPE_COLOURS, house_style, legend_below, new_figure
+from dualwinch.simulation.plots.page import GivenAxes, Page
+from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, ROPE_COLOURS, house_style
 
 CHANNELS = (("tau_1", "F1"), ("tau_2", "F2"), ("tau_1", "v"))
 """Input and output of each column of the Bode diagram."""
@@ -28,35 +30,45 @@ MOST_CURVES = 7
 """Of a longer sweep, so many systems are drawn."""
 
 
-def bode(systems: Sequence[LinearSystem], swept: str | None = None) -> Figure:
+def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: GivenAxes = None) -> Figure:
     """Bode diagram of each winch's tension and of the vehicle's speed, from the torques.
 
     Args:
         systems: of the plant: one, or a sweep (of a long one, `MOST_CURVES` evenly spread).
         swept: name of what differs between them.
+        ax: axes for gain and phase of each of the `CHANNELS`; default: a figure of its own.
     """
     chosen = spread(systems)
     colours = shades(len(chosen)) if len(chosen) > 1 else [BLUE]
     title = "Bode diagram of the open plant" if swept is None else f"Bode diagrams of the open plant, along {swept}"
+    draw = [partial(panel, channel=channel) for channel in CHANNELS for panel in (_gain, _phase)]
     with house_style():
-        figure = new_figure(4.6, title, point_in_words(chosen[0], swept))
-        panels = figure.subplots(2, len(CHANNELS), sharex=True)
-        for column, (cause, effect) in enumerate(CHANNELS):
-            for system, colour in zip(chosen, colours, strict=True):
-                frequency, response = _response(system, cause, effect)
-                panels[0, column].loglog(frequency, np.abs(response), color=colour)
-                phase = np.degrees(np.unwrap(np.angle(response)))
-                panels[1, column].semilogx(frequency, phase, color=colour)
-            units = chosen[0].units
-            panels[0, column].set_title(f"{cause} → {effect}")
-            panels[0, column].set_ylabel(f"gain ({units[effect]} per {units[cause]})")
-            panels[1, column].set_ylabel("phase (°)")
-            panels[1, column].yaxis.set_major_locator(MultipleLocator(45))
-            panels[1, column].set_xlabel("frequency (Hz)")
-        figure.align_ylabels()
+        page = Page(ax, 4.6, title, point_in_words(chosen[0], swept))
+        for axes, panel in zip(page.panels(2, len(CHANNELS), sharex=True), draw, strict=False):
+            panel(axes, chosen, colours)
+        page.align()
         if swept is not None:
-            legend_below(figure, [*curve_handles(chosen, colours, swept)])
-    return figure
+            page.legend(curve_handles(chosen, colours, swept))
+    return page.figure
+
+
+def _gain(axes: Axes, systems: Sequence[LinearSystem], colours: Sequence[str], channel: tuple[str, str]) -> None:
+    cause, effect = channel
+    for system, colour in zip(systems, colours, strict=True):
+        frequency, response = _response(system, cause, effect)
+        axes.loglog(frequency, np.abs(response), color=colour)
+    units = systems[0].units
+    axes.set_title(f"{cause} → {effect}")
+    axes.set_ylabel(f"gain ({units[effect]} per {units[cause]})")
+
+
+def _phase(axes: Axes, systems: Sequence[LinearSystem], colours: Sequence[str], channel: tuple[str, str]) -> None:
+    for system, colour in zip(systems, colours, strict=True):
+        frequency, response = _response(system, *channel)
+        axes.semilogx(frequency, np.degrees(np.unwrap(np.angle(response))), color=colour)
+    axes.set_ylabel("phase (°)")
+    axes.yaxis.set_major_locator(MultipleLocator(45))
+    axes.set_xlabel("frequency (Hz)")
 
 
 def _response(system: LinearSystem, cause: str, effect: str) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
@@ -65,8 +77,13 @@ def _response(system: LinearSystem, cause: str, effect: str) -> tuple[NDArray[np
     return frequency, system.between([cause], [effect]).response(2 * np.pi * frequency)[:, 0, 0]
 
 
-def mode_shapes(system: LinearSystem, plant: Plant) -> Figure:
+def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> Figure:
     """How drums and vehicle move along the track in every mode, the largest displacement drawn as one.
+
+    Args:
+        system: holds the plant's states.
+        plant: the plant that was linearised.
+        ax: axes for the modes, the slowest first; default: a figure of its own.
 
     Raises:
         ConfigurationError: the system does not hold the plant's states.
@@ -77,15 +94,15 @@ def mode_shapes(system: LinearSystem, plant: Plant) -> Figure:
     found = modes(system, plant)
     rows = -(-len(found) // 2)
     with house_style():
-        figure = new_figure(1.0 + 1.45 * rows, "Mode shapes of the plant", point_in_words(system, None))
-        panels = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
-        for axes, mode in zip(panels.flat, found, strict=False):
+        page = Page(ax, 1.0 + 1.45 * rows, "Mode shapes of the plant", point_in_words(system, None))
+        panels = page.panels(rows, 2, order="C", sharex=True, sharey=True)
+        for axes, mode in zip(panels, found, strict=False):
             _shape(axes, mode, plant, prefix)
-        for axes in panels.flat[len(found) :]:
+        for axes in panels[len(found) :]:
             axes.set_visible(False)
-        for axes in panels[:, 0]:
+        for axes in panels[::2]:
             axes.set_ylabel("displacement")
-    return figure
+    return page.figure
 
 
 def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
@@ -110,14 +127,14 @@ def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
 
 def spread(systems: Sequence[LinearSystem]) -> list[LinearSystem]:
     """At most `MOST_CURVES` systems, evenly spread, the first and the last among them."""
-    places = np.unique(np.linspace(0, len(systems) - 1, MOST_CURVES).round().astype(int))
-    return [systems[place] for place in places]
+    chosen = np.unique(np.linspace(0, len(systems) - 1, MOST_CURVES).round().astype(int))
+    return [systems[index] for index in chosen]
 
 
 def shades(count: int) -> list[str]:
     """Colours from one end of a sweep to the other, of even steps in lightness."""
     scale = mpl.colormaps["viridis"]
-    return [to_hex(scale(0.92 * place / max(count - 1, 1))) for place in range(count)]
+    return [to_hex(scale(0.92 * index / max(count - 1, 1))) for index in range(count)]
 
 
 def curve_handles(systems: Sequence[LinearSystem], colours: Sequence[str], swept: str) -> list[Line2D]:

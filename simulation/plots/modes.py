@@ -16,6 +16,7 @@ from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.plots.linear import point_in_words
+from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import (
     BLUE,
     GREEN,
@@ -26,8 +27,6 @@ from dualwinch.simulation.plots.style import (
     SKY,
     VERMILION,
     house_style,
-    legend_below,
-    new_figure,
 )
 
 TRACK_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, SKY)
@@ -40,7 +39,9 @@ TIME = 2 * np.pi
 """Radians in a period."""
 
 
-def modal_frequencies(systems: Sequence[LinearSystem], swept: str, plant: Plant, sample_time: float) -> Figure:
+def modal_frequencies(
+    systems: Sequence[LinearSystem], swept: str, plant: Plant, sample_time: float, *, ax: GivenAxes = None
+) -> Figure:
     """Natural frequency and damping ratio of every mode that is not rigid drift of the position, along a sweep.
 
     Args:
@@ -49,57 +50,81 @@ def modal_frequencies(systems: Sequence[LinearSystem], swept: str, plant: Plant,
         plant: the plant that was linearised.
         sample_time: of the controller in s; frequencies it samples `SAMPLES_A_PERIOD` times and twice a period are
             marked.
+        ax: axes for frequency and damping; default: a figure of its own.
     """
     tracks = [track for track in track_modes(systems, plant) if np.any(track.natural_frequencies > 0)]
+    colours = _colours(tracks)
     values = [system.operating_point[swept] for system in systems]
     with house_style():
-        figure = new_figure(5.0, f"Modes of the plant along {swept}", point_in_words(systems[0], swept))
-        frequency, damping = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
-        handles = []
-        for track, colour in zip(tracks, _colours(tracks), strict=True):
-            frequency.semilogy(values, track.natural_frequencies / TIME, color=colour)
-            damping.plot(values, track.dampings, color=colour)
-            handles.append(Line2D([], [], color=colour, label=track.label))
-        for samples, dashes in ((2, (0, (5, 2))), (SAMPLES_A_PERIOD, (0, (1, 1.5)))):
-            frequency.axhline(1 / (samples * sample_time), color=GREY, linewidth=0.8, linestyle=dashes)
-            words = f"{samples} samples a period at {1 / sample_time:g} Hz"
-            handles.append(Line2D([], [], color=GREY, linewidth=0.8, linestyle=dashes, label=words))
-        frequency.set_ylabel("natural frequency (Hz)")
-        damping.set_ylabel("damping ratio")
-        damping.set_xlabel(AXIS_NAMES[swept])
-        damping.set_ylim(bottom=min(0.0, *(track.dampings.min() for track in tracks)))
-        damping.set_xlim(min(values), max(values))
-        figure.align_ylabels()
-        legend_below(figure, [*handles])
-    return figure
+        handles = [
+            Line2D([], [], color=colour, label=track.label) for track, colour in zip(tracks, colours, strict=True)
+        ]
+        page = Page(ax, 5.0, f"Modes of the plant along {swept}", point_in_words(systems[0], swept))
+        panels = page.panels(2, sharex=True, height_ratios=(1.6, 1))
+        for axes in panels[:1]:
+            for track, colour in zip(tracks, colours, strict=True):
+                axes.semilogy(values, track.natural_frequencies / TIME, color=colour)
+            handles += _sampled(axes, sample_time)
+            axes.set_ylabel("natural frequency (Hz)")
+        for axes in panels[1:]:
+            for track, colour in zip(tracks, colours, strict=True):
+                axes.plot(values, track.dampings, color=colour)
+            axes.set_ylabel("damping ratio")
+            axes.set_ylim(bottom=min(0.0, *(track.dampings.min() for track in tracks)))
+        panels[-1].set_xlabel(AXIS_NAMES[swept])
+        panels[-1].set_xlim(min(values), max(values))
+        page.align()
+        page.legend(handles)
+    return page.figure
 
 
-def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant) -> Figure:
+def _sampled(axes: Axes, sample_time: float) -> list[Line2D]:
+    """Mark the frequencies that are sampled twice and `SAMPLES_A_PERIOD` times a period; returns legend entries."""
+    handles = []
+    for samples, dashes in ((2, (0, (5, 2))), (SAMPLES_A_PERIOD, (0, (1, 1.5)))):
+        axes.axhline(1 / (samples * sample_time), color=GREY, linewidth=0.8, linestyle=dashes)
+        words = f"{samples} samples a period at {1 / sample_time:g} Hz"
+        handles.append(Line2D([], [], color=GREY, linewidth=0.8, linestyle=dashes, label=words))
+    return handles
+
+
+def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: GivenAxes = None) -> Figure:
     """Poles along a sweep: oscillations in the upper half plane, and the real poles against what is swept.
 
     Of a discrete system, the rates in continuous time that its eigenvalues stand for.
+
+    Args:
+        systems: the sweep.
+        swept: its name: x, v or preload.
+        plant: the plant that was linearised.
+        ax: axes for the oscillations and for the real poles; default: a figure of its own.
     """
     tracks = track_modes(systems, plant)
     values = np.array([system.operating_point[swept] for system in systems])
     swinging = [track for track in tracks if np.any(track.rates.imag != 0)]
     drifting = [track for track in tracks if track not in swinging]
     with house_style():
-        figure = new_figure(4.2, f"Poles of the plant along {swept}", point_in_words(systems[0], swept))
-        fast, slow = figure.subplots(1, 2)
+        page = Page(ax, 4.2, f"Poles of the plant along {swept}", point_in_words(systems[0], swept))
+        panels = page.panels(1, 2)
         norm = Normalize(values.min(), values.max())
-        handles = [_poles(fast, track.rates.imag, track, values, norm, place) for place, track in enumerate(swinging)]
-        handles += [_poles(slow, values, track, values, norm, 2 + place) for place, track in enumerate(drifting)]
-        fast.set_title("oscillations (upper half plane)")
-        fast.set_xlim(1.3 * fast.get_xlim()[0], max(0.0, fast.get_xlim()[1]))
-        fast.set_ylim(0, 1.08 * fast.get_ylim()[1])
-        fast.set_xlabel("real part (1/s)")
-        fast.set_ylabel("imaginary part (rad/s)")
-        slow.set_title("without oscillation")
-        slow.set_xlabel("real part (1/s)")
-        slow.set_ylabel(AXIS_NAMES[swept])
-        figure.colorbar(ScalarMappable(norm, "viridis"), ax=[fast, slow], label=AXIS_NAMES[swept], aspect=30)
-        legend_below(figure, [*handles])
-    return figure
+        handles: list[Line2D] = []
+        for axes in panels[:1]:
+            for track, marker in zip(swinging, cycle(MARKERS), strict=False):
+                handles.append(_poles(axes, track.rates.imag, track, values, norm, marker))
+            axes.set_title("oscillations (upper half plane)")
+            axes.set_xlim(1.3 * axes.get_xlim()[0], max(0.0, axes.get_xlim()[1]))
+            axes.set_ylim(0, 1.08 * axes.get_ylim()[1])
+            axes.set_xlabel("real part (1/s)")
+            axes.set_ylabel("imaginary part (rad/s)")
+        for axes in panels[1:]:
+            for track, marker in zip(drifting, cycle(MARKERS[2:] + MARKERS[:2]), strict=False):
+                handles.append(_poles(axes, values, track, values, norm, marker))
+            axes.set_title("without oscillation")
+            axes.set_xlabel("real part (1/s)")
+            axes.set_ylabel(AXIS_NAMES[swept])
+        page.figure.colorbar(ScalarMappable(norm, "viridis"), ax=panels, label=AXIS_NAMES[swept], aspect=30)
+        page.legend(handles)
+    return page.figure
 
 
 def _poles(
@@ -108,10 +133,9 @@ def _poles(
     track: ModeTrack,
     values: NDArray[np.float64],
     norm: Normalize,
-    place: int,
+    marker: str,
 ) -> Line2D:
-    """Draw a track with the marker of its place; returns its legend entry."""
-    marker = MARKERS[place % len(MARKERS)]
+    """Draw a track with a marker; returns its legend entry."""
     axes.plot(track.rates.real, heights, color=LIGHT, linewidth=0.6, zorder=1)
     axes.scatter(track.rates.real, heights, c=values, norm=norm, cmap="viridis", marker=marker, s=18, linewidths=0.9)
     return Line2D([], [], linestyle="", marker=marker, color=GREY, label=track.label)

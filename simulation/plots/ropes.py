@@ -1,31 +1,19 @@
 """What the ropes are asked for and what they give: Figures 7, 8, 11, 12, 15, 16, 19, 20."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.style import (
-    COLOURS,
-    DASHES,
-    GREY,
-    INK,
-    LAW_NAMES,
-    controller_handles,
-    headings,
-    house_style,
-    legend_below,
-    new_figure,
-    ordered,
-    shade,
-    steady_handle,
-    time_axis,
-)
-from dualwinch.simulation.plots.thin import thin, within
+from dualwinch.simulation.plots.curves import Curve, Runs, curves, longest
+from dualwinch.simulation.plots.headings import headings
+from dualwinch.simulation.plots.page import GivenAxes, Page
+from dualwinch.simulation.plots.style import GREY, INK, house_style, shade, steady_handle
+from dualwinch.simulation.plots.thin import within
 from dualwinch.simulation.result import Result
 
 KILO = 1e3
@@ -43,29 +31,31 @@ OVERSHOOT = 1.02
 """A tension this many times its limit is worth a word."""
 
 
-def commands(results: Mapping[str, Result]) -> Figure:
+def commands(results: Runs, *, ax: GivenAxes = None) -> Figure:
     """Tension commands of the coordination, a panel a rope, with their limits (Figures 7, 11, 15, 19).
 
     Args:
-        results: controller → result, all of one case.
+        results: label → result, or results that are labelled by their position laws.
+        ax: axes for rope 1 and rope 2, and for their enlarged stretches; default: a figure of its own.
 
     Raises:
         ConfigurationError: there is nothing to draw.
     """
     words = "force commands of the coordination"
-    return _two_ropes(results, "commands", words, ("F1_cmd", "F2_cmd"), "command")
+    return _two_ropes(curves(results), "commands", words, "command", ax)
 
 
-def tensions(results: Mapping[str, Result]) -> Figure:
+def tensions(results: Runs, *, ax: GivenAxes = None) -> Figure:
     """Rope tensions, a panel a rope, with the limits of the commands, the peak and the slack (Figures 8, 12, 16, 20).
 
     Args:
-        results: controller → result, all of one case.
+        results: label → result, or results that are labelled by their position laws.
+        ax: axes for rope 1 and rope 2, and for their enlarged stretches; default: a figure of its own.
 
     Raises:
         ConfigurationError: there is nothing to draw.
     """
-    return _two_ropes(results, "tensions", "rope tensions", ("F1", "F2"), "tension")
+    return _two_ropes(curves(results), "tensions", "rope tensions", "tension", ax)
 
 
 def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
@@ -94,53 +84,49 @@ def limit_handle(experiment: Experiment) -> Line2D:
     return Line2D([], [], color=INK, linestyle=(0, (2, 2)), linewidth=0.8, label=words)
 
 
-def _two_ropes(
-    results: Mapping[str, Result], content: str, words: str, columns: tuple[str, str], quantity: str
-) -> Figure:
-    results = ordered(results)
-    experiment = next(iter(results.values())).experiment
+COLUMNS = {"command": ("F1_cmd", "F2_cmd"), "tension": ("F1", "F2")}
+"""What is drawn → its columns, rope 1 and rope 2."""
+
+
+def _two_ropes(runs: Sequence[Curve], content: str, words: str, quantity: str, ax: GivenAxes) -> Figure:
+    experiment = runs[0].experiment
     zoomed = enlarged(experiment)[0] < experiment.duration
+    draw = [partial(_whole_run, quantity=quantity, rope=rope) for rope in (1, 2)]
+    if zoomed:
+        draw += [partial(_enlarged_run, column=column) for column in COLUMNS[quantity]]
     with house_style():
-        figure = new_figure(5.2, *headings(results, content, words))
-        panels = figure.subplots(2, 1 + zoomed, sharex="col", squeeze=False, width_ratios=(2.3, 1)[: 1 + zoomed])
-        for rope, (row, column) in enumerate(zip(panels, columns, strict=True), start=1):
-            _whole_run(row[0], results, column)
-            row[0].set_ylabel(f"{quantity} $F_{rope}$ (kN)")
-            row[0].set_title(f"rope {rope}")
-            if quantity == "tension":
-                row[0].set_title(_extremes(results, column), loc="right", fontsize=7.5, color=GREY)
-            if zoomed:
-                _enlarged_run(row[1], results, column)
-        time_axis(panels[1][0], experiment)
-        if zoomed:
-            _start, _end, origin, event = enlarged(experiment)
-            panels[0][1].set_title(event + ", enlarged")
-            panels[1][1].set_xlabel(f"time after {origin:g} s (ms)" if origin else "time (ms)")
-        handles: list[Line2D | Patch] = [
-            *controller_handles(results),
-            limit_handle(experiment),
-            steady_handle(),
-        ]
-        legend_below(figure, handles)
-    return figure
+        page = Page(ax, 5.2, *headings([run.experiment for run in runs], content, words))
+        panels = page.panels(2, 1 + zoomed, sharex="col", width_ratios=(2.3, 1)[: 1 + zoomed])
+        for axes, panel in zip(panels, draw, strict=False):
+            panel(axes, runs)
+        page.time_axes(panels[:2], longest(runs))
+        _start, _end, origin, event = enlarged(experiment)
+        for axes in panels[2:3]:
+            axes.set_title(event + ", enlarged")
+        for axes in panels[2:][-1:]:
+            axes.set_xlabel(f"time after {origin:g} s (ms)" if origin else "time (ms)")
+        page.legend([*(run.handle for run in runs), limit_handle(experiment), steady_handle()])
+    return page.figure
 
 
-def _whole_run(axes: Axes, results: Mapping[str, Result], column: str) -> None:
-    experiment = next(iter(results.values())).experiment
-    shade(axes, experiment)
-    for kind, result in results.items():
-        t, force = thin(result["t"], result[column] / KILO)
-        axes.plot(t, force, color=COLOURS[kind], linestyle=DASHES[kind], label=LAW_NAMES[kind])
-    draw_limits(axes, experiment)
+def _whole_run(axes: Axes, runs: Sequence[Curve], quantity: str, rope: int) -> None:
+    column = COLUMNS[quantity][rope - 1]
+    shade(axes, runs[0].experiment)
+    for run in runs:
+        run.draw(axes, run.result["t"], run.result[column] / KILO)
+    draw_limits(axes, runs[0].experiment)
+    axes.set_ylabel(f"{quantity} $F_{rope}$ (kN)")
+    axes.set_title(f"rope {rope}")
+    if quantity == "tension":
+        axes.set_title(_extremes(runs, column), loc="right", fontsize=7.5, color=GREY)
 
 
-def _enlarged_run(axes: Axes, results: Mapping[str, Result], column: str) -> None:
-    experiment = next(iter(results.values())).experiment
+def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
+    experiment = runs[0].experiment
     start, end, origin, _event = enlarged(experiment)
-    for kind, result in results.items():
-        rows = within(result["t"], start, end)
-        t, force = thin(result["t"][rows], result[column][rows] / KILO)
-        axes.plot((t - origin) * 1e3, force, color=COLOURS[kind], linestyle=DASHES[kind], label=LAW_NAMES[kind])
+    for run in runs:
+        rows = within(run.result["t"], start, end)
+        run.draw(axes, (run.result["t"][rows] - origin) * 1e3, run.result[column][rows] / KILO)
     axes.set_xlim((start - origin) * 1e3, (min(end, experiment.duration) - origin) * 1e3)
     bottom, top = axes.get_ylim()
     spare = max(SMALLEST_SPAN - (top - bottom), 0.0) / 2
@@ -148,22 +134,23 @@ def _enlarged_run(axes: Axes, results: Mapping[str, Result], column: str) -> Non
     axes.set_ylim(bottom - spare, top + spare)
 
 
-def _extremes(results: Mapping[str, Result], column: str) -> str:
+def _extremes(runs: Sequence[Curve], column: str) -> str:
     """Say in words what a line of a few milliseconds cannot show at this width."""
-    limit = next(iter(results.values())).experiment.controller.limits.tension_max
-    drawn = {kind: result for kind, result in results.items() if np.isfinite(result[column]).any()}
+    limit = runs[0].experiment.controller.limits.tension_max
+    drawn = [run for run in runs if np.isfinite(run.result[column]).any()]
     if not drawn:
         return ""
-    slack = {LAW_NAMES[kind]: _slack_time(result, column) for kind, result in drawn.items()}
-    if any(slack.values()):
-        return "slack: " + ", ".join(f"{name} {_moment(time)}" for name, time in slack.items() if time)
-    peaks = {kind: float(np.nanmax(result[column])) for kind, result in drawn.items()}
-    kind = max(peaks, key=lambda kind: peaks[kind])
-    if peaks[kind] <= OVERSHOOT * limit:
+    slack = [(run.label, _slack_time(run.result, column)) for run in drawn]
+    if any(time for _, time in slack):
+        return "slack: " + ", ".join(f"{label} {_moment(time)}" for label, time in slack if time)
+    peaks = [float(np.nanmax(run.result[column])) for run in drawn]
+    highest = max(peaks)
+    if highest <= OVERSHOOT * limit:
         return ""
-    at = drawn[kind]["t"][np.nanargmax(drawn[kind][column])]
-    reached = [LAW_NAMES[other] for other in peaks if f"{peaks[other]:.3g}" == f"{peaks[kind]:.3g}"]
-    return f"peak {peaks[kind] / KILO:.2f} kN at {_moment(at)} ({', '.join(reached)})"
+    first = drawn[peaks.index(highest)].result
+    at = first["t"][np.nanargmax(first[column])]
+    reached = [run.label for run, peak in zip(drawn, peaks, strict=True) if f"{peak:.3g}" == f"{highest:.3g}"]
+    return f"peak {highest / KILO:.2f} kN at {_moment(at)} ({', '.join(reached)})"
 
 
 def _slack_time(result: Result, column: str) -> float:

@@ -1,6 +1,6 @@
 """The house style of every figure: colours, sizes, headings, legends."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,11 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.typing import LineStyleType
 
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, case
-from dualwinch.simulation.result import Result
 
 WIDTH = 7.0
 """Width of every figure in inches: a page, or half a screen."""
@@ -24,26 +22,14 @@ BLUE, VERMILION, GREEN, GOLD, WINE = "#0072B2", "#D55E00", "#009E73", "#A87900",
 PURPLE, SKY = "#CC79A7", "#56B4E9"
 INK, GREY, LIGHT, SHADE = "#1A1A1A", "#6B6B6B", "#D9D9D9", "#F0F0F0"
 
-LAW_NAMES = CONTROLLERS | {"super-twisting": "Super-twisting", "adrc": "ADRC"}
-"""`controller.kind` → its name in figures, the paper's first."""
-
-COLOURS = {
-    "fando-nftsm": BLUE,
-    "nftsm": VERMILION,
-    "pid-cascade": GREEN,
-    "super-twisting": PURPLE,
-    "adrc": SKY,
-}
-"""One colour a controller in every figure, told apart by colour-blind readers (Okabe and Ito)."""
-
-DASHES = {
-    "fando-nftsm": "-",
-    "nftsm": (0, (5, 2)),
-    "pid-cascade": (0, (5, 1.5, 1, 1.5)),
-    "super-twisting": (0, (3, 1, 1, 1, 1, 1)),
-    "adrc": (0, (2, 1.5)),
-}
-"""One line style a controller, so that lines lying on each other are both seen, also in print."""
+DASHES: tuple[LineStyleType, ...] = (
+    "-",
+    (0, (5, 2)),
+    (0, (5, 1.5, 1, 1.5)),
+    (0, (3, 1, 1, 1, 1, 1)),
+    (0, (2, 1.5)),
+)
+"""Line styles to tell runs apart, so that lines lying on each other are both seen, also in print."""
 
 ROPE_COLOURS = (WINE, GOLD)
 """Rope 1 and rope 2, where one panel shows both."""
@@ -117,73 +103,24 @@ def new_figure(height: float, title: str, subtitle: str, gap: float = 0.05) -> F
     return figure
 
 
-def ordered(results: Mapping[str, Result]) -> dict[str, Result]:
-    """The results in the order of `LAW_NAMES`.
-
-    Raises:
-        ConfigurationError: there is none, or one keeps no rows.
-    """
-    if not results:
-        raise ConfigurationError("a figure needs at least one result")
-    for kind, result in results.items():
-        if not len(result["t"]):
-            raise ConfigurationError(f"the result of {kind} keeps no rows: simulate with stride >= 1")
-    return {kind: results[kind] for kind in LAW_NAMES if kind in results}
+def law_kind(experiment: Experiment) -> str:
+    """Name of an experiment's position law in configurations."""
+    return experiment.controller.law.kind
 
 
-def case_number(experiment: Experiment) -> int | None:
-    """The paper's case whose reference and disturbance an experiment has; ``None`` for another."""
-    for number in CASES:
-        paper = case(number)
-        if (paper.reference, paper.disturbance) == (experiment.reference, experiment.disturbance):
-            return number
-    return None
+def law_label(experiment: Experiment) -> str:
+    """Name of an experiment's position law in figures."""
+    return experiment.controller.law.label or law_kind(experiment)
 
 
-def scenario(experiment: Experiment) -> str:
-    """Reference and disturbances in words."""
-    number = case_number(experiment)
-    if number is not None:
-        return CASES[number]
-    disturbance = experiment.disturbance
-    sources = {
-        "vortex shedding": disturbance.vortex,
-        "current": disturbance.current_sigma > 0,
-        "varying rail load": disturbance.normal_force_sigma > 0,
-    }
-    words = [name for name, present in sources.items() if present]
-    reference = {"uniform": "uniform speed", "profile": "profile"}[experiment.reference.kind]
-    return ", ".join([reference, *(words or ["no disturbance"])])
+def law_colour(experiment: Experiment) -> str:
+    """Colour of an experiment's position law."""
+    return experiment.controller.law.colour or BLUE
 
 
-def headings(results: Mapping[str, Result], content: str, words: str) -> tuple[str, str]:
-    """Title and subtitle of a figure of a case.
-
-    Args:
-        results: controller → result.
-        content: one of `simulation.paper.CONTENTS`.
-        words: what is drawn, for the title.
-    """
-    experiment = next(iter(results.values())).experiment
-    number = case_number(experiment)
-    figure = next((entry for entry in FIGURES if (entry.case, entry.content) == (number, content)), None)
-    title = f"Figure {figure.number} · Case {number}: {words}" if figure else words[0].upper() + words[1:]
-    return title, scenario(experiment).capitalize()
-
-
-def label(kind: str, result: Result) -> str:
-    """Name of a controller in a legend, with the run's end where it ended early."""
-    if result.outcome == "completed":
-        return LAW_NAMES[kind]
-    return f"{LAW_NAMES[kind]} ({result.outcome.replace('_', ' ')} at {result.end_time:.3g} s)"
-
-
-def controller_handles(results: Mapping[str, Result]) -> list[Line2D]:
-    """Legend entries of the controllers."""
-    return [
-        Line2D([], [], color=COLOURS[kind], linestyle=DASHES[kind], label=label(kind, result))
-        for kind, result in results.items()
-    ]
+def law_dashes(experiment: Experiment) -> LineStyleType:
+    """Line style of an experiment's position law."""
+    return experiment.controller.law.dashes or "-"
 
 
 def legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:

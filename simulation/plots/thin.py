@@ -23,19 +23,29 @@ def thin(t: Floats, values: Floats, columns: int = COLUMNS) -> tuple[Floats, Flo
     Returns:
         Times and values of the points kept, in their order; all of them where they are few.
     """
-    drawable = np.where(np.abs(values) <= LARGEST, values, np.nan)
+    drawn = drawable(values)
     if len(t) <= 4 * columns:
-        return t, drawable
+        return t, drawn
     block = -(-len(t) // columns)
-    places = np.arange(-(-len(t) // block) * block).clip(max=len(t) - 1).reshape(-1, block)
-    blocks = drawable[places]
+    indices = np.arange(-(-len(t) // block) * block).clip(max=len(t) - 1).reshape(-1, block)
+    blocks = drawn[indices]
     missing = np.isnan(blocks)
     lowest = np.argmin(np.where(missing, np.inf, blocks), axis=1)
     highest = np.argmax(np.where(missing, -np.inf, blocks), axis=1)
-    rows = np.arange(len(places))
-    kept = np.concatenate(([0, len(t) - 1], places[rows, lowest], places[rows, highest]))
+    rows = np.arange(len(indices))
+    kept = np.concatenate(([0, len(t) - 1], indices[rows, lowest], indices[rows, highest]))
     kept = np.unique(kept)
-    return t[kept], drawable[kept]
+    return t[kept], drawn[kept]
+
+
+def drawable(values: Floats) -> Floats:
+    """A signal with NaN in place of what no axis could show."""
+    return np.where(np.abs(values) <= LARGEST, values, np.nan)
+
+
+def largest(values: Floats) -> float:
+    """The largest magnitude of a signal that can be drawn; 0 where there is none."""
+    return float(np.nanmax(np.abs(drawable(values)), initial=0.0))
 
 
 def within(t: Floats, start: float, end: float) -> slice:
@@ -53,8 +63,7 @@ def peaks(t: Floats, values: Floats, width: float) -> tuple[Floats, Floats]:
     """
     if not len(t):
         return t, values
-    place = ((t - t[0]) / width).astype(int)
-    starts = np.flatnonzero(np.diff(place, prepend=-1))
-    size = np.abs(np.where(np.abs(values) <= LARGEST, values, np.nan))
-    largest = np.fmax.reduceat(size, starts)
-    return t[0] + (place[starts] + 0.5) * width, np.where(largest > 0, largest, np.nan)
+    interval = ((t - t[0]) / width).astype(int)
+    starts = np.flatnonzero(np.diff(interval, prepend=-1))
+    peak = np.fmax.reduceat(np.abs(drawable(values)), starts)
+    return t[0] + (interval[starts] + 0.5) * width, np.where(peak > 0, peak, np.nan)

@@ -106,8 +106,8 @@ def test_the_best_is_scored_in_scenarios_of_their_own(make_problem: MakeProblem,
     problem = make_problem(scenarios=2)
     found = studied(problem, tmp_path / "a", 32)
     verdict = judge(problem, found, Evaluator(problem), 10)
-    seen = {one.draws["disturbance.seed"] for one in problem.tuning_scenarios}  # pyright: ignore[reportAttributeAccessIssue]
-    held_out = {one.draws["disturbance.seed"] for one in problem.drawn(10, problem.seed + 2_000_000)}  # pyright: ignore[reportAttributeAccessIssue]
+    seen = {one.draws["simulation.seed"] for one in problem.tuning_scenarios}  # pyright: ignore[reportAttributeAccessIssue]
+    held_out = {one.draws["simulation.seed"] for one in problem.drawn(10, problem.seed + 2_000_000)}  # pyright: ignore[reportAttributeAccessIssue]
     assert not seen & held_out
     assert verdict.held_out is not None
     assert verdict.held_out.scenarios == 10

@@ -55,4 +55,6 @@ def test_a_run_that_leaves_the_track_is_a_result(capsys: pytest.CaptureFixture[s
     }
     sets = [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
     main(["simulate", "--case", "1", "--controller", "pid-cascade", *sets])
-    assert "left_track" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "left_track" in said
+    assert all(" – " in line for line in said.splitlines() if line.startswith(("mse", "mae", "peak_tension", "energy")))

@@ -1,4 +1,6 @@
 import json
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -53,7 +55,7 @@ def test_sea_is_what_its_documentation_says() -> None:
 @pytest.mark.parametrize("name", built_in_ensembles())
 def test_what_is_printed_is_read_back(name: str, tmp_path: Path) -> None:
     ensemble = load_ensemble(name)
-    assert load_ensemble(written(ensemble_to_toml(ensemble), tmp_path)) == ensemble
+    assert load_ensemble(str(written(ensemble_to_toml(ensemble), tmp_path))) == ensemble
 
 
 def test_every_kind_of_entry_is_read_and_printed(tmp_path: Path) -> None:
@@ -75,6 +77,34 @@ def test_every_kind_of_entry_is_read_and_printed(tmp_path: Path) -> None:
     }
     assert ensemble.name == "my"
     assert load_ensemble(written(ensemble_to_toml(ensemble), tmp_path)) == ensemble
+
+
+@dataclass(frozen=True)
+class Triangular:
+    """A user's own distribution, which no file knows."""
+
+    low: float
+    high: float
+
+    def quantile(self, share: float) -> float:
+        half = (self.high - self.low) / 2
+        edge = half * math.sqrt(2 * min(share, 1 - share))
+        return self.low + edge if share < 0.5 else self.high - edge
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        return self.low, self.high
+
+
+def test_a_distribution_that_no_file_can_hold_is_drawn_and_not_saved() -> None:
+    ensemble = replace(load_ensemble("sea"), distributions={MASS: Drawn(Triangular(8e3, 1.2e4))})
+    assert 8e3 < float(ensemble.scenario(0, 0).draws[MASS]) < 1.2e4
+    with pytest.raises(ConfigurationError) as caught:
+        ensemble_to_toml(ensemble)
+    assert str(caught.value) == (
+        "plant.vehicle.mass: a distribution of type Triangular cannot stand in a file; "
+        "must be one of uniform, normal, choice"
+    )
 
 
 def test_a_case_gives_what_the_file_does_not_say() -> None:
@@ -212,7 +242,7 @@ def test_an_interrupt_writes_what_was_finished(
         (["simulate", "--ensemble", "see"], "unknown ensemble 'see'; did you mean 'sea'?"),
         (["simulate", "--ensemble", "missing.toml"], "cannot read missing.toml"),
         (["simulate", "--scenarios", "3"], "--scenarios: needs --ensemble"),
-        (["simulate", "--seed", "3"], "--set disturbance.seed=N"),
+        (["simulate", "--seed", "3"], "--set simulation.seed=N"),
         (["simulate", *SHORT, "--stride", "2"], "--stride and --ensemble"),
         (["simulate", *SHORT, "--engine", "interpreter"], "--engine and --ensemble"),
         (["simulate", *SHORT, "--out", "sea.mat"], ".csv, .parquet, .npz, .json"),

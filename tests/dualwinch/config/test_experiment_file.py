@@ -18,7 +18,7 @@ from dualwinch.simulation.paper import CASES, case
 def test_what_is_printed_is_read_back(number: int, tmp_path: Path) -> None:
     file = tmp_path / "case.toml"
     file.write_text(to_toml(case(number)))
-    assert load(file) == case(number)
+    assert load(file) == load(str(file)) == case(number)
 
 
 def test_every_key_is_printed_with_its_meaning() -> None:

@@ -17,7 +17,15 @@ def test_a_mode_without_input_and_a_mode_without_output_are_found() -> None:
     units = dict.fromkeys("abuyz", "1")
     A, B = np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]])
     system = LinearSystem(
-        A, B, np.array([[0.0, 3.0], [1.0, 1.0]]), np.zeros((2, 1)), None, ("a", "b"), ("u",), ("y", "z"), units
+        A,
+        B,
+        np.array([[0.0, 3.0], [1.0, 1.0]]),
+        np.zeros((2, 1)),
+        dt=None,
+        states=("a", "b"),
+        inputs=("u",),
+        outputs=("y", "z"),
+        units=units,
     )
     assert list(mode_controllability(system) > 1e-12) == [True, False]
     assert list(mode_observability(system, ["y"]) > 1e-12) == [False, True]
@@ -48,11 +56,11 @@ def test_units_do_not_matter() -> None:
         state[:, None] * system.B / into,
         out[:, None] * system.C / state,
         system.D,
-        None,
-        system.states,
-        system.inputs,
-        system.outputs,
-        system.units,
+        dt=None,
+        states=system.states,
+        inputs=system.inputs,
+        outputs=system.outputs,
+        units=system.units,
     )
     order, other_order = np.argsort(system.poles()), np.argsort(other.poles())
     mine, theirs = mode_observability(system, ["F1", "x"])[order], mode_observability(other, ["F1", "x"])[other_order]

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def oracle_function(values: dict[str, float]) -> Callable[[Array], Array]:
 )
 def test_matrices_are_the_independent_plants(values: dict[str, float], x: float, v: float, preload: float) -> None:
     two_sided = values | {"plant.rope_slack": False}  # differences reach across the point where a rope goes slack
-    system = linearise(with_leaves(Plant(), values, "plant."), x, v, preload, current=0.1)
+    system = linearise(x, v, preload, with_leaves(Plant(), values, "plant."), current=0.1)
     at = system.operating_point
     place = np.array([at[name] for name in (*STATES, "tau_1", "tau_2", "current")])
     function = oracle_function(two_sided)
@@ -83,8 +84,8 @@ def test_names_and_units() -> None:
 
 def test_a_sweep_is_the_same_as_one_by_one() -> None:
     x = np.array([2.0, 30.0])
-    for system, place in zip(linearise_sweep(Plant(), x, 0.7, 3000.0, dt=1e-3), x, strict=True):
-        alone = linearise(Plant(), place, 0.7, 3000.0, dt=1e-3)
+    for system, place in zip(linearise_sweep(x, 0.7, 3000.0, dt=1e-3), x, strict=True):
+        alone = linearise(place, 0.7, 3000.0, dt=1e-3)
         np.testing.assert_array_equal(system.A, alone.A)
         np.testing.assert_array_equal(system.B, alone.B)
         assert system.dt == 1e-3
@@ -92,4 +93,18 @@ def test_a_sweep_is_the_same_as_one_by_one() -> None:
 
 def test_a_wrong_point_in_a_sweep_is_named() -> None:
     with pytest.raises(ConfigurationError, match=r"^x = 60: must be"):
-        linearise_sweep(Plant(), np.array([10.0, 60.0]))
+        linearise_sweep(np.array([10.0, 60.0]))
+
+
+def test_arguments_may_be_given_in_the_order_of_an_operating_point() -> None:
+    plant = with_leaves(Plant(), CHANGED, "plant.")
+    by_position, by_name = linearise(10, 1.8, 2500, plant), linearise(plant=plant, preload=2500, v=1.8, x=10)
+    np.testing.assert_array_equal(by_position.A, by_name.A)
+    assert by_position.operating_point == by_name.operating_point
+    assert (by_position.operating_point["x"], by_position.operating_point["v"]) == (10, 1.8)
+
+
+@pytest.mark.parametrize("arguments", [(Plant(), 10, 1.8), ("here",), (10, 1.8, Plant())])
+def test_what_is_no_number_is_refused_with_the_order(arguments: Any) -> None:
+    with pytest.raises(ConfigurationError, match=r"^(x|v|preload): must be a number .* order is x, v, preload, plant$"):
+        linearise(*arguments)

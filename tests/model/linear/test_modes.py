@@ -26,7 +26,7 @@ def test_drum_and_vehicle_on_one_rope_swing_as_two_masses_do(mass: float) -> Non
     """With the other rope almost cut: sqrt(k/m) and c/(2 sqrt(k m)) with the reduced mass m of drum and vehicle."""
     vehicle = replace(FREE, mass=mass)
     plant = Plant(vehicle=vehicle, rope_2=Rope(modulus=1e-3, damping=0.0))
-    system = linearise(plant, 20.0, 0.0, preload=1e-3, tension_min=0.0)
+    system = linearise(20.0, 0.0, 1e-3, plant, tension_min=0.0)
     k, drum = 80e9 * 4.52e-4 / 30.5, 1.8 / 0.8**2
     reduced = drum * mass / (drum + mass)
     mode = max(modes(system, plant), key=lambda entry: entry.natural_frequency)
@@ -60,7 +60,7 @@ def test_in_the_middle_of_the_track_both_ropes_swing_in_one_mode() -> None:
 def test_heavy_drums_leave_the_vehicle_on_both_ropes() -> None:
     heavy = Winch(inertia=1e9)
     plant = Plant(vehicle=FREE, winch_1=heavy, winch_2=heavy)
-    mode = named(modes(linearise(plant, 20.0), plant), "vehicle on both ropes")
+    mode = named(modes(linearise(20.0, plant=plant), plant), "vehicle on both ropes")
     stiffness = 80e9 * 4.52e-4 * (1 / 30.5 + 1 / 20.5)
     assert mode.natural_frequency == pytest.approx(sqrt(stiffness / 1e4), rel=1e-4)
 
@@ -76,7 +76,17 @@ def test_a_sampled_plant_has_the_same_modes() -> None:
 def test_other_systems_are_labelled_by_their_states() -> None:
     A = np.array([[0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     units: dict[str, str] = dict.fromkeys(("filter", "late", "runaway"), "1")
-    system = LinearSystem(A, np.zeros((3, 0)), np.zeros((0, 3)), np.zeros((0, 0)), 0.1, tuple(units), (), (), units)
+    system = LinearSystem(
+        A,
+        np.zeros((3, 0)),
+        np.zeros((0, 3)),
+        np.zeros((0, 0)),
+        dt=0.1,
+        states=tuple(units),
+        inputs=(),
+        outputs=(),
+        units=units,
+    )
     by_label = {mode.label: mode for mode in modes(system)}
     assert by_label["filter"].rate == pytest.approx(np.log(0.5) / 0.1)
     assert (by_label["late"].natural_frequency, by_label["late"].damping, by_label["late"].time_constant) == (inf, 1, 0)
@@ -88,7 +98,7 @@ def test_other_systems_are_labelled_by_their_states() -> None:
 @pytest.mark.parametrize("x", [0.0, 10.0, 25.0])
 def test_without_friction_position_and_speed_drift_as_a_chain_of_two_integrators(x: float, dt: float | None) -> None:
     plant = Plant(vehicle=FREE)
-    position, speed = modes(linearise(plant, x, dt=dt), plant)[:2]
+    position, speed = modes(linearise(x, plant=plant, dt=dt), plant)[:2]
     assert {position.label, speed.label} == {"rigid drift: position", "rigid drift: speed"}
     assert position.natural_frequency == speed.natural_frequency == 0.0
     assert {position.main_states, speed.main_states} == {("x",), ("v",)}
@@ -105,7 +115,7 @@ def test_participation_does_not_depend_on_units() -> None:
 def test_modes_are_followed_across_the_middle_of_the_track() -> None:
     """Every 2 m, the middle among them, where the two ropes' modes meet and mix."""
     x = np.arange(1.0, 50.0, 2.0)
-    tracks = {track.label: track for track in track_modes(linearise_sweep(Plant(), x, 1.8))}
+    tracks = {track.label: track for track in track_modes(linearise_sweep(x, 1.8))}
     for rope, length in ((1, 50.5 - x), (2, x + 0.5)):
         expected = 0.8 * np.sqrt(80e9 * 4.52e-4 / length / 1.8)
         np.testing.assert_allclose(tracks[f"rope {rope} – drum {rope}"].natural_frequencies, expected, rtol=5e-4)
@@ -115,7 +125,7 @@ def test_modes_are_followed_across_the_middle_of_the_track() -> None:
 def test_no_mode_is_lost_where_an_oscillation_becomes_two_decays() -> None:
     rope = Rope(damping=3000.0)
     plant = Plant(rope_1=rope, rope_2=rope)
-    systems = linearise_sweep(plant, np.linspace(0, 50, 101), 1.0)
+    systems = linearise_sweep(np.linspace(0, 50, 101), 1.0, plant=plant)
     tracks = track_modes(systems, plant)
     assert len(tracks) == 6
     for k, system in enumerate(systems):

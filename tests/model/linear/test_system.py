@@ -77,15 +77,35 @@ def test_inputs_and_outputs_are_chosen_by_name() -> None:
 
 def test_names_must_fit_the_matrices_and_have_units() -> None:
     with pytest.raises(ConfigurationError, match=r"B has the shape \(2, 2\): the names ask for \(2, 1\)"):
-        LinearSystem(OSCILLATOR.A, OSCILLATOR.B, OSCILLATOR.C, OSCILLATOR.D, None, ("a", "b"), ("u",), ("y",), {})
+        LinearSystem(
+            OSCILLATOR.A,
+            OSCILLATOR.B,
+            OSCILLATOR.C,
+            OSCILLATOR.D,
+            dt=None,
+            states=("a", "b"),
+            inputs=("u",),
+            outputs=("y",),
+            units={},
+        )
     with pytest.raises(ConfigurationError, match="no unit for 'u'"):
-        LinearSystem(np.eye(1), np.eye(1), np.eye(1), np.eye(1), None, ("a",), ("u",), ("y",), {"a": "1"})
+        LinearSystem(
+            np.eye(1),
+            np.eye(1),
+            np.eye(1),
+            np.eye(1),
+            dt=None,
+            states=("a",),
+            inputs=("u",),
+            outputs=("y",),
+            units={"a": "1"},
+        )
 
 
 @pytest.mark.parametrize("system", [OSCILLATOR, OSCILLATOR.discretised(0.05)], ids=["continuous", "discrete"])
 def test_files_hold_everything(system: LinearSystem, tmp_path: Path) -> None:
     for suffix in ("json", "npz", "mat"):
-        system.save(tmp_path / f"system.{suffix}")
+        system.save(f"{tmp_path}/system.{suffix}")
     text = json.loads((tmp_path / "system.json").read_text())
     assert list(text) == ["A", "B", "C", "D", "dt", "states", "inputs", "outputs", "units", "operating_point"]
     assert text["dt"] == system.dt

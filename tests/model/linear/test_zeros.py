@@ -39,10 +39,14 @@ def test_drums_swinging_on_their_ropes_take_up_a_force_on_the_vehicle() -> None:
 def test_more_outputs_than_inputs_and_hidden_modes() -> None:
     names, units = ("a", "b"), dict.fromkeys("abuyz", "1")
     A, B = np.diag([-1.0, -2.0]), np.array([[1.0], [1.0]])
-    both = LinearSystem(A, B, np.eye(2), np.zeros((2, 1)), None, names, ("u",), ("y", "z"), units)
+    both = LinearSystem(
+        A, B, np.eye(2), np.zeros((2, 1)), dt=None, states=names, inputs=("u",), outputs=("y", "z"), units=units
+    )
     assert zeros(both).size == 0
     np.testing.assert_allclose(zeros(both.between(["u"], ["y"])), [-2.0])  # y does not show the second mode
-    fed = LinearSystem(A, B, np.ones((1, 2)), np.full((1, 1), 0.5), None, names, ("u",), ("y",), units)
+    fed = LinearSystem(
+        A, B, np.ones((1, 2)), np.full((1, 1), 0.5), dt=None, states=names, inputs=("u",), outputs=("y",), units=units
+    )
     np.testing.assert_allclose(np.sort(zeros(fed).real), np.sort(np.roots([0.5, 3.5, 4.0])))
 
 
@@ -60,5 +64,15 @@ def test_dc_gains_are_the_physics(dt: float | None) -> None:
 def test_a_double_integrator_has_no_dc_gain() -> None:
     units = dict.fromkeys("xvuyw", "1")
     A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [-2.0]])
-    system = LinearSystem(A, B, np.eye(2), np.array([[0.0], [1.0]]), None, ("x", "v"), ("u",), ("y", "w"), units)
+    system = LinearSystem(
+        A,
+        B,
+        np.eye(2),
+        np.array([[0.0], [1.0]]),
+        dt=None,
+        states=("x", "v"),
+        inputs=("u",),
+        outputs=("y", "w"),
+        units=units,
+    )
     assert dc_gains(system).tolist() == [[-np.inf], [-np.inf]]

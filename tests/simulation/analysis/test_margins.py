@@ -23,7 +23,9 @@ def loop(numerator: list[float], denominator: list[float], dt: float) -> LinearS
     found: Any = control.ss(control.c2d(control.tf(numerator, denominator), dt))
     states = tuple(f"x{k}" for k in range(found.nstates))
     units = dict.fromkeys((*states, "in", "out"), "1")
-    return LinearSystem(found.A, found.B, found.C, found.D, dt, states, ("in",), ("out",), units)
+    return LinearSystem(
+        found.A, found.B, found.C, found.D, dt=dt, states=states, inputs=("in",), outputs=("out",), units=units
+    )
 
 
 def agrees(system: LinearSystem, found: Margins) -> None:

@@ -34,7 +34,7 @@ def test_it_is_the_plants_equation_on_the_reference() -> None:
 
 @pytest.mark.parametrize("integrated", [False, True])
 def test_a_run_that_tracks_takes_that_force(integrated: bool) -> None:
-    sea = {"disturbance.integrated_phase": integrated, "disturbance.current_sigma": 0.05, "disturbance.seed": 5}
+    sea = {"disturbance.integrated_phase": integrated, "disturbance.current_sigma": 0.05, "simulation.seed": 5}
     tight = {"controller.observer.l0": 100.0, "controller.nftsm.eta": 20.0}  # errors of 0.02 mm
     experiment = override(case(4), sea | tight)
     columns = simulate(experiment).columns

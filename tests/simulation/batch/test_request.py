@@ -10,7 +10,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch import request
 from dualwinch.simulation.batch.request import check_batch
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
 
@@ -85,6 +85,6 @@ def test_thousands_of_sound_rows_are_looked_at_by_the_column(monkeypatch: pytest
     monkeypatch.setattr(request, "check", calls.append)
     names = ["controller.nftsm.beta", COORDINATION + "preload", "controller.nftsm.p"]
     values = np.column_stack([np.linspace(0.1, 1, 5000), np.linspace(1e3, 3e3, 5000), np.full(5000, 7.0)])
-    scenarios = [replace(case(4), disturbance=replace(case(4).disturbance, seed=seed)) for seed in range(3)]
+    scenarios = [replace(case(4), simulation=Simulation(seed=seed)) for seed in range(3)]
     check_batch(names, values, scenarios)
     assert len(calls) == len(scenarios)

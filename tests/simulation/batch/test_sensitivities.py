@@ -149,6 +149,10 @@ def test_sensors_that_read_in_steps_are_differentiated_as_if_they_did_not() -> N
 def test_a_diverging_run_is_a_result() -> None:
     result = sensitivities(["controller.nftsm.eta"], [[1e300], [0.05]], [short(1, 1.0)])
     assert result.outcomes[:, 0].tolist() == ["diverged", "completed"]
+    for name, table in result.metrics.items():
+        assert np.isnan(table[0, 0])
+        assert np.isnan(result.gradients[name][0, 0]).all()
+        assert np.isnan(result.gradients[name][1, 0]).all() == np.isnan(table[1, 0])
     assert np.isfinite(result.gradients["mse"][1]).all()
 
 

@@ -70,6 +70,7 @@ def test_a_scenario_that_diverges_leaves_its_neighbours_and_the_statistics_alone
     assert sum(mixed.outcome_counts.values()) == 12
     for name in METRICS:
         assert np.array_equal(mixed.metrics[name][completed], sound.metrics[name][completed], equal_nan=True)
+        assert np.isnan(mixed.metrics[name][~completed]).all()
     assert mixed.statistic("mse").worst == sound.metrics["mse"][completed].max()
     assert mixed.traces is not None
     assert len(mixed.traces.sampled["e"]) == completed.sum()

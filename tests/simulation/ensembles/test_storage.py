@@ -50,10 +50,10 @@ def read(path: Path) -> tuple[dict[str, list[Any]], dict[str, str], dict[str, An
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_every_format_keeps_rows_units_seed_and_statistics(suffix: str, result: EnsembleResult, tmp_path: Path) -> None:
     path = tmp_path / f"sea{suffix}"
-    save_ensemble(result, path, {"configuration": "the whole file"})
+    save_ensemble(result, str(path), {"configuration": "the whole file"})
     columns, units, facts = read(path)
     assert [float(value) for value in columns[MASS]] == result.draws[MASS].tolist()
-    assert [int(value) for value in columns["disturbance.seed"]] == result.draws["disturbance.seed"].tolist()
+    assert [int(value) for value in columns["simulation.seed"]] == result.draws["simulation.seed"].tolist()
     assert [float(value) for value in columns["mse"]] == pytest.approx(result.metrics["mse"].tolist(), rel=1e-15)
     assert list(columns["outcome"]) == ["completed"] * 5
     assert set(METRICS) <= set(columns)

@@ -133,6 +133,8 @@ def test_early_ends_are_the_same_in_both_engines(experiment: Experiment, outcome
     assert ours.end_time == theirs.end_time < experiment.duration
     assert len(ours["t"]) == len(theirs["t"]) == round(ours.end_time / 1e-3)
     assert ours["x"] == pytest.approx(theirs["x"], abs=1e-9)
+    for result in (ours, theirs):
+        assert np.isnan(list(vars(result.metrics).values())).all()
 
 
 def test_the_run_ends_with_the_sample_that_leaves_the_track() -> None:

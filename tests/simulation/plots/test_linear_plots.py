@@ -14,7 +14,7 @@ X = np.arange(0.0, 51.0, 5.0)
 
 @pytest.fixture(scope="module")
 def sweep() -> list[LinearSystem]:
-    return linearise_sweep(Plant(), X, 1.8)
+    return linearise_sweep(X, 1.8)
 
 
 def titles(figure: Figure, loc: str = "left") -> list[str]:
@@ -71,7 +71,15 @@ def test_shapes_show_who_moves() -> None:
 
 def test_shapes_need_the_plants_states() -> None:
     system = LinearSystem(
-        np.eye(1), np.eye(1), np.eye(1), np.eye(1), None, ("a",), ("u",), ("y",), dict.fromkeys("auy", "1")
+        np.eye(1),
+        np.eye(1),
+        np.eye(1),
+        np.eye(1),
+        dt=None,
+        states=("a",),
+        inputs=("u",),
+        outputs=("y",),
+        units=dict.fromkeys("auy", "1"),
     )
     with pytest.raises(ConfigurationError, match="mode shapes need the states of the plant"):
         mode_shapes(system, Plant())

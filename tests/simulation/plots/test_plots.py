@@ -22,7 +22,7 @@ from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import CONTROLLERS, FIGURES, case
 from dualwinch.simulation.plots.motion import length_unit
-from dualwinch.simulation.plots.style import COLOURS
+from dualwinch.simulation.plots.style import law_colour
 from dualwinch.simulation.plots.thin import peaks, thin
 from dualwinch.simulation.result import Result
 from dualwinch.simulation.simulate import simulate
@@ -109,7 +109,7 @@ def test_each_controller_keeps_its_colour(case_4: Results, content: str) -> None
         for one in axes.lines:
             for kind, name in CONTROLLERS.items():
                 if one.get_label() == name:
-                    assert same_color(one.get_color(), COLOURS[kind])
+                    assert same_color(one.get_color(), law_colour(case(4, kind)))
     assert legend_of(figure)[:3] == list(CONTROLLERS.values())
 
 
@@ -235,7 +235,7 @@ def test_a_subset_and_a_run_that_diverged(case_4: Results, tmp_path: Path) -> No
             plots.save(figure, tmp_path / "figure.png")
     figure = plots.overview(bad)
     assert "FANDO-NFTSM (diverged at 1.5 s)" in texts(figure)
-    plots.save(figure, tmp_path / "figure.png")
+    plots.save(figure, f"{tmp_path}/figure.png")
     plots.save(plots.steady_state_bars({"fando-nftsm": bad, "nftsm": case_4["nftsm"]}), tmp_path / "figure.png")
 
 

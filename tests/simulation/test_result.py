@@ -1,0 +1,31 @@
+import numpy as np
+import pytest
+
+from dualwinch.codegen.errors import DualwinchError
+from dualwinch.simulation.loop.row import COLUMNS
+from dualwinch.simulation.result import Result
+from tests.conftest import PaperRun
+
+
+@pytest.fixture(scope="module")
+def result(paper_run: PaperRun) -> Result:
+    return paper_run(4, "nftsm")
+
+
+def test_a_result_is_asked_for_columns_as_a_mapping_is(result: Result) -> None:
+    assert "x" in result
+    assert "vv" not in result
+    assert list(result) == list(result.keys()) == list(COLUMNS)
+    for name, values in dict(result).items():
+        assert values is result[name]
+    assert np.isnan(result["d_hat"]).all()
+
+
+@pytest.mark.parametrize(("name", "near"), [("vv", "v"), ("F_1", "F1"), ("tau_1", "tau1"), (3, "t"), (["x"], "x")])
+def test_an_unknown_column_is_one_line_that_names_the_nearest(result: Result, name: str, near: str) -> None:
+    with pytest.raises(KeyError) as caught:
+        result[name]
+    assert isinstance(caught.value, DualwinchError)
+    assert str(caught.value).startswith(f"unknown column {name!r}; did you mean '")
+    if isinstance(name, str):
+        assert str(caught.value).endswith(f"did you mean '{near}'?")
