@@ -108,7 +108,7 @@ def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
             found |= _tied(describe_parts(value, slot.below), slot)
         elif is_array(value):
             leaf = _leaf(type(group), slot)
-            found |= {f"{slot.key}.{name}": replace(leaf, key=f"{slot.key}.{name}") for name in elements(value)}
+            found |= {slot.key + end: replace(leaf, key=slot.key + end) for end in elements(value)}
         else:
             found[slot.key] = _leaf(type(group), slot)
     return found
@@ -173,7 +173,7 @@ def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, An
         elif is_dataclass(value):
             found |= leaves(value, slot.below, whole=whole)
         elif is_array(value) and not whole:
-            found |= {f"{slot.key}.{name}": element for name, element in elements(value).items()}
+            found |= {slot.key + end: element for end, element in elements(value).items()}
         else:
             found[slot.key] = value
     return found
@@ -203,8 +203,8 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         elif is_dataclass(value):
             changes[slot.field] = with_leaves(value, values, slot.below)
         elif is_array(value):
-            kept = {f"{slot.key}.{name}": element for name, element in elements(value).items()}
-            changes[slot.field] = rebuilt(value, lambda name, key=slot.key, kept=kept: (kept | values)[f"{key}.{name}"])
+            kept = {slot.key + end: element for end, element in elements(value).items()}
+            changes[slot.field] = rebuilt(value, lambda end, key=slot.key, kept=kept: (kept | values)[key + end])
         elif slot.key in values:
             changes[slot.field] = values[slot.key]
     return replace(group, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
