@@ -71,7 +71,7 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
         Dotted key → `Leaf`.
 
     Raises:
-        TypeError: a scalar field has no `Quantity`.
+        TypeError: a scalar field has no `Quantity`, or a constraint that is no bound.
     """
     found: dict[str, Leaf] = {}
     for slot in _slots(group, prefix):
@@ -94,7 +94,7 @@ def describe_parts(group: Any, prefix: str = "") -> dict[str, Leaf]:
         prefix: put before every key.
 
     Raises:
-        TypeError: a scalar field has no `Quantity`.
+        TypeError: a scalar field has no `Quantity`, or a constraint that is no bound.
     """
     found: dict[str, Leaf] = {}
     for slot in _slots(type(group), prefix):
@@ -129,9 +129,9 @@ def _choice_leaf(slot: _Slot, choices: tuple[str, ...]) -> Leaf:
 
 @cache
 def _leaf(group: type, slot: _Slot) -> Leaf:
-    quantity = slot.find(Quantity)
+    quantity, name = slot.find(Quantity), f"{group.__name__}.{slot.field}"
     if quantity is None:
-        raise TypeError(f"{group.__name__}.{slot.field} has no Quantity")
+        raise TypeError(f"{name} has no Quantity")
     optional = type(None) in get_args(slot.hint)
     options = [option for option in get_args(slot.hint) if option is not type(None)]
     kind = options[0] if optional else slot.hint
@@ -144,12 +144,22 @@ def _leaf(group: type, slot: _Slot) -> Leaf:
         kind=kind,
         choices=choices,
         optional=optional,
-        constraints=tuple(item for item in slot.metadata if isinstance(item, at.BaseMetadata)),
+        constraints=tuple(_bounds(slot.metadata, name)),
         tunable=slot.find(Tunable),
         ratio=slot.find(TunableRatio),
         marks=frozenset(item for item in slot.metadata if isinstance(item, Mark)),
         default=None if slot.default is MISSING else slot.default,
     )
+
+
+def _bounds(metadata: tuple[Any, ...], name: str) -> Iterator[at.BaseMetadata]:
+    for item in metadata:
+        if isinstance(item, at.GroupedMetadata):  # an interval
+            yield from _bounds(tuple(item), name)
+        elif isinstance(item, (at.Gt, at.Ge, at.Lt, at.Le)):
+            yield item
+        elif isinstance(item, at.BaseMetadata):
+            raise TypeError(f"{name}: {item} is no bound; use Gt, Ge, Lt, Le or Interval, and a Rule for the rest")
 
 
 def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, Any]:
