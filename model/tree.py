@@ -173,20 +173,23 @@ def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, An
     Returns:
         Dotted key → value, in declaration order; the kind of a part among them.
     """
-    found: dict[str, Any] = {}
+    return dict(pairs(group, prefix, whole=whole))
+
+
+def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tuple[str, Any]]:
+    """Keys and values as in `leaves`; a key that two parts share comes once for each."""
     for slot in _slots(type(group), prefix):
         value = getattr(group, slot.field)
         if isinstance(value, Part):
             if slot.choice:
-                found[slot.choice_key] = value.kind
-            found |= leaves(value, prefix, whole=whole)
+                yield slot.choice_key, value.kind
+            yield from pairs(value, prefix, whole=whole)
         elif is_dataclass(value):
-            found |= leaves(value, slot.below, whole=whole)
+            yield from pairs(value, slot.below, whole=whole)
         elif is_array(value) and not whole:
-            found |= {slot.key + end: element for end, element in elements(value).items()}
+            yield from ((slot.key + end, element) for end, element in elements(value).items())
         else:
-            found[slot.key] = value
-    return found
+            yield slot.key, value
 
 
 def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Group:
