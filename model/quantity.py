@@ -215,16 +215,16 @@ def _finite(value: Any) -> bool:
         return False
 
 
-def _keeps(constraint: at.BaseMetadata, value: float) -> bool:
+def _keeps(constraint: at.BaseMetadata, value: Any) -> bool:
     match constraint:
         case at.Gt(gt=bound):
-            return value > bound  # pyright: ignore[reportOperatorIssue]
+            return value > bound
         case at.Ge(ge=bound):
-            return value >= bound  # pyright: ignore[reportOperatorIssue]
+            return value >= bound
         case at.Lt(lt=bound):
-            return value < bound  # pyright: ignore[reportOperatorIssue]
+            return value < bound
         case at.Le(le=bound):
-            return value <= bound  # pyright: ignore[reportOperatorIssue]
+            return value <= bound
     return True
 
 

@@ -46,10 +46,10 @@ class _Slot:
 
 @cache
 def _slots(group: type, prefix: str) -> tuple[_Slot, ...]:
-    hints = get_type_hints(group, include_extras=True)
+    hints, declared = get_type_hints(group, include_extras=True), fields(group)
     own = f"{prefix}{group.table()}." if issubclass(group, Part) else prefix
     found = []
-    for field in fields(group):
+    for field in declared:
         hint, metadata = hints[field.name], ()
         if get_origin(hint) is Annotated:
             hint, *metadata = get_args(hint)
@@ -216,8 +216,8 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         elif is_dataclass(value):
             changes[slot.field] = with_leaves(value, values, slot.below)
         elif is_array(value):
-            kept = {slot.key + end: element for end, element in elements(value).items()}
-            changes[slot.field] = rebuilt(value, lambda end, key=slot.key, kept=kept: (kept | values)[key + end])
+            kept = elements(value)
+            changes[slot.field] = rebuilt(value, lambda end, key=slot.key, kept=kept: values.get(key + end, kept[end]))
         elif slot.key in values:
             changes[slot.field] = values[slot.key]
     return replace(group, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
