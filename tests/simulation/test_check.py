@@ -7,8 +7,8 @@ import pytest
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.config.settings import known_keys, override
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.nftsm import NftsmGains
-from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
@@ -20,25 +20,25 @@ from dualwinch.simulation.simulate import OUTCOMES, simulate
 
 FAST = Reference(kind="uniform", speed=2.1)
 WRONG = {
-    "even p": (Experiment(controller=Controller(nftsm=NftsmGains(p=4))), "controller.nftsm.p = 4", "odd"),
-    "even q": (Experiment(controller=Controller(nftsm=NftsmGains(q=2))), "controller.nftsm.q = 2", "odd"),
+    "even p": (Experiment(controller=Controller(law=Nftsm(NftsmGains(p=4)))), "controller.nftsm.p = 4", "odd"),
+    "even q": (Experiment(controller=Controller(law=Nftsm(NftsmGains(q=2)))), "controller.nftsm.q = 2", "odd"),
     "p <= q": (
-        Experiment(controller=Controller(nftsm=NftsmGains(p=3))),
+        Experiment(controller=Controller(law=Nftsm(NftsmGains(p=3)))),
         "controller.nftsm.p = 3",
         "> controller.nftsm.q",
     ),
     "preload too small": (
-        Experiment(controller=Controller(coordination=Coordination(preload=400.0))),
+        Experiment(controller=Controller(limits=Limits(preload=400.0))),
         "controller.coordination.preload = 400",
         "> 400 and < 12000 N",
     ),
     "preload too large": (
-        Experiment(controller=Controller(coordination=Coordination(preload=12000.0))),
+        Experiment(controller=Controller(limits=Limits(preload=12000.0))),
         "controller.coordination.preload = 12000",
         "> 400 and < 12000 N",
     ),
     "limits swapped": (
-        Experiment(controller=Controller(coordination=Coordination(tension_min=6000.0, tension_max=200.0))),
+        Experiment(controller=Controller(limits=Limits(tension_min=6000.0, tension_max=200.0))),
         "controller.coordination.tension_min = 6000",
         "< controller.coordination.tension_max = 200 N",
     ),

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
@@ -110,14 +112,16 @@ def test_a_stride_of_zero_keeps_no_rows(engine_name: Any) -> None:
 
 RUNAWAY = Experiment(
     plant=Plant(track=Track(length=2.0)),
-    controller=Controller("nftsm", nominal=Nominal(friction_coefficient=5.0)),
+    controller=Controller(law=Nftsm(), nominal=Nominal(friction_coefficient=5.0)),
     reference=Reference(kind="uniform", speed=0.1),
     simulation=Simulation(duration=19.0),
 )
 """The controller believes in fifty times the friction and makes up for it: the vehicle races off the track."""
 
 EXPLODING = replace(
-    case(1), controller=replace(Controller(), auxiliary=AuxiliaryGains(k_a=2e6)), simulation=Simulation(duration=2.0)
+    case(1),
+    controller=Controller(law=FandoNftsm(auxiliary=AuxiliaryGains(k_a=2e6))),
+    simulation=Simulation(duration=2.0),
 )
 """The anti-saturation state's own Euler step is unstable."""
 
