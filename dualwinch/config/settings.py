@@ -62,7 +62,7 @@ def with_settings(
     idle = [key for key in values if key not in checked]
     for key in idle:
         with located(key):
-            validated(leaf_of(key), values[key])
+            validated(leaf_of(key, experiment), values[key])
     return experiment, idle
 
 
