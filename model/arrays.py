@@ -15,17 +15,22 @@ def is_array(value: Any) -> bool:
 
 
 def elements(value: Any) -> dict[str, Any]:
-    """Name → element of a vector (``0``, ``1``, …) or a matrix (``0.0``, ``0.1``, …), row by row."""
+    """What its key ends in → element of a vector (``.0``, ``.1``, …) or a matrix (``.0.0``, ``.0.1``, …), row by row.
+
+    A single element has the array's own key, for as a symbol it cannot be told from a scalar.
+    """
     rows, columns = (*value.shape, 1)[:2]
     matrix = value.reshape(rows, columns) if isinstance(value, np.ndarray) else value
+    if rows == columns == 1:
+        return {"": matrix[0, 0]}
     if columns == 1:
-        return {f"{row}": matrix[row, 0] for row in range(rows)}
-    return {f"{row}.{column}": matrix[row, column] for row in range(rows) for column in range(columns)}
+        return {f".{row}": matrix[row, 0] for row in range(rows)}
+    return {f".{row}.{column}": matrix[row, column] for row in range(rows) for column in range(columns)}
 
 
 def rebuilt(value: Any, element: Callable[[str], Any]) -> Any:
-    """An array of the shape of another, from its elements by name: NumPy's where all are floats, else CasADi's."""
-    found = [element(name) for name in elements(value)]
+    """An array shaped like another, by the ends of its elements' keys: NumPy's where all are floats, else CasADi's."""
+    found = [element(end) for end in elements(value)]
     if any(isinstance(item, (ca.SX, ca.MX)) for item in found):
         rows, columns = (*value.shape, 1)[:2]
         return ca.reshape(ca.vertcat(*found), columns, rows).T

@@ -5,6 +5,7 @@ the table of what it is part of: a number ``k`` of the part ``mine`` of ``contro
 group of numbers keeps the name of its field, ``controller.observer.l0``. So parts that share a group share its keys.
 """
 
+from abc import ABC
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
@@ -13,7 +14,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import nearest
 
 
-class Part:
+class Part(ABC):
     """Base of everything that is chosen by its kind.
 
     Attributes:

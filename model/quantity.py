@@ -160,8 +160,8 @@ class Leaf:
         if self.choices or self.kind is bool:
             return self.allowed
         noun = "a whole number" if self.kind is int else "a finite number"
-        unit = "" if self.quantity.unit in {"", "1"} else f" {self.quantity.unit}"
-        return f"{noun} {self.allowed}{unit}".rstrip()
+        unit = "" if self.quantity.unit == "1" else self.quantity.unit
+        return " ".join(word for word in (noun, self.allowed, unit) if word)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -215,16 +215,16 @@ def _finite(value: Any) -> bool:
         return False
 
 
-def _keeps(constraint: at.BaseMetadata, value: float) -> bool:
+def _keeps(constraint: at.BaseMetadata, value: Any) -> bool:
     match constraint:
         case at.Gt(gt=bound):
-            return value > bound  # pyright: ignore[reportOperatorIssue]
+            return value > bound
         case at.Ge(ge=bound):
-            return value >= bound  # pyright: ignore[reportOperatorIssue]
+            return value >= bound
         case at.Lt(lt=bound):
-            return value < bound  # pyright: ignore[reportOperatorIssue]
+            return value < bound
         case at.Le(le=bound):
-            return value <= bound  # pyright: ignore[reportOperatorIssue]
+            return value <= bound
     return True
 
 

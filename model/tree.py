@@ -50,10 +50,10 @@ class _Slot:
 
 @cache
 def _slots(group: type, prefix: str) -> tuple[_Slot, ...]:
-    hints = get_type_hints(group, include_extras=True)
+    hints, declared = get_type_hints(group, include_extras=True), fields(group)
     own = f"{prefix}{group.table()}." if issubclass(group, Part) else prefix
     found = []
-    for field in fields(group):
+    for field in declared:
         hint, metadata = hints[field.name], ()
         if get_origin(hint) is Annotated:
             hint, *metadata = get_args(hint)
@@ -91,7 +91,7 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
         Dotted key → `Leaf`.
 
     Raises:
-        TypeError: a scalar field has no `Quantity`.
+        TypeError: a scalar field has no `Quantity`, or a constraint that is no bound.
     """
     found: dict[str, Leaf] = {}
     for slot in _slots(group, prefix):
@@ -114,7 +114,7 @@ def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
         prefix: put before every key.
 
     Raises:
-        TypeError: a scalar field has no `Quantity`.
+        TypeError: a scalar field has no `Quantity`, or a constraint that is no bound.
     """
     shape = _shape(group), prefix
     if shape not in _described:
@@ -155,7 +155,7 @@ def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
             found |= _tied(describe_parts(value, slot.below), slot)
         elif is_array(value):
             leaf = _leaf(type(group), slot)
-            found |= {f"{slot.key}.{name}": replace(leaf, key=f"{slot.key}.{name}") for name in elements(value)}
+            found |= {slot.key + end: replace(leaf, key=slot.key + end) for end in elements(value)}
         else:
             found[slot.key] = _leaf(type(group), slot)
     return found
@@ -176,9 +176,9 @@ def _choice_leaf(slot: _Slot, choices: tuple[str, ...]) -> Leaf:
 
 @cache
 def _leaf(group: type, slot: _Slot) -> Leaf:
-    quantity = slot.find(Quantity)
+    quantity, name = slot.find(Quantity), f"{group.__name__}.{slot.field}"
     if quantity is None:
-        raise TypeError(f"{group.__name__}.{slot.field} has no Quantity")
+        raise TypeError(f"{name} has no Quantity")
     optional = type(None) in get_args(slot.hint)
     options = [option for option in get_args(slot.hint) if option is not type(None)]
     kind = options[0] if optional else slot.hint
@@ -191,12 +191,22 @@ def _leaf(group: type, slot: _Slot) -> Leaf:
         kind=kind,
         choices=choices,
         optional=optional,
-        constraints=tuple(item for item in slot.metadata if isinstance(item, at.BaseMetadata)),
+        constraints=tuple(_bounds(slot.metadata, name)),
         tunable=slot.find(Tunable),
         ratio=slot.find(TunableRatio),
         marks=frozenset(item for item in slot.metadata if isinstance(item, Mark)),
         default=None if slot.default is MISSING else slot.default,
     )
+
+
+def _bounds(metadata: tuple[Any, ...], name: str) -> Iterator[at.BaseMetadata]:
+    for item in metadata:
+        if isinstance(item, at.GroupedMetadata):  # an interval
+            yield from _bounds(tuple(item), name)
+        elif isinstance(item, (at.Gt, at.Ge, at.Lt, at.Le)):
+            yield item
+        elif isinstance(item, at.BaseMetadata):
+            raise TypeError(f"{name}: {item} is no bound; use Gt, Ge, Lt, Le or Interval, and a Rule for the rest")
 
 
 def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, Any]:
@@ -210,22 +220,25 @@ def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, An
     Returns:
         Dotted key → value, in declaration order; the kind of a part among them.
     """
-    found: dict[str, Any] = {}
+    return dict(pairs(group, prefix, whole=whole))
+
+
+def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tuple[str, Any]]:
+    """Keys and values as in `leaves`; a key that two parts share comes once for each."""
     for slot in _slots(type(group), prefix):
         value = getattr(group, slot.field)
         if slot.plain:
             found[slot.key] = value
         elif isinstance(value, Part):
             if slot.choice:
-                found[slot.choice_key] = value.kind
-            found |= leaves(value, prefix, whole=whole)
+                yield slot.choice_key, value.kind
+            yield from pairs(value, prefix, whole=whole)
         elif is_dataclass(value):
-            found |= leaves(value, slot.below, whole=whole)
+            yield from pairs(value, slot.below, whole=whole)
         elif is_array(value) and not whole:
-            found |= {f"{slot.key}.{name}": element for name, element in elements(value).items()}
+            yield from ((slot.key + end, element) for end, element in elements(value).items())
         else:
-            found[slot.key] = value
-    return found
+            yield slot.key, value
 
 
 def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Group:
@@ -256,8 +269,8 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         elif is_dataclass(value):
             changes[slot.field] = with_leaves(value, values, slot.below)
         elif is_array(value):
-            kept = {f"{slot.key}.{name}": element for name, element in elements(value).items()}
-            changes[slot.field] = rebuilt(value, lambda name, key=slot.key, kept=kept: (kept | values)[f"{key}.{name}"])
+            kept = elements(value)
+            changes[slot.field] = rebuilt(value, lambda end, key=slot.key, kept=kept: values.get(key + end, kept[end]))
         elif slot.key in values:
             changes[slot.field] = values[slot.key]
     return replace(group, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]

@@ -4,7 +4,7 @@ from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import Leaf
-from dualwinch.model.tree import describe_parts, leaves, rules
+from dualwinch.model.tree import describe_parts, pairs, rules
 
 
 def shown(value: Any) -> str:
@@ -30,11 +30,14 @@ def validated(leaf: Leaf, value: Any) -> Any:
 
 
 def check_values(group: Any, prefix: str = "") -> None:
-    """Raise `ConfigurationError` where a value of a group is of the wrong type or out of its range."""
+    """Raise `ConfigurationError` where a value is of the wrong type or out of range, or is another in another part."""
     known = describe_parts(group, prefix)
-    for key, value in leaves(group, prefix).items():
+    found: dict[str, Any] = {}
+    for key, value in pairs(group, prefix):
         if not known[key].admits(value):
             raise ConfigurationError(f"{key} = {shown(value)}: must be {known[key].wanted}")
+        if found.setdefault(key, value) != value:
+            raise ConfigurationError(f"{key} = {shown(value)}: must be {shown(found[key])}, as another part has it")
 
 
 def check_rules(group: Any, prefix: str = "") -> None:

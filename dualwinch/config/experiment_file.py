@@ -44,14 +44,16 @@ def from_table(
 def to_toml(experiment: Experiment) -> str:
     """The complete experiment as TOML; each key with unit, meaning, source and range as a comment.
 
-    A value that is taken from elsewhere stands as a comment with the value it takes.
+    A value that is taken from elsewhere stands as a comment with the value it takes, one that is not given without.
     """
     values, taken = leaves(experiment), _taken_from_elsewhere(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
     for key, leaf in describe_parts(experiment).items():
         table, _, name = key.rpartition(".")
         value = values[key]
-        entry = f"# {name} = {toml_value(taken[key])}" if value is None else f"{name} = {toml_value(value)}"
+        entry = f"{name} = {toml_value(value)}"
+        if value is None:
+            entry = f"# {name} = {toml_value(taken[key]) if key in taken else ''}".rstrip()
         tables.setdefault(table, []).append((entry, _comment(leaf)))
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
     for table, entries in tables.items():

@@ -65,7 +65,7 @@ def with_settings(
     idle = [key for key in values if key not in checked]
     for key in idle:
         with located(given[key]):
-            validated(leaf_of(key), values[key])
+            validated(leaf_of(key, experiment), values[key])
     return experiment, idle
 
 

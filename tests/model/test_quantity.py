@@ -1,67 +1,100 @@
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import Any
 
 import annotated_types as at
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from dualwinch.model.quantity import Quantity, behind_number
-from dualwinch.model.tree import describe, leaves, numbers, with_leaves
+from dualwinch.model.quantity import Leaf, Mark, Quantity, behind_number, nearest
 
-
-@dataclass(frozen=True)
-class Inner:
-    size: Annotated[float, at.Gt(0), at.Le(2), Quantity("m", "size", "Table 1")] = 1.0
-    count: Annotated[int | None, at.Ge(1), Quantity("1", "count")] = None
-
-
-@dataclass(frozen=True)
-class Outer:
-    kind: Annotated[Literal["a", "b"], Quantity("", "kind")] = "a"
-    on: Annotated[bool, Quantity("", "switch")] = False
-    inner: Inner = field(default_factory=Inner)
-
-
-def test_every_scalar_is_described_by_its_dotted_key() -> None:
-    assert list(describe(Outer)) == ["kind", "on", "inner.size", "inner.count"]
-    size = describe(Outer)["inner.size"]
-    assert (size.quantity.unit, size.kind, size.optional) == ("m", float, False)
-    assert describe(Outer)["inner.count"].optional
+SIZE = Leaf("inner.size", Quantity("m", "size", "Table 1"), float, constraints=(at.Gt(0), at.Le(2)))
+COUNT = Leaf("inner.count", Quantity("1", "count"), int, optional=True, constraints=(at.Ge(1),))
+KIND = Leaf("kind", Quantity("", "kind"), str, choices=("a", "b"))
+ON = Leaf("on", Quantity("", "switch"), bool)
 
 
 @pytest.mark.parametrize(
-    ("key", "words"),
+    ("leaf", "words"), [(KIND, '"a" or "b"'), (ON, "true or false"), (SIZE, "> 0 and <= 2"), (COUNT, ">= 1")]
+)
+def test_allowed_range_in_words(leaf: Leaf, words: str) -> None:
+    assert leaf.allowed == words
+
+
+@pytest.mark.parametrize(
+    ("leaf", "words"),
     [
-        ("kind", '"a" or "b"'),
-        ("on", "true or false"),
-        ("inner.size", "> 0 and <= 2"),
-        ("inner.count", ">= 1"),
+        (KIND, '"a" or "b"'),
+        (ON, "true or false"),
+        (SIZE, "a finite number > 0 and <= 2 m"),
+        (COUNT, "a whole number >= 1"),
+        (Leaf("free", Quantity("1", "anything"), float), "a finite number"),
     ],
 )
-def test_allowed_range_in_words(key: str, words: str) -> None:
-    assert describe(Outer)[key].allowed == words
+def test_what_a_value_must_be_in_words(leaf: Leaf, words: str) -> None:
+    assert leaf.wanted == words
 
 
-def test_taken_apart_and_put_together_again() -> None:
-    changed = Outer("b", on=True, inner=Inner(0.5, 3))
-    assert with_leaves(Outer(), leaves(changed)) == changed
+@pytest.mark.parametrize(
+    ("leaf", "allowed", "refused"),
+    [
+        (SIZE, [2, 2.0, 5e-324], [0, 2.0000001, -1.0, True, "1", None, float("nan"), [1.0]]),
+        (COUNT, [1, 10**30, None], [0, 1.0, True, "1"]),
+        (KIND, ["a", "b"], ["c", "", None, 1, ["a"]]),
+        (ON, [True, False], [0, 1, None, "true"]),
+        (Leaf("strict", Quantity("1", "open"), float, constraints=(at.Ge(-1), at.Lt(1))), [-1, 0.999], [-1.1, 1]),
+    ],
+)
+def test_bounds_and_type_admit_a_value(leaf: Leaf, allowed: list[Any], refused: list[Any]) -> None:
+    assert [value for value in allowed if not leaf.admits(value)] == []
+    assert [value for value in refused if leaf.admits(value)] == []
 
 
-def test_only_the_named_scalars_change() -> None:
-    assert with_leaves(Outer(), {"x.inner.size": 2.0}, "x.") == Outer(inner=Inner(2.0))
-    assert with_leaves(Outer(), {"no.such": 2.0}) == Outer()
+def test_ends_of_the_range() -> None:
+    assert (SIZE.bounds, COUNT.bounds, ON.bounds) == ((0, 2), (1, float("inf")), (0, 1))
+    assert Leaf("free", Quantity("1", "anything"), float).bounds == (-float("inf"), float("inf"))
 
 
-def test_numbers_leave_out_choices_and_what_is_not_given() -> None:
-    assert numbers(Outer(), "p.") == {"p.inner.size": 1.0}
+@given(st.floats(-100, 100), st.floats(1e-3, 100), st.sampled_from([at.Gt, at.Ge]), st.sampled_from([at.Lt, at.Le]))
+def test_some_value_is_allowed(lower: float, width: float, above: Any, below: Any) -> None:
+    leaf = replace(SIZE, constraints=(above(lower), below(lower + width)))
+    assert leaf.admits(leaf.some_value)
+    assert leaf.some_value == replace(leaf, key="other").some_value
 
 
-def test_a_scalar_without_a_quantity_is_an_error() -> None:
-    @dataclass(frozen=True)
-    class Bare:
-        size: float = 1.0
+@pytest.mark.parametrize("least", [-3, 0, 7])
+def test_some_whole_number_is_allowed(least: int) -> None:
+    for constraint in (at.Ge(least), at.Gt(least)):
+        leaf = replace(COUNT, constraints=(constraint,))
+        assert leaf.admits(leaf.some_value)
 
-    with pytest.raises(TypeError, match=r"Bare\.size has no Quantity"):
-        describe(Bare)
+
+def test_where_no_number_is_allowed_there_is_none_to_take() -> None:
+    with pytest.raises(ValueError, match="no simple number is > 1 and < 1"):
+        _ = replace(SIZE, constraints=(at.Gt(1), at.Lt(1))).some_value
+
+
+@pytest.mark.parametrize(
+    ("leaf", "is_number", "shapes_code"),
+    [
+        (SIZE, True, False),
+        (COUNT, True, False),
+        (KIND, False, True),
+        (ON, False, True),
+        (replace(ON, marks=frozenset({Mark.SWITCH})), True, False),
+        (replace(COUNT, marks=frozenset({Mark.SHAPES_CODE})), False, True),
+        (replace(SIZE, marks=frozenset({Mark.DRAWN_AHEAD})), False, False),
+        (replace(SIZE, marks=frozenset({Mark.TIMING})), True, False),
+    ],
+)
+def test_what_is_a_number_at_run_time_and_what_shapes_the_code(leaf: Leaf, is_number: bool, shapes_code: bool) -> None:
+    assert (leaf.is_number, leaf.shapes_code) == (is_number, shapes_code)
+
+
+def test_the_nearest_key_is_near_as_a_whole_or_in_its_last_part() -> None:
+    keys = ["plant.vehicle.mass", "controller.nftsm.beta", "simulation.sample_time"]
+    assert nearest("plant.vehicle.mas", keys) == "plant.vehicle.mass"
+    assert nearest("btea", keys) == "controller.nftsm.beta"
 
 
 def test_a_pure_number_has_nothing_behind_it() -> None:

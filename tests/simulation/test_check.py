@@ -1,18 +1,27 @@
 """Values that do not fit together: one line that names the key and what is allowed."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.config.settings import known_keys, override
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.nftsm import NftsmGains
-from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.controllers.estimators.registry import ESTIMATORS
+from dualwinch.controllers.laws.adrc import Adrc
+from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
+from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
 from dualwinch.model.rope import Track
+from dualwinch.model.tree import owners
+from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
@@ -20,25 +29,25 @@ from dualwinch.simulation.simulate import OUTCOMES, simulate
 
 FAST = Reference(kind="uniform", speed=2.1)
 WRONG = {
-    "even p": (Experiment(controller=Controller(nftsm=NftsmGains(p=4))), "controller.nftsm.p = 4", "odd"),
-    "even q": (Experiment(controller=Controller(nftsm=NftsmGains(q=2))), "controller.nftsm.q = 2", "odd"),
+    "even p": (Experiment(controller=Controller(law=Nftsm(NftsmGains(p=4)))), "controller.nftsm.p = 4", "odd"),
+    "even q": (Experiment(controller=Controller(law=Nftsm(NftsmGains(q=2)))), "controller.nftsm.q = 2", "odd"),
     "p <= q": (
-        Experiment(controller=Controller(nftsm=NftsmGains(p=3))),
+        Experiment(controller=Controller(law=Nftsm(NftsmGains(p=3)))),
         "controller.nftsm.p = 3",
         "> controller.nftsm.q",
     ),
     "preload too small": (
-        Experiment(controller=Controller(coordination=Coordination(preload=400.0))),
+        Experiment(controller=Controller(limits=Limits(preload=400.0))),
         "controller.coordination.preload = 400",
         "> 400 and < 12000 N",
     ),
     "preload too large": (
-        Experiment(controller=Controller(coordination=Coordination(preload=12000.0))),
+        Experiment(controller=Controller(limits=Limits(preload=12000.0))),
         "controller.coordination.preload = 12000",
         "> 400 and < 12000 N",
     ),
     "limits swapped": (
-        Experiment(controller=Controller(coordination=Coordination(tension_min=6000.0, tension_max=200.0))),
+        Experiment(controller=Controller(limits=Limits(tension_min=6000.0, tension_max=200.0))),
         "controller.coordination.tension_min = 6000",
         "< controller.coordination.tension_max = 200 N",
     ),
@@ -101,6 +110,65 @@ def test_the_error_names_the_key_and_what_is_allowed(experiment: Experiment, key
     assert "\n" not in message
 
 
+OUT_OF_RANGE: dict[str, tuple[Callable[[], Experiment], str]] = {
+    "plant": (
+        lambda: Experiment(plant=Plant(vehicle=Vehicle(mass=-1.0))),
+        "plant.vehicle.mass = -1.0: must be a finite number > 0 kg",
+    ),
+    "gain": (
+        lambda: Experiment(controller=Controller(law=Nftsm(NftsmGains(beta=0.0)))),
+        "controller.nftsm.beta = 0.0: must be a finite number > 0 m^(p/q-1)/s^(p/q)",
+    ),
+    "gain of a part": (
+        lambda: Experiment(controller=Controller(law=Adrc(observer_bandwidth=float("nan")))),
+        "controller.adrc.observer_bandwidth = nan: must be a finite number > 0 rad/s",
+    ),
+    "limit": (
+        lambda: replace(case(1), controller=Controller(limits=Limits(reserve=-1.0))),
+        "controller.coordination.reserve = -1.0: must be a finite number >= 0 N",
+    ),
+    "what is not given": (
+        lambda: replace(case(1), controller=Controller(nominal=Nominal(mass=0.0))),
+        "controller.nominal.mass = 0.0: must be a finite number > 0 kg",
+    ),
+    "whole number": (
+        lambda: replace(case(1), simulation=Simulation(substeps=257)),
+        "simulation.substeps = 257: must be a whole number >= 1 and <= 256",
+    ),
+    "type": (
+        lambda: replace(case(1), simulation=Simulation(delay_samples=1.5)),  # pyright: ignore[reportArgumentType]
+        "simulation.delay_samples = 1.5: must be a whole number >= 0 and <= 100",
+    ),
+    "word": (
+        lambda: Experiment(reference=Reference(kind="ramp")),  # pyright: ignore[reportArgumentType]
+        'reference.kind = "ramp": must be "uniform" or "profile"',
+    ),
+}
+
+
+@pytest.mark.parametrize(("build", "message"), OUT_OF_RANGE.values(), ids=OUT_OF_RANGE)
+def test_no_experiment_is_built_with_a_value_out_of_its_range(build: Callable[[], Experiment], message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        build()
+    assert str(caught.value) == message
+
+
+def test_values_that_only_do_not_go_together_may_be_built() -> None:
+    """They may be set one after the other."""
+    between = override(case(1), {"controller.coordination.tension_min": 1500.0})
+    with pytest.raises(ConfigurationError, match=r"^controller\.coordination\.preload = 2000: must be > 3000"):
+        check(between)
+    check(override(between, {"controller.coordination.preload": 4000.0}))
+
+
+@pytest.mark.parametrize("kind", POSITION_LAWS)
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize("coordination", COORDINATIONS)
+def test_every_controller_there_is_is_sound_as_it_comes(kind: str, estimator: str, coordination: str) -> None:
+    law, filtered, shared = POSITION_LAWS[kind](), ESTIMATORS[estimator](), COORDINATIONS[coordination]()
+    check(Experiment(controller=Controller(filtered, law, coordination=shared)))
+
+
 def test_a_run_is_checked_before_it_starts() -> None:
     with pytest.raises(DualwinchError, match=r"plant\.track\.length"):
         simulate(Experiment(reference=FAST))
@@ -135,7 +203,7 @@ def test_values_that_overflow_are_refused_in_one_line(values: dict[str, float]) 
     assert "\n" not in str(caught.value)
 
 
-def said(values: dict[str, float]) -> str:
+def outcome_of(values: dict[str, Any]) -> str:
     """Outcome of a short run, or what the error says."""
     try:
         return simulate(override(Experiment(), {"simulation.duration": 0.02} | values)).outcome
@@ -145,8 +213,11 @@ def said(values: dict[str, float]) -> str:
 
 @pytest.mark.parametrize("value", [1e-300, 1e-30, 1e30, 1e300])
 def test_every_number_at_its_extremes_gives_an_outcome_or_one_line(value: float) -> None:
+    """Gains in the parts that have them, of whatever kind."""
     for key, leaf in known_keys().items():
         if leaf.kind is float:
-            words = said({key: value})
-            assert words in OUTCOMES or "must be" in words or "too extreme" in words, (key, words)
-            assert "\n" not in words, key
+            choice, kinds = owners(Experiment, key)
+            for chosen in [{choice: kind} for kind in kinds] or [{}]:
+                words = outcome_of(chosen | {key: value})
+                assert words in OUTCOMES or "must be" in words or "too extreme" in words, (key, chosen, words)
+                assert "\n" not in words, key

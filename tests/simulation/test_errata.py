@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.differential_tension import tension_commands
 from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
-from dualwinch.controllers.laws.nftsm import NftsmGains, nftsm_control
-from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate, remember
-from dualwinch.controllers.limits import Coordination
-from dualwinch.controllers.signals import Measurement, Seen
+from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
+from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
+from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.disturbance import Disturbance, vortex_force
 from dualwinch.model.plant import (
     Environment,
@@ -42,6 +42,7 @@ from tests.conftest import PaperRun
 Vector = NDArray[np.float64]
 PLANT = Plant()
 REST = resting_state(2000.0, PLANT, 25.0)
+CONTEXT = Context(PLANT, Limits(), 1e-3)
 
 
 def fastest_growth(slope_of: "ca.Function", point: list[float]) -> float:
@@ -191,7 +192,7 @@ def estimates(disturbance: float, *, printed: bool) -> Vector:
             measured = (e2 - e2_before) / SAMPLE_TIME
             d_hat += (1 - exp(-gains.l0 * SAMPLE_TIME)) * (measured - acceleration - d_hat)
         else:
-            now = estimate(state, e2, gains, SAMPLE_TIME)
+            now = estimate_disturbance(state, e2, gains, SAMPLE_TIME)
             state = remember(now, e2, acceleration)
             d_hat = now.d_hat
         found.append(d_hat)
@@ -226,8 +227,8 @@ def test_e6_an_acceleration_from_the_nominal_model_teaches_nothing() -> None:
 def test_e7_the_reaching_law_comes_with_a_factor(e2: float) -> None:
     """The paper's proof takes s' = -(eta s + k sat(s/phi)); its law gives p/(q beta) |e2|^(p/q-1) times that."""
     e1, r, beta = 0.1, 5 / 3, 0.05
-    seen = Seen(e1, e2, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
-    u, _, s = nftsm_control(0.0, 0.0, seen, setpoint(0.0, Reference("profile", 1e-9)), Controller(), PLANT)
+    estimate = Estimate(e1, e2, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
+    u, _, s = Nftsm().control(0.0, 0.0, estimate, setpoint(0.0, Reference("profile", 1e-9)), CONTEXT)
     slope = (u - friction(e2, PLANT.vehicle) - drag(e2, PLANT.vehicle)) / MASS
     factor = r / beta * abs(e2) ** (r - 1)
     s_dot = e2 + factor * slope
@@ -254,14 +255,14 @@ def force_in(scales: tuple[float, float, float], auxiliary: AuxiliaryGains) -> f
 
     gains = {name: converted(getattr(NftsmGains(), name), exponents) for name, exponents in UNITS.items()}
     preload, lower, upper = (converted(value, (1, 1, -2)) for value in (2000.0, 200.0, 6e8))
-    limits = Coordination(preload, lower, upper)
-    controller = Controller(nftsm=replace(NftsmGains(), **gains), auxiliary=auxiliary, coordination=limits)
+    law = Nftsm(replace(NftsmGains(), **gains), auxiliary)
     mass = converted(MASS, (0, 1, 0))
     smooth = replace(PLANT, vehicle=Vehicle(mass=mass, drag_coefficient=0.0, friction_coefficient=0.0))
-    seen = Seen(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    estimate = Estimate(converted(0.1, (1, 0, 0)), converted(-0.3, (1, 0, -1)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     point = setpoint(0.0, Reference("profile", 1e-12))
     Z_a, d_hat = converted(50.0, (1, 1, -1)), converted(0.02, (1, 0, -2))
-    u, _, _ = nftsm_control(Z_a, d_hat, seen, point, controller, smooth)
+    context = Context(smooth, Limits(preload, lower, upper), converted(SAMPLE_TIME, (0, 0, 1)))
+    u, _, _ = law.control(Z_a, d_hat, estimate, point, context)
     return u / converted(1.0, (1, 1, -2))
 
 
@@ -302,8 +303,8 @@ def test_e9_as_printed_the_torque_equation_has_no_solution() -> None:
 
 
 def test_e9_the_reference_acceleration_breaks_the_loop() -> None:
-    _, said = winch_step(WinchState(), 3000.0, 3000.0, 2.0, Winch(), WinchGains(), Coordination(), 1e-3)
-    assert drum_acceleration(0.0, 3000.0, said.torque, Winch()) == pytest.approx(2)
+    _, output = winch_step(WinchState(), 3000.0, 3000.0, 2.0, Winch(), WinchGains(), CONTEXT)
+    assert drum_acceleration(0.0, 3000.0, output.torque, Winch()) == pytest.approx(2)
 
 
 def tension_after(seconds: float, gains: WinchGains) -> float:
@@ -312,10 +313,10 @@ def tension_after(seconds: float, gains: WinchGains) -> float:
     state, theta, omega = WinchState(), 2900 / stiffness(25.0, rope) / 0.8, 0.0
     force = 2900.0
     for _ in range(round(seconds / 1e-3)):
-        state, said = winch_step(state, 3000.0, force, 0.0, believed, gains, Coordination(), 1e-3)
+        state, output = winch_step(state, 3000.0, force, 0.0, believed, gains, CONTEXT)
         for _ in range(5):
             force = tension(0.8 * theta, 0.8 * omega, 25.0, rope)
-            omega += 2e-4 * drum_acceleration(omega, force, said.torque, winch)
+            omega += 2e-4 * drum_acceleration(omega, force, output.torque, winch)
             theta += 2e-4 * omega
     return force
 
@@ -328,8 +329,8 @@ def test_e10_the_tension_error_is_command_minus_tension() -> None:
 
 @given(st.floats(-5800, 5800))
 def test_e11_the_limits_treat_both_ropes_alike(u_sat: float) -> None:
-    F1, F2 = tension_commands(u_sat, Coordination())
-    assert tension_commands(-u_sat, Coordination()) == pytest.approx((F2, F1))
+    F1, F2 = tension_commands(u_sat, Limits())
+    assert tension_commands(-u_sat, Limits()) == pytest.approx((F2, F1))
     assert max(F1, F2) <= 6000
 
 
@@ -338,7 +339,7 @@ def test_e11_as_printed_a_weaker_winch_2_is_asked_for_too_much() -> None:
     F1_max, F2_max, F2_d = 6000.0, 4000.0, 5000.0
     printed = F2_max if F2_d > F1_max else F2_d
     assert printed > F2_max
-    weaker = Coordination(preload=2000.0, tension_max=F2_max)
+    weaker = Limits(preload=2000.0, tension_max=F2_max)
     assert tension_commands(-4000.0, weaker)[1] <= F2_max
 
 

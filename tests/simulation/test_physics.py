@@ -8,19 +8,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dualwinch.controllers.controller import POSITION_LAWS, Controller
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
-from dualwinch.controllers.estimators.kalman import KalmanGains
-from dualwinch.controllers.laws.adrc import AdrcGains
-from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.nftsm import NftsmGains
-from dualwinch.controllers.laws.observer import ObserverGains
-from dualwinch.controllers.laws.pid_cascade import PidCascadeGains
-from dualwinch.controllers.laws.super_twisting import SuperTwistingGains
-from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.disturbance import Disturbance
+from dualwinch.model.part import Registry
 from dualwinch.model.plant import Plant
+from dualwinch.model.quantity import Leaf
 from dualwinch.model.rope import Rope
+from dualwinch.model.tree import Group, describe, with_leaves
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.exogenous.sensors import Sensors
@@ -28,7 +30,6 @@ from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
 from dualwinch.simulation.simulate import OUTCOMES, simulate
 
-kinds = st.sampled_from(list(POSITION_LAWS))
 SHORT = Simulation(duration=0.3)
 
 
@@ -44,17 +45,30 @@ plants = st.builds(
     winch_1=st.builds(Winch, inertia=factor(1.8), coulomb_friction=st.floats(0, 30)),
     winch_2=st.builds(Winch, drum_radius=st.floats(0.5, 1.2)),
 )
+gains = {
+    "nftsm": st.builds(NftsmGains, beta=factor(0.05), eta=factor(0.5), k=factor(1.0)),
+    "winch_1": st.builds(WinchGains, kp=factor(5e-4), ki=factor(2e-2)),
+}
+
+
+def parts(registry: Registry[Any]) -> st.SearchStrategy[Any]:
+    """A part of any registered kind, with what it has of `gains`."""
+    kinds = registry.values()
+    return st.one_of(
+        [st.builds(part, **{name: gains[name] for name in gains if hasattr(part(), name)}) for part in kinds]
+    )
+
+
 controllers = st.builds(
     Controller,
-    kind=kinds,
-    nftsm=st.builds(NftsmGains, beta=factor(0.05), eta=factor(0.5), k=factor(1.0)),
-    coordination=st.builds(
-        Coordination,
+    law=parts(POSITION_LAWS),
+    limits=st.builds(
+        Limits,
         preload=st.floats(850, 6000),
         tension_min=st.floats(50, 400),
         tension_max=st.floats(3100, 8000),
     ),
-    winch_1=st.builds(WinchGains, kp=factor(5e-4), ki=factor(2e-2)),
+    coordination=parts(COORDINATIONS),
 )
 seas = st.builds(Disturbance, vortex=st.booleans(), current_sigma=st.floats(0, 0.1))
 experiments = st.builds(
@@ -71,7 +85,7 @@ experiments = st.builds(
 @settings(max_examples=60)
 @given(experiments)
 def test_limits_hold_in_every_sample(experiment: Experiment) -> None:
-    result, limits = simulate(experiment), experiment.controller.coordination
+    result, limits = simulate(experiment), experiment.controller.limits
     force_limit = limits.tension_max - limits.tension_min
     assert result["F1"].min() >= 0
     assert result["F2"].min() >= 0
@@ -80,7 +94,7 @@ def test_limits_hold_in_every_sample(experiment: Experiment) -> None:
         assert command.min() >= limits.tension_min
         assert command.max() <= limits.tension_max
     assert result["F1_cmd"] - result["F2_cmd"] == pytest.approx(result["u_sat"], abs=1e-9 * limits.tension_max)
-    for torque, winch in ((result["tau1"], experiment.plant.winch_1), (result["tau2"], experiment.plant.winch_2)):
+    for torque, winch in ((result["tau_1"], experiment.plant.winch_1), (result["tau_2"], experiment.plant.winch_2)):
         lever = winch.drum_radius / winch.gear_ratio
         assert torque.min() >= lever * limits.tension_min * (1 - 1e-12)
         assert torque.max() <= lever * limits.tension_max * (1 + 1e-12)
@@ -98,44 +112,39 @@ def but_zero(value: float) -> float:
     return value or 5e-324
 
 
-any_number = (st.floats(-1e308, 1e308) | st.floats(-10, 10)).map(but_zero)
-filter_times = st.floats(0, 1e308).map(but_zero)
-positive = st.floats(1e-308, 1e308) | st.floats(1e-3, 10)
-wild_controllers = st.builds(
-    Controller,
-    kind=kinds,
-    estimator=st.sampled_from(["lowpass", "kalman"]),
-    speed_filter_time=filter_times,
-    kalman=st.builds(KalmanGains, *[positive] * 4),
-    nftsm=st.builds(
-        NftsmGains,
-        beta=positive,
-        eta=any_number,
-        k=any_number,
-        phi=positive,
-        p=st.integers(2, 10**6).map(lambda half: 2 * half + 1),
-        q=st.sampled_from([1, 3]),
-        smoothing=positive,
-    ),
-    observer=st.builds(
-        ObserverGains,
-        l0=any_number,
-        kf=any_number,
-        error_scale=positive,
-        rate_scale=positive,
-        filter_time=filter_times,
-    ),
-    super_twisting=st.builds(SuperTwistingGains, positive, any_number, any_number, positive),
-    adrc=st.builds(AdrcGains, any_number, positive),
-    auxiliary=st.builds(AuxiliaryGains, gamma=any_number, gamma_force=any_number, k_a=any_number),
-    pid_cascade=st.builds(PidCascadeGains, *[any_number] * 6),
-    winch_1=st.builds(WinchGains, *[any_number] * 3),
-    winch_2=st.builds(WinchGains, *[any_number] * 3),
-)
+ODD = {
+    "nftsm.p": st.integers(2, 10**6).map(lambda half: 2 * half + 1),
+    "nftsm.q": st.sampled_from([1, 3]),
+}
+
+
+def anything(leaf: Leaf) -> st.SearchStrategy[float]:
+    """Any number within a gain's bounds, from the smallest to the largest there is."""
+    lower, upper = max(leaf.bounds[0], -1e308), min(leaf.bounds[1], 1e308)
+    found = st.floats(lower, upper) | st.floats(max(lower, -10), min(upper, 10))
+    return found.map(but_zero).filter(leaf.admits)
+
+
+@st.composite
+def wild(draw: st.DrawFn, part: type[Group]) -> Group:
+    """A part with any gains."""
+    return with_leaves(part(), {key: draw(ODD.get(key, anything(leaf))) for key, leaf in describe(part).items()})
+
+
+@st.composite
+def wild_controllers(draw: st.DrawFn) -> Controller:
+    """Every law with every estimator; coordinations come in turn, for each threesome has compiled code of its own."""
+    law, estimator = draw(st.integers(0, len(POSITION_LAWS) - 1)), draw(st.integers(0, len(ESTIMATORS) - 1))
+    coordination = list(COORDINATIONS.values())[(law + estimator) % len(COORDINATIONS)]
+    return Controller(
+        estimator=draw(wild(list(ESTIMATORS.values())[estimator])),
+        law=draw(wild(list(POSITION_LAWS.values())[law])),
+        coordination=draw(wild(coordination)),
+    )
 
 
 @settings(max_examples=300)
-@given(wild_controllers, st.sampled_from([3, 4]))
+@given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.1))
     result = simulate(experiment)
@@ -147,27 +156,29 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
 
 
 @settings(max_examples=60)
-@given(wild_controllers, st.sampled_from([3, 4]))
+@given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
     assert (ours.outcome, ours.end_time) == (theirs.outcome, theirs.end_time)
 
 
-@pytest.mark.parametrize("kind", POSITION_LAWS)
-def test_gains_of_zero_give_the_same_outcome_in_both_engines(kind: Any) -> None:
-    controller = Controller(
-        kind=kind,
-        speed_filter_time=0.0,
-        nftsm=NftsmGains(eta=0.0, k=0.0),
-        observer=ObserverGains(l0=0.0, kf=0.0, filter_time=0.0),
-        super_twisting=SuperTwistingGains(k1=0.0, k2=0.0),
-        adrc=AdrcGains(observer_bandwidth=0.0),
-        auxiliary=AuxiliaryGains(0.0, 0.0, 0.0),
-        pid_cascade=PidCascadeGains(*[0.0] * 6),
-        winch_1=WinchGains(*[0.0] * 3),
-        winch_2=WinchGains(*[0.0] * 3),
+def without_gains(part: type[Group]) -> Group:
+    """A part whose gains are zero where they may be."""
+    return with_leaves(
+        part(), {key: 0.0 for key, leaf in describe(part).items() if leaf.kind is float and leaf.admits(0)}
     )
+
+
+@pytest.mark.parametrize("coordination", COORDINATIONS.values())
+@pytest.mark.parametrize("law", POSITION_LAWS.values())
+def test_gains_of_zero_give_the_same_outcome_in_both_engines(
+    law: type[PositionLaw], coordination: type[Coordination]
+) -> None:
+    """Estimators, which have few gains that may be zero, come in turn."""
+    turn = list(POSITION_LAWS.values()).index(law) + list(COORDINATIONS.values()).index(coordination)
+    estimator = list(ESTIMATORS.values())[turn % len(ESTIMATORS)]
+    controller = Controller(without_gains(estimator), without_gains(law), coordination=without_gains(coordination))
     experiment = replace(case(4), controller=controller, simulation=SHORT)
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
     assert (ours.outcome, ours.end_time) == (theirs.outcome, theirs.end_time)

@@ -1,16 +1,16 @@
 """What every coordination keeps to."""
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.limits import Coordination, CoordinationOutput
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.signals import CoordinationOutput, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.loop.structure import structure_of
@@ -18,45 +18,44 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 
 kinds = st.sampled_from(list(COORDINATIONS))
-AT_REST = Measurement(0.0, 0.0, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
+AT_REST = Estimate(0.0, 0.0, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def say(kind: str, u_sat: float, measurement: Measurement = AT_REST) -> CoordinationOutput:
-    law = COORDINATIONS[kind]
-    _, said = law.step(law.initial_state, u_sat, measurement, Setpoint(0.0, 0.0, 0.0), Controller(), Plant(), 1e-3)
-    return said
+def first_output(kind: str, u_sat: float, estimate: Estimate = AT_REST) -> CoordinationOutput:
+    coordination, context = COORDINATIONS[kind](), Context(Plant(), Limits(), 1e-3)
+    return coordination.step(coordination.initial_state(), u_sat, estimate, Setpoint(0.0, 0.0, 0.0), context)[1]
 
 
 @given(kinds, st.floats(-5800, 5800))
 def test_commands_are_within_the_limits_and_their_difference_is_the_force(kind: str, u_sat: float) -> None:
-    said = say(kind, u_sat)
-    assert min(said.F1_cmd, said.F2_cmd) >= 200
-    assert max(said.F1_cmd, said.F2_cmd) <= 6000
-    assert said.F1_cmd - said.F2_cmd == pytest.approx(u_sat, abs=1e-9)
+    output = first_output(kind, u_sat)
+    assert min(output.F1_cmd, output.F2_cmd) >= 200
+    assert max(output.F1_cmd, output.F2_cmd) <= 6000
+    assert output.F1_cmd - output.F2_cmd == pytest.approx(u_sat, abs=1e-9)
 
 
 @given(kinds, st.floats(-5800, 5800), st.floats(0, 9000), st.floats(-5, 5), st.floats(-1, 1))
 def test_torques_are_within_what_the_tension_limits_allow(
     kind: str, u_sat: float, tension: float, omega: float, x: float
 ) -> None:
-    said = say(kind, u_sat, replace(AT_REST, x=x, F1=tension, F2=tension / 2, omega_1=omega, omega_2=omega))
-    for torque in (said.tau1, said.tau2):
+    output = first_output(kind, u_sat, replace(AT_REST, x=x, F1=tension, F2=tension / 2, omega_1=omega, omega_2=omega))
+    for torque in (output.tau_1, output.tau_2):
         assert 0.8 / 36 * 200 <= torque <= 0.8 / 36 * 6000
 
 
 @pytest.mark.parametrize("kind", COORDINATIONS)
 def test_at_rest_without_a_force_the_preload_is_held(kind: str) -> None:
-    said = say(kind, 0.0)
-    assert (said.F1_cmd, said.F2_cmd) == (1000, 1000)
-    assert (said.tau1, said.tau2) == pytest.approx((0.8 / 36 * 1000,) * 2)
-    assert not said.torque_saturated
+    output = first_output(kind, 0.0)
+    assert (output.F1_cmd, output.F2_cmd) == (1000, 1000)
+    assert (output.tau_1, output.tau_2) == pytest.approx((0.8 / 36 * 1000,) * 2)
+    assert not output.torque_saturated
 
 
 @pytest.mark.parametrize("kind", COORDINATIONS)
-def test_each_tracks_case_4_and_keeps_both_ropes_taut(kind: Any) -> None:
+def test_each_tracks_case_4_and_keeps_both_ropes_taut(kind: str) -> None:
     """What they cost apart: 4.8 kN and 151 kJ with differential tension, 5.6 kN and 213 to 217 kJ with the others."""
     experiment = case(4)
-    controller = replace(experiment.controller, coordination=Coordination(kind=kind))
+    controller = replace(experiment.controller, coordination=COORDINATIONS[kind]())
     metrics = simulate(replace(experiment, controller=controller)).metrics
     assert metrics.steady_mae == pytest.approx(3.7e-3, rel=0.03)
     assert metrics.slack_share == 0
@@ -67,7 +66,7 @@ def test_each_tracks_case_4_and_keeps_both_ropes_taut(kind: Any) -> None:
 
 def test_the_coordination_shapes_the_compiled_code() -> None:
     structures = {
-        structure_of(replace(case(4), controller=Controller(coordination=Coordination(kind=kind))))
-        for kind in ("differential-tension", "master-slave", "force-position")
+        structure_of(replace(case(4), controller=Controller(coordination=coordination())))
+        for coordination in COORDINATIONS.values()
     }
     assert len(structures) == len(COORDINATIONS)

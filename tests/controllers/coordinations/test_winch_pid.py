@@ -2,8 +2,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchOutput, WinchState, winch_step
-from dualwinch.controllers.limits import Coordination
+from dualwinch.controllers.limits import Limits
+from dualwinch.model.plant import Plant
 from dualwinch.model.winch import Winch
 
 tensions = st.floats(0, 9000)
@@ -12,20 +14,21 @@ tensions = st.floats(0, 9000)
 def step(
     state: WinchState, command: float, tension: float, alpha_d: float = 0.0, gains: WinchGains | None = None
 ) -> tuple[WinchState, WinchOutput]:
-    return winch_step(state, command, tension, alpha_d, Winch(), gains or WinchGains(), Coordination(), 1e-3)
+    context = Context(Plant(), Limits(), 1e-3)
+    return winch_step(state, command, tension, alpha_d, Winch(), gains or WinchGains(), context)
 
 
 @given(tensions, tensions, st.floats(-1e6, 1e6), st.floats(-1, 1))
 def test_torque_is_within_what_the_tension_limits_allow(
     command: float, tension: float, integral: float, alpha_d: float
 ) -> None:
-    _, said = step(WinchState(integral=integral), command, tension, alpha_d)
-    assert 0.8 / 36 * 200 <= said.torque <= 0.8 / 36 * 6000
+    _, output = step(WinchState(integral=integral), command, tension, alpha_d)
+    assert 0.8 / 36 * 200 <= output.torque <= 0.8 / 36 * 6000
 
 
 def test_feedforward_holds_the_tension_and_accelerates_the_drum() -> None:
-    _, said = step(WinchState(), 3000.0, 3000.0, 2.0)
-    assert said.torque == pytest.approx(0.8 / 36 * 3000 + 1.8 / 36 * 2)
+    _, output = step(WinchState(), 3000.0, 3000.0, 2.0)
+    assert output.torque == pytest.approx(0.8 / 36 * 3000 + 1.8 / 36 * 2)
 
 
 def test_too_little_tension_gives_more_torque() -> None:
@@ -35,9 +38,9 @@ def test_too_little_tension_gives_more_torque() -> None:
 
 @given(tensions, tensions, st.floats(-1e5, 1e5))
 def test_integral_is_kept_only_while_the_torque_is_not_clipped(command: float, tension: float, integral: float) -> None:
-    after, said = step(WinchState(integral=integral), command, tension)
+    after, output = step(WinchState(integral=integral), command, tension)
     grown = integral + 1e-3 * (command - tension)
-    assert after.integral == (integral if said.saturated else grown)
+    assert after.integral == (integral if output.saturated else grown)
 
 
 def test_the_integral_acts_in_its_own_sample() -> None:
@@ -47,7 +50,7 @@ def test_the_integral_acts_in_its_own_sample() -> None:
 
 def test_derivative_is_zero_at_the_first_sample_only() -> None:
     gains = WinchGains(kp=0.0, ki=0.0, kd=1e-4)
-    state, said = step(WinchState(), 3000.0, 2990.0, gains=gains)
-    assert said.torque == pytest.approx(0.8 / 36 * 3000)
-    _, said = step(state, 3000.0, 2980.0, gains=gains)
-    assert said.torque == pytest.approx(0.8 / 36 * 3000 + 1e-4 * 10 / 1e-3)
+    state, output = step(WinchState(), 3000.0, 2990.0, gains=gains)
+    assert output.torque == pytest.approx(0.8 / 36 * 3000)
+    _, output = step(state, 3000.0, 2980.0, gains=gains)
+    assert output.torque == pytest.approx(0.8 / 36 * 3000 + 1e-4 * 10 / 1e-3)

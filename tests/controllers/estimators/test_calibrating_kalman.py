@@ -7,6 +7,7 @@ import pytest
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.calibrating_kalman import CalibrationGains, RopeKnowledge, learn
+from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, resting_state, tensions
 from dualwinch.simulation.exogenous.sensors import Sensors
@@ -28,8 +29,8 @@ def test_the_excess_is_that_of_regularised_least_squares() -> None:
     stretch = random.uniform(1e-3, 4e-3, 500)
     seen = 1.08 * stretch + SIGMA * random.standard_normal(500)
     known = RopeKnowledge()
-    for one, other in zip(stretch, seen, strict=True):
-        known = learn(known, one, other, 1.0, SIGMA, gains, T)
+    for nominal, shown in zip(stretch, seen, strict=True):
+        known = learn(known, nominal, shown, 1.0, SIGMA, gains, T)
     batch = (stretch @ (seen - stretch)) / (stretch @ stretch + SIGMA**2 / gains.spread**2)
     assert known.excess == pytest.approx(batch, rel=1e-9)
 
@@ -45,7 +46,7 @@ def ran(estimator: str) -> tuple[np.ndarray, dict[str, float]]:
     """Position errors in m of the estimate after 10 s of 25 s, and the final state; ropes are not the nominal ones."""
     experiment = replace(
         case(4),
-        controller=Controller(estimator=estimator),  # pyright: ignore[reportArgumentType]
+        controller=Controller(estimator=ESTIMATORS[estimator]()),
         sensors=SEA,
         simulation=Simulation(delay_samples=1, duration=25.0),
     )

@@ -1,7 +1,6 @@
 """The Kalman filter: its gain against SciPy's Riccati solver, its steps by hand, its worth in the noisy closed loop."""
 
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,10 +11,16 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.estimators.kalman import KalmanGains, KalmanState, kalman_gain, kalman_step
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.estimators.kalman import Kalman, KalmanEstimate, KalmanGains, KalmanState, kalman_gain
+from dualwinch.controllers.estimators.low_pass import LowPass
+from dualwinch.controllers.estimators.unfiltered import Unfiltered
+from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, PlantState, resting_state, tensions
+from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
@@ -98,13 +103,13 @@ def test_within_its_bounds_the_ramp_keeps_the_filter_stable(
 def test_a_disturbance_that_ramps_is_followed_without_delay(ramp: float, late: bool) -> None:
     vehicle = replace(Plant().vehicle, friction_coefficient=0.0, drag_coefficient=0.0)
     plant, growth = replace(Plant(), vehicle=vehicle), 0.01  # m/s³
-    controller = Controller(kalman=KalmanGains(ramp=ramp, compensation=0.5))
-    state, seen = KalmanState(), None
+    kalman = Kalman(KalmanGains(ramp=ramp, compensation=0.5))
+    state, estimate = KalmanState(), None
     for t in T * np.arange(4000):
-        measured = replace(seen_at(resting_state(2000.0, plant, growth * t**3 / 6)), v=growth * t**2 / 2)
-        state, seen = kalman_step(state, measured, controller, plant, T)
-    assert seen is not None
-    behind = growth * 4.0 - seen.d / 0.5
+        measured = replace(measured_at(resting_state(2000.0, plant, growth * t**3 / 6)), v=growth * t**2 / 2)
+        state, estimate = step(state, measured, kalman, plant)
+    assert estimate is not None
+    behind = growth * 4.0 - estimate.d / 0.5
     assert (behind > 0.5 * growth / 20.0) == late
     assert behind < 2 * growth / 20.0
 
@@ -120,42 +125,51 @@ def test_gain_has_derivatives() -> None:
 def test_the_gain_is_computed_once_a_run() -> None:
     """The step of the loop grows by the filter's few lines, not by the doubling steps."""
     sizes = {
-        name: [function.n_instructions() for function in hoisted(closed_loop(structure_of(noisy(name))).step)]
-        for name in ("none", "kalman")
+        estimator.kind: [
+            function.n_instructions() for function in hoisted(closed_loop(structure_of(noisy(estimator))).step)
+        ]
+        for estimator in (Unfiltered(), Kalman())
     }
     assert sizes["kalman"][0] - sizes["none"][0] > 1000
     assert sizes["kalman"][1] - sizes["none"][1] < 100
 
 
-def seen_at(state: PlantState) -> Measurement:
+def measured_at(state: PlantState) -> Measurement:
     F1, F2 = tensions(state, Plant())
     return Measurement(state.x, state.v, F1, F2, state.omega_1, state.omega_2, state.theta_1, state.theta_2)
+
+
+def step(
+    state: KalmanState, measurement: Measurement, kalman: Kalman | None = None, plant: Plant | None = None
+) -> tuple[KalmanState, KalmanEstimate]:
+    context = Context(plant or Plant(), Limits(), T)
+    return (kalman or Kalman()).step(state, measurement, Setpoint(0.0, 0.0, 0.0), context)
 
 
 @given(st.floats(0, 46), st.floats(500, 8000))
 def test_a_plant_at_rest_holds_no_surprise(x: float, preload: float) -> None:
     """Encoders, corrected by the stretch of the ropes, show the vehicle's position."""
-    after, seen = kalman_step(KalmanState(x), seen_at(resting_state(preload, Plant(), x)), Controller(), Plant(), T)
+    after, estimate = step(KalmanState(x), measured_at(resting_state(preload, Plant(), x)))
     assert (after.x, after.v, after.d) == pytest.approx((x, 0, 0), abs=1e-9)
-    assert (seen.x, seen.v) == pytest.approx((x, 0), abs=1e-9)
+    assert (estimate.x, estimate.v) == pytest.approx((x, 0), abs=1e-9)
 
 
 def test_the_encoder_of_a_slack_rope_is_left_out() -> None:
     at_rest = resting_state(2000.0, Plant(), 10.0)
-    loose = seen_at(replace(at_rest, theta_2=at_rest.theta_2 - 0.5))
+    loose = measured_at(replace(at_rest, theta_2=at_rest.theta_2 - 0.5))
     assert loose.F2 == 0
-    _, seen = kalman_step(KalmanState(10.0), loose, Controller(), Plant(), T)
-    assert seen.x == pytest.approx(10.0, abs=1e-9)
+    _, estimate = step(KalmanState(10.0), loose)
+    assert estimate.x == pytest.approx(10.0, abs=1e-9)
 
 
 def test_the_measured_pull_is_expected_to_accelerate() -> None:
-    pulled = replace(seen_at(resting_state(2000.0, Plant(), 10.0)), F1=1000.0, F2=500.0)
-    after, seen = kalman_step(KalmanState(10.0, 0.0, 0.02), pulled, Controller(), Plant(), T)
-    assert after.v - seen.v == pytest.approx(T * (500 / 1e4 + after.d), rel=0.05)
+    pulled = replace(measured_at(resting_state(2000.0, Plant(), 10.0)), F1=1000.0, F2=500.0)
+    after, estimate = step(KalmanState(10.0, 0.0, 0.02), pulled)
+    assert after.v - estimate.v == pytest.approx(T * (500 / 1e4 + after.d), rel=0.05)
 
 
-def noisy(estimator: Any, filter_time: float = 0.0) -> Experiment:
-    controller = Controller(estimator=estimator, speed_filter_time=filter_time)
+def noisy(estimator: Estimator) -> Experiment:
+    controller = Controller(estimator=estimator)
     return replace(case(4), controller=controller, sensors=SEA, simulation=Simulation(delay_samples=1))
 
 
@@ -174,8 +188,7 @@ def speed_errors(experiment: Experiment) -> NDArray[np.float64]:
 
 
 def test_what_the_filter_knows_of_vortices_need_not_be_learnt_by_the_observer() -> None:
-    plain = noisy("kalman")
-    knowing = replace(plain, controller=replace(plain.controller, kalman=KalmanGains(ramp=0.4, compensation=1.0)))
+    plain, knowing = noisy(Kalman()), noisy(Kalman(KalmanGains(ramp=0.4, compensation=1.0)))
     assert simulate(knowing).metrics.steady_mae < 0.2 * simulate(plain).metrics.steady_mae
 
 
@@ -191,14 +204,9 @@ def test_with_a_seas_sensors_it_beats_raw_and_lowpassed_speeds() -> None:
     Kalman           0.21 mm/s        1.8 N/sample   1.3 mm   5.9 mm
     ================ ================ ============== ======== =========
     """
-    choices: dict[str, tuple[Any, float]] = {
-        "raw": ("none", 0.0),
-        "5 ms": ("lowpass", 0.005),
-        "50 ms": ("lowpass", 0.05),
-        "kalman": ("kalman", 0.0),
-    }
-    runs = {name: simulate(noisy(*choice)).metrics for name, choice in choices.items()}
-    rms = {name: np.sqrt(np.mean(speed_errors(noisy(*choices[name])) ** 2)) for name in ("5 ms", "50 ms", "kalman")}
+    choices = {"raw": Unfiltered(), "5 ms": LowPass(0.005), "50 ms": LowPass(0.05), "kalman": Kalman()}
+    runs = {name: simulate(noisy(estimator)).metrics for name, estimator in choices.items()}
+    rms = {name: np.sqrt(np.mean(speed_errors(noisy(choices[name])) ** 2)) for name in ("5 ms", "50 ms", "kalman")}
     assert rms["kalman"] < 0.2 * SEA.speed_noise
     assert rms["kalman"] < 0.4 * min(rms["5 ms"], rms["50 ms"])
     assert runs["kalman"].chatter < 0.05 * runs["raw"].chatter

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.adrc import AdrcGains, AdrcState, adrc_step
-from dualwinch.controllers.signals import PositionOutput, Seen
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.laws.adrc import Adrc, AdrcOutput, AdrcState
+from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.signals import Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle
@@ -19,11 +20,9 @@ T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
 SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
 
 
-def step(
-    state: AdrcState, x: float, v: float = 0.0, gains: AdrcGains | None = None
-) -> tuple[AdrcState, PositionOutput]:
-    controller = Controller(adrc=gains or AdrcGains())
-    return adrc_step(state, Seen(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0), STILL, controller, SMOOTH, T)
+def step(state: AdrcState, x: float, v: float = 0.0, law: Adrc | None = None) -> tuple[AdrcState, AdrcOutput]:
+    estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
+    return (law or Adrc()).step(state, estimate, STILL, Context(SMOOTH, Limits(), T))
 
 
 @given(st.floats(1, 200))
@@ -31,35 +30,35 @@ def test_all_poles_of_the_observer_lie_at_its_bandwidth(bandwidth: float) -> Non
     """What the expectation is wrong by, a sample later, on a vehicle at rest that then follows the command."""
     columns = []
     for wrong in np.eye(3):
-        after, said = step(AdrcState(*wrong, primed=1.0), 0.0, gains=AdrcGains(0.0, bandwidth))
-        acceleration = said.u_sat / 1e4
+        after, output = step(AdrcState(*wrong, primed=1.0), 0.0, law=Adrc(0.0, bandwidth))
+        acceleration = output.u_sat / 1e4
         columns.append([after.x - T**2 / 2 * acceleration, after.v - T * acceleration, after.d])
     expected = np.poly([np.exp(-bandwidth * T)] * 3)
     assert np.poly(np.array(columns).T) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 def test_the_first_sample_takes_the_measured_motion() -> None:
-    state, said = step(AdrcState(), 12.0, 0.3)
-    assert said.u == pytest.approx(1e4 * (-16 * 12 - 8 * 0.3))
-    assert said.d_hat == 0
+    state, output = step(AdrcState(), 12.0, 0.3)
+    assert output.u == pytest.approx(1e4 * (-16 * 12 - 8 * 0.3))
+    assert output.d_hat == 0
     assert state.x == pytest.approx(12.0, abs=1e-3)
 
 
 def test_the_expectation_follows_the_saturated_command() -> None:
-    state, said = step(AdrcState(x=-3.0, primed=1.0), -3.0)
-    assert (said.u, said.u_sat) == (pytest.approx(4.8e5), 5800)
+    state, output = step(AdrcState(x=-3.0, primed=1.0), -3.0)
+    assert (output.u, output.u_sat) == (pytest.approx(4.8e5), 5800)
     assert state.v == pytest.approx(T * 0.58)
 
 
 def test_a_constant_disturbance_is_found() -> None:
     x, v, state = 0.0, 0.0, AdrcState()
-    said = None
+    output = None
     for _ in range(8000):
-        state, said = step(state, x, v)
-        acceleration = said.u_sat / 1e4 + 0.05
+        state, output = step(state, x, v)
+        acceleration = output.u_sat / 1e4 + 0.05
         x, v = x + T * v + T**2 / 2 * acceleration, v + T * acceleration
-    assert said is not None
-    assert said.d_hat == pytest.approx(0.05, rel=1e-6)
+    assert output is not None
+    assert output.d_hat == pytest.approx(0.05, rel=1e-6)
     assert abs(x) < 1e-9
 
 

@@ -2,9 +2,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.nftsm import nftsm_control, odd_power
-from dualwinch.controllers.signals import Seen
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.laws.nftsm import Nftsm, odd_power
+from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.signals import Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 
@@ -12,8 +13,8 @@ numbers = st.floats(-10, 10)
 
 
 def control(x: float, v: float, Z_a: float = 0.0, d_hat: float = 0.0, d: float = 0.0) -> tuple[float, float, float]:
-    measurement = Seen(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0, d)
-    return nftsm_control(Z_a, d_hat, measurement, Setpoint(0.0, 0.0, 0.0), Controller(), Plant())
+    estimate, context = Estimate(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0, d), Context(Plant(), Limits(), 1e-3)
+    return Nftsm().control(Z_a, d_hat, estimate, Setpoint(0.0, 0.0, 0.0), context)
 
 
 @given(numbers, st.floats(0.1, 3))

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate, remember
+from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
 
 GAINS, SAMPLE_TIME = ObserverGains(), 1e-3
 
@@ -12,7 +12,7 @@ def observe(acceleration: float, samples: int, gains: ObserverGains = GAINS) -> 
     state, estimates = ObserverState(), []
     for k in range(samples):
         e2 = acceleration * k * SAMPLE_TIME
-        now = estimate(state, e2, gains, SAMPLE_TIME)
+        now = estimate_disturbance(state, e2, gains, SAMPLE_TIME)
         state = remember(now, e2, 0.0)
         estimates.append(now.d_hat)
     return estimates
@@ -37,12 +37,13 @@ def test_with_a_constant_gain_it_converges_exactly_exponentially() -> None:
 @given(st.floats(-10, 10), st.floats(-10, 10), st.floats(-10, 10))
 def test_gain_stays_between_its_bounds(e2: float, before: float, d_hat: float) -> None:
     state = ObserverState(d_hat=d_hat, e2_previous=before, primed=1.0)
-    assert 5 <= estimate(state, e2, GAINS, SAMPLE_TIME).L1 <= 10 + 1e-12
+    assert 5 <= estimate_disturbance(state, e2, GAINS, SAMPLE_TIME).L1 <= 10 + 1e-12
 
 
 def test_a_large_error_raises_the_gain() -> None:
     small, large = (
-        estimate(ObserverState(filtered=f, primed=1.0), f * SAMPLE_TIME, GAINS, SAMPLE_TIME).L1 for f in (0.001, 0.2)
+        estimate_disturbance(ObserverState(filtered=f, primed=1.0), f * SAMPLE_TIME, GAINS, SAMPLE_TIME).L1
+        for f in (0.001, 0.2)
     )
     assert small < 5.2
     assert large == pytest.approx(10)

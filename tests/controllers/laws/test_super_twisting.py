@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.super_twisting import SuperTwistingGains, SuperTwistingState, super_twisting_step
-from dualwinch.controllers.signals import PositionOutput, Seen
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.laws.nftsm import NftsmOutput
+from dualwinch.controllers.laws.super_twisting import SuperTwisting, SuperTwistingState
+from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.signals import Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle
@@ -17,44 +19,43 @@ from dualwinch.simulation.simulate import simulate
 from tests.conftest import PaperRun
 
 T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
-SHARP = SuperTwistingGains(smoothing=1e-12)
+SHARP = SuperTwisting(smoothing=1e-12)
 
 
 def step(
-    state: SuperTwistingState, x: float, v: float, gains: SuperTwistingGains = SHARP
-) -> tuple[SuperTwistingState, PositionOutput]:
-    measurement = Seen(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
-    return super_twisting_step(state, measurement, STILL, Controller(super_twisting=gains), Plant(), T)
+    state: SuperTwistingState, x: float, v: float, law: SuperTwisting = SHARP, plant: Plant | None = None
+) -> tuple[SuperTwistingState, NftsmOutput]:
+    estimate = Estimate(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
+    return law.step(state, estimate, STILL, Context(plant or Plant(), Limits(), T))
 
 
 def test_one_sample_by_hand() -> None:
-    state, said = step(SuperTwistingState(z=0.02), 0.003, 0.014)
+    state, output = step(SuperTwistingState(z=0.02), 0.003, 0.014)
     s = 0.003 + 0.014 / 2
     resistance = 490 * np.tanh(1.4) + 900 * 0.014**2
-    assert said.s == pytest.approx(0.01)
-    assert said.u == pytest.approx(1e4 * 2 * (0.02 - 0.5 * np.sqrt(s) - 0.014) + resistance)
+    assert output.s == pytest.approx(0.01)
+    assert output.u == pytest.approx(1e4 * 2 * (0.02 - 0.5 * np.sqrt(s) - 0.014) + resistance)
     assert state.z == pytest.approx(0.02 - T * 0.2)
 
 
 @given(st.floats(0.3, 5), st.sampled_from([-1, 1]))
 def test_the_integral_is_held_beyond_the_limit(e1: float, side: int) -> None:
-    state, said = step(SuperTwistingState(z=0.01), side * 3 * e1, 0.0)
-    assert abs(said.u_sat) == 5800
+    state, output = step(SuperTwistingState(z=0.01), side * 3 * e1, 0.0)
+    assert abs(output.u_sat) == 5800
     assert state.z == 0.01
-    assert state.Z_a == pytest.approx(T * (said.u - said.u_sat))
+    assert state.Z_a == pytest.approx(T * (output.u - output.u_sat))
 
 
 @pytest.mark.parametrize("slope", [-0.15, 0.1, 0.15])
 def test_a_disturbance_that_grows_steadily_is_taken_up(slope: float) -> None:
     """Slopes within lam * k2 / 1.1, on a vehicle that only has its mass; the smoothed sign leaves little behind."""
     free = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
-    x, v, state, said = 0.02, 0.0, SuperTwistingState(), PositionOutput(0.0, 0.0)
+    x, v, state, output = 0.02, 0.0, SuperTwistingState(), NftsmOutput(0.0, 0.0, 0.0, np.inf)
     for k in range(1500):
-        seen = Seen(x, v, 1000.0, 1000.0, 0.0, 0.0, 0.0, 0.0)
-        state, said = super_twisting_step(state, seen, STILL, Controller(), free, T)
-        acceleration = said.u_sat / 1e4 + slope * k * T
+        state, output = step(state, x, v, SuperTwisting(), free)
+        acceleration = output.u_sat / 1e4 + slope * k * T
         x, v = x + T * v + T**2 / 2 * acceleration, v + T * acceleration
-    assert abs(said.s) < 2e-3
+    assert abs(output.s) < 2e-3
     assert state.z == pytest.approx(-slope * 1.5 / 2, abs=0.02)
 
 
@@ -76,5 +77,5 @@ def test_it_tracks_better_than_without_an_observer_and_does_not_chatter(number: 
 
 def test_without_smoothing_it_would_chatter() -> None:
     experiment = case(4, "super-twisting")
-    sharp = replace(experiment, controller=replace(experiment.controller, super_twisting=SHARP))
+    sharp = replace(experiment, controller=replace(experiment.controller, law=SHARP))
     assert simulate(sharp).metrics.chatter > 2 * simulate(experiment).metrics.chatter

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.block import Block
-from dualwinch.controllers.controller import POSITION_LAWS, Controller
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
@@ -36,13 +37,13 @@ def test_plant_and_controller_connected_give_the_run_of_simulate(number: int) ->
     rows = []
     for x_ref, v_ref, a_ref in exogenous_signals(experiment)[:samples, :3]:
         given = seen | {"x_ref": x_ref, "v_ref": v_ref, "a_ref": a_ref}
-        memory, said = controller.step(memory, [given[name] for name in names(controller.inputs)], gains)
-        tau_1, tau_2 = flat(said)[:2]
+        memory, told = controller.step(memory, [given[name] for name in names(controller.inputs)], gains)
+        tau_1, tau_2 = flat(told)[:2]
         rows.append([seen["x"], seen["F1"], seen["F2"], tau_1, tau_2])
         motion, output = plant.step(motion, [tau_1, tau_2, 0, 0, 0], constants)
         seen = dict(zip(names(plant.outputs), flat(output), strict=True))
     columns = simulate(experiment).columns
-    expected = np.column_stack([columns[name][:samples] for name in ("x", "F1", "F2", "tau1", "tau2")])
+    expected = np.column_stack([columns[name][:samples] for name in ("x", "F1", "F2", "tau_1", "tau_2")])
     np.testing.assert_allclose(rows, expected, rtol=1e-8, atol=1e-9)
 
 
@@ -89,9 +90,9 @@ def test_variables_know_unit_range_and_source() -> None:
     assert (vortex.start, vortex.lower, vortex.upper, vortex.source) == (1.0, 0.0, 1.0, "configuration")
 
 
-@pytest.mark.parametrize("kind", list(POSITION_LAWS))
-def test_every_law_becomes_a_block_with_the_inputs_it_uses(kind) -> None:
-    made: Block = block("controller", Experiment(controller=Controller(kind=kind)))
+@pytest.mark.parametrize("kind", POSITION_LAWS)
+def test_every_law_becomes_a_block_with_the_inputs_it_uses(kind: str) -> None:
+    made: Block = block("controller", Experiment(controller=Controller(law=POSITION_LAWS[kind]())))
     assert {"x", "v", "F1", "F2", "x_ref"} <= set(names(made.inputs)) | {"x_ref"}
     assert "theta_1" not in names(made.inputs)
     assert len(made.initial(values(made.parameters)).full()) == len(made.states)

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import Nftsm
+from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
@@ -21,7 +24,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.loop.system import ClosedLoop
-from dualwinch.simulation.paper import CONTROLLERS, case
+from dualwinch.simulation.paper import case
 from dualwinch.simulation.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -35,7 +38,7 @@ def vectors(experiment: Experiment) -> tuple[ClosedLoop, Array, Array, Array]:
     return closed_loop(structure_of(experiment)), parameters, exogenous_signals(experiment), state
 
 
-@pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.parametrize("kind", POSITION_LAWS)
 @pytest.mark.parametrize("number", [3, 4])
 def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
     """From states all along a run, the first samples with their slack rope among them.
@@ -82,7 +85,7 @@ def test_leaps_are_close_to_careful_moves_and_never_over_a_loose_rope() -> None:
     assert 200 < leapt < 295
 
 
-@pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.parametrize("kind", POSITION_LAWS)
 def test_trajectories_agree(kind: str) -> None:
     experiment = replace(case(3, kind), simulation=Simulation(duration=10.0))
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
@@ -110,14 +113,16 @@ def test_a_stride_of_zero_keeps_no_rows(engine_name: Any) -> None:
 
 RUNAWAY = Experiment(
     plant=Plant(track=Track(length=2.0)),
-    controller=Controller("nftsm", nominal=Nominal(friction_coefficient=5.0)),
+    controller=Controller(law=Nftsm(), nominal=Nominal(friction_coefficient=5.0)),
     reference=Reference(kind="uniform", speed=0.1),
     simulation=Simulation(duration=19.0),
 )
 """The controller believes in fifty times the friction and makes up for it: the vehicle races off the track."""
 
 EXPLODING = replace(
-    case(1), controller=replace(Controller(), auxiliary=AuxiliaryGains(k_a=2e6)), simulation=Simulation(duration=2.0)
+    case(1),
+    controller=Controller(law=FandoNftsm(auxiliary=AuxiliaryGains(k_a=2e6))),
+    simulation=Simulation(duration=2.0),
 )
 """The anti-saturation state's own Euler step is unstable."""
 
@@ -150,7 +155,7 @@ def test_a_divergence_is_seen_in_the_final_state_only() -> None:
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.parametrize("kind", POSITION_LAWS)
 def test_the_step_has_jacobians_all_along_a_run(kind: str, integrator: Any) -> None:
     experiment = replace(case(3, kind), simulation=Simulation(integrator=integrator))
     loop, parameters, exogenous, start = vectors(experiment)

@@ -19,7 +19,7 @@ def recomputed(result: Result) -> dict[str, float]:
     first, last = (18.0, 29.0) if result.experiment.reference.kind == "profile" else (20.0, 25.0)
     steady = e[(t > first - 5e-4) & (t < last + 5e-4)]
     tensions = np.array([result["F1"], result["F2"]])
-    torques = np.array([result["tau1"], result["tau2"]])
+    torques = np.array([result["tau_1"], result["tau_2"]])
     drums = np.array([result["omega_1"], result["omega_2"]])
     at_limit = (torques <= 0.8 / 36 * 200) | (torques >= 0.8 / 36 * 6000)
     return {
@@ -70,7 +70,7 @@ def test_a_single_sample_has_no_chatter() -> None:
 def test_delayed_torques_do_the_work() -> None:
     """The energy counts the torque at the motor, not the one commanded in the sample."""
     result = simulate(replace(case(1), simulation=Simulation(duration=0.5, delay_samples=2)))
-    torques = np.array([result["tau1"], result["tau2"]])
+    torques = np.array([result["tau_1"], result["tau_2"]])
     at_motor = np.hstack([np.full((2, 2), 0.8 / 36 * 1000), torques[:, :-2]])
     drums = np.array([result["omega_1"], result["omega_2"]])
     assert result.metrics.energy == pytest.approx(1e-3 * np.abs(36 * at_motor * drums).sum(), rel=1e-9)
