@@ -2,9 +2,10 @@
 
 from typing import Any
 
+from dualwinch.model.description import describe_parts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import Leaf
-from dualwinch.model.tree import describe_parts, pairs, rules
+from dualwinch.model.tree import pairs, rules
 
 
 def shown(value: Any) -> str:

@@ -7,8 +7,9 @@ from itertools import product
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
+from dualwinch.model.description import describe_parts
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import describe_parts, with_leaves
+from dualwinch.model.tree import with_leaves
 from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario

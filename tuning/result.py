@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.codegen.files import atomic
-from dualwinch.model.tree import describe
+from dualwinch.model.description import describe
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.tuning.problem import HELD_OUT, SELECTION, Problem

@@ -9,9 +9,9 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
+from dualwinch.model.description import describe, describe_parts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import behind_number, nearest
-from dualwinch.model.tree import describe, describe_parts
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import Structure, structure_of
@@ -86,7 +86,7 @@ class _Gains:
         """Collect them."""
         self.leaves = {
             key: leaf
-            for key, leaf in (describe(Experiment) | describe_parts(experiment)).items()
+            for key, leaf in {**describe(Experiment), **describe_parts(experiment)}.items()
             if key.startswith("controller.")
         }
         self.tied: dict[str, list[str]] = {}

@@ -7,9 +7,10 @@ from typing import Any
 
 from dualwinch.config.settings import override, with_settings
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
+from dualwinch.model.description import describe_parts
 from dualwinch.model.quantity import Leaf
 from dualwinch.model.reference import cruise_speed
-from dualwinch.model.tree import describe_parts, leaves
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
 

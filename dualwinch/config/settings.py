@@ -5,9 +5,10 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from dualwinch.config.renamed import current
+from dualwinch.model.description import describe, describe_parts, owners
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import Leaf, Mark, nearest
-from dualwinch.model.tree import describe, describe_parts, leaves, owners, with_leaves
+from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.model.validation import validated
 from dualwinch.simulation.experiment import Experiment
 

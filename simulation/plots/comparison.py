@@ -1,6 +1,6 @@
 """Controllers in the same scenarios at a glance: how their errors and chatter spread, and the ratios of their means."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -46,7 +46,9 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
     others = list(result.contenders)[1:]
     height = 3.0 + (0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0)
     words = f"{len(result)} scenarios of “{result.ensemble.name}”, seed {result.seed}, the same for all"
-    draw = [partial(_shares, metric=metric, axis=axis, factor=factor) for metric, axis, factor in PANELS]
+    draw: list[Callable[..., None]] = [
+        partial(_shares, metric=metric, axis=axis, factor=factor) for metric, axis, factor in PANELS
+    ]
     top, layout = [metric for metric, _, _ in PANELS], {}
     if others:
         draw.append(_ratios)
@@ -63,11 +65,10 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
 
 def _looks(names: list[str]) -> dict[str, dict[str, Any]]:
     """Colour and line style of every controller."""
-    dashes = list(DASHES.values())
     return {
         name: {
             "color": COLOURS[index % len(COLOURS)],
-            "linestyle": dashes[index // len(COLOURS) % len(dashes)],
+            "linestyle": DASHES[index // len(COLOURS) % len(DASHES)],
         }
         for index, name in enumerate(names)
     }

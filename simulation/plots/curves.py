@@ -130,7 +130,7 @@ def _named(label: str, result: Result) -> str:
 
 def _looks(experiments: list[Experiment]) -> list[Look]:
     """Colour and line style of every run: its law's own, or else the first that no other has."""
-    own = [(law_colour(experiment), law_dashes(experiment)) for experiment in experiments]
+    own: list[Look] = [(law_colour(experiment), law_dashes(experiment)) for experiment in experiments]
     taken = list(dict.fromkeys(own))
     looks: list[Look] = []
     for look in own:

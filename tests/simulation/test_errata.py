@@ -18,6 +18,7 @@ from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.model.description import describe
 from dualwinch.model.disturbance import Disturbance, vortex_force
 from dualwinch.model.plant import (
     Environment,
@@ -31,7 +32,7 @@ from dualwinch.model.plant import (
 )
 from dualwinch.model.reference import Reference, setpoint
 from dualwinch.model.rope import Rope, stiffness, tension
-from dualwinch.model.tree import describe, leaves
+from dualwinch.model.tree import leaves
 from dualwinch.model.vehicle import Vehicle, drag, friction
 from dualwinch.model.winch import Winch, drum_acceleration
 from dualwinch.simulation.experiment import Simulation

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import nearest
-from dualwinch.model.tree import describe
 from dualwinch.simulation.ensembles.result import METRICS, SMALL_IS_BAD
 from dualwinch.simulation.loop.metrics import Metrics
 

@@ -1,0 +1,74 @@
+"""The fields of a group type, and what their keys begin with.
+
+A group is a frozen dataclass, of floats or of CasADi symbols, that may hold further groups and parts (`model.part`).
+"""
+
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+from dualwinch.model.part import Choice, Part
+from dualwinch.model.quantity import Key
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A field of a group type below a prefix.
+
+    Attributes:
+        field, hint, metadata, default: its name, type, annotations and default.
+        key: of the scalar it holds.
+        below: what the keys of a group that it holds begin with.
+        beside: what the keys of a part that it holds begin with.
+        plain: whether it can only hold a scalar.
+        choice: where it holds a part: what there is to choose from.
+        choice_key: key of the kind of that part.
+    """
+
+    field: str
+    hint: Any
+    metadata: tuple[Any, ...]
+    default: Any
+    key: str
+    below: str
+    beside: str
+    plain: bool
+    choice: Choice | None
+    choice_key: str
+
+    def find(self, kind: type) -> Any:
+        """The first piece of metadata of a type."""
+        return next((item for item in self.metadata if isinstance(item, kind)), None)
+
+
+@cache
+def slots(group: type, prefix: str) -> tuple[Slot, ...]:
+    """The fields of a group type whose keys begin with a prefix, in declaration order."""
+    hints, declared = get_type_hints(group, include_extras=True), fields(group)
+    own = f"{prefix}{group.table()}." if issubclass(group, Part) else prefix
+    found = []
+    for field in declared:
+        hint, metadata = hints[field.name], ()
+        if get_origin(hint) is Annotated:
+            hint, *metadata = get_args(hint)
+        given = next((item.name for item in metadata if isinstance(item, Key)), None)
+        choice = next((item for item in metadata if isinstance(item, Choice)), None)
+        found.append(
+            Slot(
+                field=field.name,
+                hint=hint,
+                metadata=tuple(metadata),
+                default=field.default,
+                key=own + field.name if given is None else prefix + given,
+                below=f"{prefix}{given or field.name}.",
+                beside=prefix,
+                plain=all(option in PLAIN for option in get_args(hint) or (hint,)) or get_origin(hint) is Literal,
+                choice=choice,
+                choice_key=prefix + choice.key if choice else "",
+            )
+        )
+    return tuple(found)
+
+
+PLAIN = (float, int, bool, str, type(None))
+"""Types of scalars."""
