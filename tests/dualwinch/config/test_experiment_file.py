@@ -8,6 +8,9 @@ from hypothesis import strategies as st
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.config.settings import known_keys, override
 from dualwinch.config.toml_text import parse_assignment
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.controllers.estimators.registry import ESTIMATORS
+from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.tree import leaves
 from dualwinch.simulation.experiment import Experiment
@@ -21,8 +24,16 @@ def test_what_is_printed_is_read_back(number: int, tmp_path: Path) -> None:
     assert load(file) == load(str(file)) == case(number)
 
 
+CHOICES = [
+    *({"controller.kind": kind} for kind in POSITION_LAWS),
+    *({"controller.estimator": kind} for kind in ESTIMATORS),
+    *({"controller.coordination.kind": kind} for kind in COORDINATIONS),
+]
+
+
 def test_every_key_is_printed_with_its_meaning() -> None:
-    text = to_toml(Experiment())
+    written = [to_toml(override(Experiment(), choices)) for choices in CHOICES]
+    text = "\n".join(written)
     for key, leaf in known_keys().items():
         line = next(
             line for line in text.splitlines() if line.removeprefix("# ").startswith(key.rsplit(".", 1)[1] + " ")

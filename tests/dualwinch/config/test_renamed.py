@@ -25,7 +25,7 @@ def test_the_seed_of_before_is_understood(tmp_path: Path) -> None:
     file.write_text("[disturbance]\nvortex = true\nseed = 7\n")
     assert load(file).simulation.seed == 7
     file.write_text("[disturbance]\nseed = -1\n")
-    with pytest.raises(ConfigurationError, match=r"old\.toml:2: disturbance\.seed = -1: must be a whole number >= 0"):
+    with pytest.raises(ConfigurationError, match=r"old\.toml:2: simulation\.seed = -1: must be a whole number >= 0"):
         load(file)
 
 
