@@ -13,7 +13,8 @@ from dualwinch.config.experiment_file import (
     known_keys,
     located,
     override,
-    read_toml,
+    parse_toml,
+    read_text,
     to_toml,
     toml_value,
     validated,
@@ -61,24 +62,38 @@ def load_ensemble(name: str | Path, base: Experiment | None = None) -> Ensemble:
             value or a distribution is out of range.
     """
     path = find_ensemble(name)
-    text, table = read_toml(path)
+    return loads_ensemble(read_text(path), base, source=path)
+
+
+def loads_ensemble(text: str, base: Experiment | None = None, source: str | Path = "ensemble") -> Ensemble:
+    """An ensemble from a TOML text.
+
+    Args:
+        text: as in a file.
+        base: what the experiment's keys are set on (default: ``Experiment()``).
+        source: where the text comes from, for messages; the name of an ensemble that has none.
+
+    Raises:
+        ConfigurationError: it is no TOML, a key names nothing, a value or a distribution is out of range.
+    """
+    table = parse_toml(text, source)
     heading, entries = table.pop("ensemble", {}), table.pop("distributions", {})
     for key, group in (("ensemble", heading), ("distributions", entries)):
         if not isinstance(group, dict):
-            raise ConfigurationError(f"{path}: {key}: must be a table, [{key}]")
+            raise ConfigurationError(f"{source}: {key}: must be a table, [{key}]")
     for key, value in heading.items():
-        with located(path, text, f"ensemble.{key}"):
+        with located(source, text, f"ensemble.{key}"):
             _check_heading(key, value)
     values = dict(flattened(table))
     for key, value in values.items():
-        with located(path, text, key):
+        with located(source, text, key):
             validated(key, value)
     experiment = override(base or Experiment(), values)
     distributions: dict[str, Drawn] = {}
     for key, entry in _entries(entries):
-        with located(path, text, f"distributions.{key}"):
+        with located(source, text, f"distributions.{key}"):
             distributions[key] = drawn_from(key, entry, experiment)
-    return Ensemble(heading.get("name", path.stem), heading.get("description", ""), experiment, distributions)
+    return Ensemble(heading.get("name", Path(source).stem), heading.get("description", ""), experiment, distributions)
 
 
 def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:

@@ -15,7 +15,7 @@ from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.experiment import Experiment
 
 
-def load(path: Path, base: Experiment | None = None) -> Experiment:
+def load(path: str | Path, base: Experiment | None = None) -> Experiment:
     """Read an experiment from a TOML file.
 
     Args:
@@ -25,39 +25,60 @@ def load(path: Path, base: Experiment | None = None) -> Experiment:
     Raises:
         ConfigurationError: the file cannot be read, is no TOML, or holds an unknown key or a value out of range.
     """
-    text, table = read_toml(path)
-    values = dict(flattened(table))
+    return loads(read_text(path), base, path)
+
+
+def loads(text: str, base: Experiment | None = None, source: str | Path = "configuration") -> Experiment:
+    """An experiment from a TOML text.
+
+    Args:
+        text: as in a file.
+        base: what the keys are set on (default: ``Experiment()``).
+        source: where the text comes from, for messages.
+
+    Raises:
+        ConfigurationError: it is no TOML, or holds an unknown key or a value out of range.
+    """
+    values = dict(flattened(parse_toml(text, source)))
     for key, value in values.items():
-        with located(path, text, key):
+        with located(source, text, key):
             validated(key, value)
     return override(base or Experiment(), values)
 
 
-def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    """Text and content of a TOML file.
+def read_text(path: str | Path) -> str:
+    """The text of a file.
 
     Raises:
-        ConfigurationError: the file cannot be read or is no TOML.
+        ConfigurationError: it cannot be read, or is not UTF-8.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
+
+
+def parse_toml(text: str, source: str | Path) -> dict[str, Any]:
+    """The content of a TOML text.
+
+    Raises:
+        ConfigurationError: it is no TOML; the message names the source.
+    """
     try:
-        return text, tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
+        raise ConfigurationError(f"{source}: not valid TOML: {error}") from error
 
 
 @contextmanager
-def located(path: Path, text: str, key: str) -> Iterator[None]:
+def located(source: str | Path, text: str, key: str) -> Iterator[None]:
     """Put file and line of a key before the message of a `ConfigurationError`."""
     try:
         yield
     except ConfigurationError as error:
-        raise ConfigurationError(f"{path}{_line_of(key, text)}: {error}") from error
+        raise ConfigurationError(f"{source}{_line_of(key, text)}: {error}") from error
 
 
 def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:

@@ -10,7 +10,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.paired import Comparison, Contender
 from dualwinch.simulation.ensembles.paired_run import paper_controller
-from dualwinch.simulation.ensembles.result import METRICS
+from dualwinch.simulation.ensembles.statistic import METRICS
 
 SHORT = ("--scenarios", "3", "--seed", "5", "--set", "simulation.duration=0.2")
 
@@ -23,8 +23,8 @@ FIRST_KEYS = (
     "max_tension",
     "min_tension",
     "slack_share",
-    "slack_scenarios",
     "saturated_share",
+    "slack_scenarios",
     "outcomes",
 )
 
