@@ -34,7 +34,7 @@ def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, An
     others = [name for name in ("start", "paper") if name in verdict.shown]
     lines = ["The best gains of a study by `dualwinch tune`."]
     lines += [f"{name}: {value}" for name, value in facts.items()]
-    lines += [headline(tuned), comparison(tuned), contenders(tuned)]
+    lines += [headline(tuned), comparison(tuned), *contenders(tuned)]
     lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
     lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
     lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]

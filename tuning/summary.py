@@ -40,19 +40,19 @@ def where(tuned: Tuned) -> str:
 
 
 def headline(tuned: Tuned) -> str:
-    """Which trial is the best, or why the start is kept."""
-    best = tuned.verdict.best
+    """Which trial is the best, or why the start is kept; and where that was scored."""
+    best, trials = tuned.verdict.best, len(tuned.trials)
     if tuned.verdict.improved:
-        return f"trial {best.number} of {len(tuned.trials)} is the best, {where(tuned)}"
-    return f"the start is kept: {tuned.verdict.obstacle} ({len(tuned.trials)} trials)"
+        return f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
+    return f"the start is kept: {tuned.verdict.obstacle} ({trials} trials); scored {where(tuned)}"
 
 
-def contenders(tuned: Tuned) -> str:
-    """What is compared."""
+def contenders(tuned: Tuned) -> list[str]:
+    """What the best is compared with: what stands under each heading."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
-    words = f"paper: its gains, {paper}"
-    return words if tuned.verdict.start_is_papers else f"start: before tuning, {start}; {words}"
+    words = [f"paper: {paper}, with the paper's gains"]
+    return words if tuned.verdict.start_is_papers else [f"start: {start}, as it was before tuning", *words]
 
 
 def endings(tuned: Tuned) -> str:
@@ -68,7 +68,7 @@ def endings(tuned: Tuned) -> str:
 def controller_in_words(controller: Controller) -> str:
     """Law, estimator and coordination of a controller."""
     estimator = "no estimator" if controller.estimator == "none" else f"estimator {controller.estimator}"
-    return f"{controller.kind} with {estimator} and {controller.coordination.kind}"
+    return f"{controller.kind}, {estimator}, {controller.coordination.kind}"
 
 
 def comparison(tuned: Tuned) -> str:

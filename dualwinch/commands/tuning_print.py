@@ -20,7 +20,8 @@ def print_study(tuned: Tuned) -> None:
 
     say(f"[bold]{headline(tuned)}[/bold]")
     console.print(_table(tuned))
-    say(contenders(tuned))
+    for words in contenders(tuned):
+        say(words)
     for constraint in tuned.prepared.constraints:
         kept = verdict.scored.violations[constraint.label] <= 0
         say(f"{'kept    ' if kept else '[red]violated[/red]'}  {constraint.label}")

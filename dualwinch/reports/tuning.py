@@ -56,7 +56,7 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
         summary=_summary(tuned),
         advice=advice(tuned),
         constraints=f"Kept to in the search: {kept}.",
-        contenders=_sentence(contenders(tuned)),
+        contenders=" ".join(map(_sentence, contenders(tuned))),
         authority=_sentence(authority(tuned)),
         where=where(tuned),
         headings=list(headings(tuned).values()),
@@ -80,8 +80,8 @@ def _summary(tuned: Tuned) -> str:
     kept = "keeps" if tuned.verdict.scored.feasible else "does not keep"
     compared = f"Its {comparison(tuned)}, and it" if tuned.verdict.improved else "It"
     return (
-        f"{len(tuned.trials)} trials, {feasible} of them within the constraints. {_sentence(headline(tuned))} "
-        f"{compared} {kept} to every constraint there."
+        f"{_sentence(headline(tuned))} {compared} {kept} to every constraint there. Of {len(tuned.trials)} trials "
+        f"{feasible} are within the constraints."
     )
 
 

@@ -140,7 +140,9 @@ def test_a_best_that_breaks_constraints_is_said_to_and_what_would_help(make_prob
 
 def test_there_is_no_advice_where_nothing_is_wrong(tuned: Tuned) -> None:
     assert advice(tuned) == []
-    assert headline(tuned).startswith(f"trial {tuned.verdict.best.number} of 60 is the best, in 6 held-out scenarios")
+    assert headline(tuned).startswith(
+        f"trial {tuned.verdict.best.number} of 60 is the best; scored in 6 held-out scenarios"
+    )
     assert list(headings(tuned)) == ["best", "start", "paper"]
     assert "times below the paper's and " in comparison(tuned)
 

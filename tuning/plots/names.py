@@ -2,6 +2,8 @@
 
 from dualwinch.simulation.ensembles.statistic import Statistic
 
+ABBREVIATIONS = ("mse", "mae")
+
 
 def axis_title(statistic: Statistic) -> str:
     """Statistic with its unit, as on an axis."""
@@ -11,7 +13,8 @@ def axis_title(statistic: Statistic) -> str:
 
 def shown_name(name: str) -> str:
     """Name of a statistic in words."""
-    return name.replace(".", " ").replace("_", " ")
+    words = name.replace(".", " ").replace("_", " ").split()
+    return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
 
 
 def shown_unit(unit: str) -> str:

@@ -12,6 +12,7 @@ from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure, time_axis
+from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.problem import HELD_OUT, Problem
 from dualwinch.tuning.scoring.verdict import Verdict
 
@@ -73,8 +74,7 @@ def held_out(verdict: Verdict) -> Figure | None:
             for name, (_, colour) in CONTENDERS.items():
                 axes.hist(values[name], 10**edges if log else edges, color=colour, alpha=0.7, histtype="stepfilled")
             axes.set_xscale("log" if log else "linear")
-            unit = quantity.unit.replace("^2", "²")
-            axes.set(xlabel=f"{metric.replace('_', ' ')} ({unit})", ylabel="scenarios")
+            axes.set(xlabel=f"{shown_name(metric)} ({shown_unit(quantity.unit)})", ylabel="scenarios")
         handles = [Line2D([], [], color=colour, linewidth=5, label=label) for label, colour in CONTENDERS.values()]
         legend_below(figure, [*handles])
     return figure

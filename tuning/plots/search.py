@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from dualwinch.model.quantity import behind_number
 from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.plots.style import (
     BLUE,
@@ -180,7 +181,9 @@ def front(problem: Problem, constraints: Sequence[Constraint], trials: Sequence[
             if constraint.statistic == upward:
                 dotted = {"color": GREY, "linestyle": (0, (1, 1.5))}
                 axes.axhline(constraint.bound, **dotted)
-                handles.append(Line2D([], [], **dotted, label=f"bound {constraint.bound:.3g}"))
+                handles.append(
+                    Line2D([], [], **dotted, label=f"bound {constraint.bound:.3g}{behind_number(upward.unit)}")
+                )
         _scale(axes.set_xscale, points[kept, 0])
         _scale(axes.set_yscale, points[kept, 1])
         axes.set(xlabel=axis_title(across), ylabel=axis_title(upward))

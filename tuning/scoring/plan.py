@@ -42,7 +42,7 @@ class Plan:
 FULL = Plan()
 """What is made where nobody is in a hurry."""
 
-LEAST = Plan(finalists=4, draws=8, vertices=4, looked_at=16, last=2, last_draws=8, held_out=16)
+LEAST = Plan(finalists=4, draws=8, vertices=4, looked_at=16, last=2, last_draws=8, held_out=32)
 """The fewest that are worth anything."""
 
 STEPS = 20
