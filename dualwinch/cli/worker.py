@@ -26,7 +26,7 @@ def worker(
     """Join a study that `dualwinch tune` has begun in a database, and work on it until it is over."""
     from dualwinch.commands.tuning_progress import StatusLine
 
-    with StatusLine() as status:
+    with StatusLine("worker") as status:
         status.phase("joining the study")
         from dualwinch.commands.worker import worker as run
 

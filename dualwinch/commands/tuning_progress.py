@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console
 from rich.live import Live
 from rich.spinner import Spinner
+from rich.text import Text
 
 if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.statistic import Statistic
@@ -23,12 +24,13 @@ class StatusLine:
     """Says what is being done, while it is used as a context.
 
     Attributes:
+        name: of the command; it begins the lines of a log.
         console: standard error.
         objectives: names and units of what is minimised, once they are known.
     """
 
-    def __init__(self, console: Console | None = None) -> None:
-        self.console = console or Console(stderr=True)
+    def __init__(self, name: str = "tune", console: Console | None = None) -> None:
+        self.name, self.console = name, console or Console(stderr=True)
         self.objectives: tuple[Statistic, ...] = ()
         self._spinner = Spinner("dots")
         self._live = Live(self._spinner, console=self.console, transient=True) if self.console.is_terminal else None
@@ -54,14 +56,14 @@ class StatusLine:
         if self._live:
             self._update(words)
         else:
-            self.say(f"tune: {words}")
+            self.say(f"{self.name}: {words}")
 
     def progress(self, progress: "Progress", until: float | None, trials: int | None) -> None:
         """Say where the search stands: on a terminal after each batch, in a log now and then."""
         if self._live:
             self._update(self._line(progress, until, trials))
         elif time.monotonic() - self._said > EVERY:
-            self.say(f"tune: {self._line(progress, until, trials)}")
+            self.say(f"{self.name}: {self._line(progress, until, trials)}")
 
     def say(self, words: str) -> None:
         """A line that stays."""
@@ -69,13 +71,14 @@ class StatusLine:
         self.console.print(words, highlight=False, markup=False, soft_wrap=True)
 
     def _update(self, words: str) -> None:
-        self._spinner.update(text=words)
+        self._spinner.update(text=Text(words, no_wrap=True, overflow="ellipsis"))
         if self._live:
             self._live.refresh()
 
     def _line(self, now: "Progress", until: float | None, trials: int | None) -> str:
         of = f" of {trials}" if trials else ""
-        words = [f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible"]
+        words = [f"{_left(now, until, trials):.0f} s left"]
+        words.append(f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible")
         if now.best:
             values = ", ".join(
                 f"{statistic.name} {value:.4g} {'' if statistic.unit == '1' else statistic.unit}".rstrip()
@@ -84,7 +87,6 @@ class StatusLine:
             words.append(f"best {values}" + ("" if now.best.feasible else " (not feasible)"))
         if now.rollout_seconds:
             words.append(f"{now.rollouts / now.rollout_seconds:.0f} rollouts/s")
-        words.append(f"{_left(now, until, trials):.0f} s left")
         return " · ".join(words)
 
 
