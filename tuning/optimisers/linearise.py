@@ -28,7 +28,11 @@ STEEPEST = 1e6
 
 
 def linearise(prepared: Prepared, point: Point) -> Model:
-    """The model at a point of the space, over its dimensions that are intervals."""
+    """The model at a point of the space, over its dimensions that are intervals.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
     problem = prepared.problem
     dimensions = [dimension for dimension in problem.space.dimensions if isinstance(dimension, Interval)]
     keys = [key for dimension in dimensions for key in dimension.keys]
@@ -39,6 +43,8 @@ def linearise(prepared: Prepared, point: Point) -> Model:
             scales[keys.index(key), column] = _scale(dimension, values[key])
     scenarios = [_with(scenario, problem, point) for scenario in (*prepared.scenarios, *prepared.stress)]
     run = sensitivities(keys, [[values[key] for key in keys]], scenarios, stride=STRIDE)
+    if run.interrupted:
+        raise KeyboardInterrupt
 
     def counted(statistic: Statistic) -> NDArray[np.bool_]:
         return np.array([counts(statistic, scenario) for scenario in scenarios]) & (run.outcomes[0] == "completed")

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
+from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
@@ -18,10 +18,10 @@ def run_pairs(
     """`rollout`, but an interrupt is raised, for half a batch is of no use here.
 
     Raises:
-        KeyboardInterrupt: it was interrupted.
+        KeyboardInterrupt: it was interrupted, even if every rollout was under way by then and is finished.
     """
     result = rollout(keys, parameters, scenarios, threads=threads)
-    if (result.outcomes == NOT_RUN).any():
+    if result.interrupted:
         raise KeyboardInterrupt
     return result
 

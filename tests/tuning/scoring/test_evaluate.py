@@ -10,7 +10,9 @@ from dualwinch.model.quantity import with_leaves
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.tuning.optimisers import linearise as lineariser
 from dualwinch.tuning.prepared import STRESS, Prepared, prepare
+from dualwinch.tuning.scoring import runs
 from dualwinch.tuning.scoring.evaluate import FAILED, LEADERS, Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front
@@ -131,3 +133,19 @@ def _all_diverged(prepared: Prepared) -> BatchResult:
     result = prepared.paper
     broken = {name: np.full_like(values, np.nan) for name, values in result.metrics.items()}
     return replace(result, outcomes=np.full_like(result.outcomes, "diverged"), metrics=broken)
+
+
+def test_an_interrupt_is_raised_even_where_every_rollout_is_finished(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A batch is so short that all of it is under way when Ctrl-C comes: it must not be lost."""
+    prepared = prepare(make_problem())
+    start = prepared.problem.start
+    for module, name, call in (
+        (runs, "rollout", lambda: Evaluator(prepared).evaluate([Candidate(start, "")])),
+        (lineariser, "sensitivities", lambda: lineariser.linearise(prepared, start)),
+    ):
+        whole = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, whole=whole, **b: replace(whole(*a, **b), interrupted=True))
+        with pytest.raises(KeyboardInterrupt):
+            call()
