@@ -51,8 +51,8 @@ def contenders(tuned: Tuned) -> list[str]:
     """What the best is compared with: what stands under each heading."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
-    words = [f"paper: {paper}, with the paper's gains"]
-    return words if tuned.verdict.start_is_papers else [f"start: {start}, as it was before tuning", *words]
+    words = [f"paper: {paper} with the paper's gains"]
+    return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
 
 
 def endings(tuned: Tuned) -> str:
@@ -68,7 +68,7 @@ def endings(tuned: Tuned) -> str:
 def controller_in_words(controller: Controller) -> str:
     """Law, estimator and coordination of a controller."""
     estimator = "no estimator" if controller.estimator == "none" else f"estimator {controller.estimator}"
-    return f"{controller.kind}, {estimator}, {controller.coordination.kind}"
+    return f"{controller.kind} ({estimator}, {controller.coordination.kind})"
 
 
 def comparison(tuned: Tuned) -> str:

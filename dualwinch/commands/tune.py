@@ -27,6 +27,7 @@ from dualwinch.tuning.result import write_best, write_study
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.opening import is_database, open_store
 from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.summary import controller_in_words
 from dualwinch.tuning.tune import Tuned
 from dualwinch.tuning.tune import tune as run
 
@@ -152,11 +153,10 @@ def _check(options: Options, trials: int | None) -> None:
 
 
 def _announce(status: StatusLine, problem: Problem, method: str, storage: str, known: int) -> None:
-    controller = problem.experiment.controller
+    controller = controller_in_words(problem.experiment.controller)
     where = f"{problem.scenarios} scenarios of '{problem.ensemble.name}'" if problem.ensemble else "one experiment"
     status.say(
-        f"tuning {len(problem.space.dimensions)} gains of {controller.kind} (estimator {controller.estimator}) by "
-        f"{method} in {where}, seed {problem.seed}"
+        f"tuning {len(problem.space.dimensions)} gains of {controller} by {method} in {where}, seed {problem.seed}"
     )
     constraints = "; ".join(constraint.label for constraint in problem.constraints) or "nothing"
     status.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")

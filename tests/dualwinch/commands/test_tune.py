@@ -45,8 +45,8 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     said = capsys.readouterr()
     assert "is the best; scored in 8 held-out scenarios" in said.out
     assert "times below the paper's and" in said.out
-    assert "start: fando-nftsm, estimator calibrating-kalman, differential-tension, as it was" in said.out
-    assert "paper: fando-nftsm, no estimator, differential-tension, with the paper's gains" in said.out
+    assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
+    assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
     assert [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")] == [
         "reading the problem",
         *PHASES,
@@ -145,8 +145,8 @@ def test_another_law_is_compared_with_the_papers_controller_and_with_its_own_sta
     settings = ("--set", "controller.kind=adrc", "--set", "simulation.duration=1")
     assert dualwinch("tune", "--case", 4, *settings, "--trials", 20, "--out", tmp_path) == 0
     said = capsys.readouterr().out
-    assert "start: adrc, estimator lowpass" in said
-    assert "paper: fando-nftsm, no estimator" in said
+    assert "start: adrc (estimator lowpass" in said
+    assert "paper: fando-nftsm (no estimator" in said
     study = json.loads((tmp_path / "study.json").read_text())
     paper = rollout([], [[]], [override(case(4), {"simulation.duration": 1.0, "controller.estimator": "none"})])
     adrc = rollout([], [[]], [override(case(4, "adrc"), {"simulation.duration": 1.0})])
