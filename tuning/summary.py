@@ -6,6 +6,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.tuning.optimisers import default_method
 from dualwinch.tuning.plots.names import short
 from dualwinch.tuning.scoring import plan as plans
+from dualwinch.tuning.scoring.evaluate import EXEMPT
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.space import Interval
 from dualwinch.tuning.tune import Tuned
@@ -15,6 +16,9 @@ FEW_PER_GAIN = 30
 
 EDGE = 0.02
 """Share of a range at either end in which a gain is said to lie at its bound."""
+
+LEADING = 3
+"""Trials that tell whether a gain lies at its bound."""
 
 NAMES = {"best": "best", "start": "start", "paper": "paper"}
 """Name of a score in a verdict → what it is called."""
@@ -42,9 +46,10 @@ def where(tuned: Tuned) -> str:
 def headline(tuned: Tuned) -> str:
     """Which trial is the best, or why the start is kept; and where that was scored."""
     best, trials = tuned.verdict.best, len(tuned.trials)
+    count = f"{trials} trial{'s' * (trials != 1)}"
     if tuned.verdict.improved:
         return f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
-    return f"the start is kept: {tuned.verdict.obstacle} ({trials} trials); scored {where(tuned)}"
+    return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
 
 
 def contenders(tuned: Tuned) -> list[str]:
@@ -140,11 +145,17 @@ def _hardest(tuned: Tuned) -> str:
 
 
 def _at_bounds(tuned: Tuned) -> list[str]:
-    """Gains that lie at a bound in every one of the best three trials."""
-    best = [tuned.trials[index].point for index in best_first(tuned.trials)[:3]]
+    """Gains that lie at a bound in all of the best trials that the search has found; at 0 nothing can be wider."""
+    searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
+    points = [searched[index].point for index in best_first(searched)[:LEADING]]
+
+    def at_a_bound(dimension: Interval, share: float) -> bool:
+        return share >= 1 - EDGE or (share <= EDGE and dimension.lower != 0)
+
     return [
         short(dimension.name)
         for dimension in tuned.problem.space.dimensions
         if isinstance(dimension, Interval)
-        and all(not EDGE < dimension.encoded(point[dimension.name]) < 1 - EDGE for point in best)
+        and len(points) == LEADING
+        and all(at_a_bound(dimension, dimension.encoded(point[dimension.name])) for point in points)
     ]

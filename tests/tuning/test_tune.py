@@ -138,6 +138,15 @@ def test_a_best_that_breaks_constraints_is_said_to_and_what_would_help(make_prob
     )
 
 
+def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(METHODS, "stubborn", Stubborn)
+    space = ["controller.nftsm.beta", "controller.kalman.ramp"]
+    tuned = tune(make_problem(space=space, constraints=[]), method="stubborn", trials=6, held_out=4)
+    assert "wider bounds (--space): the best trials lie at those of nftsm.beta" in advice(tuned)  # a ramp is >= 0
+
+
 def test_there_is_no_advice_where_nothing_is_wrong(tuned: Tuned) -> None:
     assert advice(tuned) == []
     assert headline(tuned).startswith(
