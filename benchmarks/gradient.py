@@ -9,7 +9,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.case import Case
@@ -18,13 +18,15 @@ from benchmarks.peers import compiled
 from dualwinch import tuning_problem
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.experiment import Simulation
-from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.optimisers import Optimiser, optimiser
 from dualwinch.tuning.optimisers.gradient import Gradient
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.prepared import Prepared, prepare
+from dualwinch.tuning.progress import SILENT, Progress, Silent, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.storage.memory import Memory
-from dualwinch.tuning.storage.store import Budget, quiet
-from dualwinch.tuning.study import Progress, search
+from dualwinch.tuning.storage.opening import quiet
+from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.study import search
 
 GAINS = (
     *(f"controller.nftsm.{name}" for name in ("beta", "eta", "k", "phi")),
@@ -49,6 +51,27 @@ class Race:
     needed: float | None
 
 
+@dataclass
+class Improvements(Silent):
+    """The best feasible objective over what it had cost, in rollouts.
+
+    Attributes:
+        method: counts its gradients.
+        gradient_cost: of one, in rollouts.
+        found: (rollouts, objective in m²) after each batch.
+    """
+
+    method: Gradient
+    gradient_cost: float
+    found: list[tuple[float, float]] = field(default_factory=list)
+
+    def progress(self, progress: Progress, until: float | None, trials: int | None) -> None:  # noqa: ARG002
+        """Remember where the search stands."""
+        if progress.best and progress.best.feasible:
+            spent = progress.trials + self.gradient_cost * self.method.gradients
+            self.found.append((spent, progress.best.objectives[0]))
+
+
 def cost_of_a_gradient() -> float:
     """Time of the gradient by all gains over that of a rollout, each as one call on one thread."""
     default = Simulation()
@@ -60,18 +83,13 @@ def cost_of_a_gradient() -> float:
 
 def race(seed: int, gradient_cost: float) -> Race:
     """Both methods on the same problem."""
-    best = _search(_problem(seed), "tpe", TRIALS, lambda _: None)
-    found: list[tuple[float, float]] = []
-    method = Gradient(problem := _problem(seed), seed)
-
-    def watch(progress: Progress) -> None:
-        if progress.best and progress.best.feasible:
-            spent = progress.trials + gradient_cost * method.gradients
-            found.append((spent, progress.best.objectives[0]))
-
-    _search(problem, "gradient", int(ALLOWED), watch, method)
-    needed = next((spent for spent, value in found if value <= best and spent <= ALLOWED), None)
-    return Race(seed, best, min(value for spent, value in found if spent <= ALLOWED), needed)
+    prepared = prepare(tuning_problem(case=4, space=GAINS, seed=seed))
+    best = _search(prepared, "tpe", optimiser("tpe", prepared, seed), TRIALS)
+    method = Gradient(prepared, seed)
+    watch = Improvements(method, gradient_cost)
+    _search(prepared, "gradient", method, int(ALLOWED), watch)
+    needed = next((spent for spent, value in watch.found if value <= best and spent <= ALLOWED), None)
+    return Race(seed, best, min(value for spent, value in watch.found if spent <= ALLOWED), needed)
 
 
 def table(races: Sequence[Race]) -> str:
@@ -96,15 +114,8 @@ def table(races: Sequence[Race]) -> str:
     return markdown(headings, rows)
 
 
-def _problem(seed: int) -> Problem:
-    return tuning_problem(case=4, space=GAINS, seed=seed)
-
-
-def _search(
-    problem: Problem, name: str, trials: int, watch: Callable[[Progress], None], method: Gradient | None = None
-) -> float:
-    proposer = method or optimiser(name, problem, problem.seed)
-    progress = search(problem, name, proposer, Memory(Budget(trials, None)), Evaluator(problem), watch)
+def _search(prepared: Prepared, name: str, proposer: Optimiser, trials: int, watch: Watch = SILENT) -> float:
+    progress = search(name, proposer, Memory(Budget(trials)), Evaluator(prepared), watch)
     if progress.best is None or not progress.best.feasible:
         raise RuntimeError(f"{name}: found no candidate that keeps to the constraints")
     return progress.best.objectives[0]

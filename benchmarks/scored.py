@@ -14,7 +14,7 @@ from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.tune import tune
 
 SECONDS, SEED = 60.0, 1
-"""Length of a search, choice and score included, and its seed."""
+"""Length of a search in s, and its seed."""
 
 HELD_OUT_SEED, SCENARIOS = 7, 200
 """Seed and number of the scenarios that score."""
@@ -23,7 +23,7 @@ HEADINGS = (
     "chatter over the paper's",
     "mean MSE below the paper's",
     "no controller, more than",
-    "within reach",
+    "within authority",
     "median",
     "largest tension (N)",
     "smallest (N)",
@@ -41,7 +41,7 @@ class Point:
     name: str
     chatter: float
     mse: float
-    within_reach: float
+    within_authority: float
     median: float
     largest: float
     smallest: float
@@ -64,7 +64,7 @@ class Score:
                 f"{one.chatter / self.paper.chatter:.2f}",
                 times(self.paper.mse / one.mse),
                 times(self.paper.mse / self.least) if self.least else "–",
-                times(self.paper.within_reach / one.within_reach),
+                times(self.paper.within_authority / one.within_authority),
                 times(self.paper.median / one.median),
                 f"{one.largest:.0f}",
                 f"{one.smallest:.0f}",
@@ -98,7 +98,7 @@ def _point(result: Comparison, name: str) -> Point:
         name=name,
         chatter=float(np.mean(metrics["chatter"])),
         mse=float(np.mean(metrics["mse"])),
-        within_reach=result.mean_mse_within_reach(name),
+        within_authority=result.mean_mse_within_authority(name),
         median=float(np.median(metrics["mse"])),
         largest=float(np.max(metrics["peak_tension"])),
         smallest=float(np.min(metrics["min_tension"])),

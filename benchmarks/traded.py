@@ -32,7 +32,7 @@ def front(score: Score) -> Figure:
         figure = new_figure(3.8, "What less chatter costs", words)
         axes = figure.subplots()
         handles: list[Line2D | Patch] = []
-        for key, label, colour in (("mse", "all scenarios", VERMILION), ("within_reach", "within reach", BLUE)):
+        for key, label, colour in (("mse", "all scenarios", VERMILION), ("within_authority", "within authority", BLUE)):
             values = [getattr(one, key) for one in ours]
             handles += axes.plot([one.chatter for one in ours], values, color=colour, marker="o", ms=4, label=label)
             axes.plot(paper.chatter, getattr(paper, key), color=colour, marker="x", markersize=6)

@@ -22,7 +22,7 @@ HELD_OUT_SEEDS = (HELD_OUT_SEED, 11, 12, 13, 14, 15)
 
 
 def searched(minutes: int) -> Tuned:
-    """A study of so many minutes, choice and score of the best included."""
+    """A study whose search takes so many minutes."""
     return tune(tuning_problem(ensemble="sea", seed=SEED), seconds=60.0 * minutes)
 
 
@@ -58,7 +58,8 @@ def main() -> None:
         from dualwinch.simulation.plots import save
         from dualwinch.tuning.plots.search import front
 
-        save(front(studies[-1].problem, studies[-1].trials), arguments.plot)
+        last = studies[-1]
+        save(front(last.problem, last.prepared.constraints, last.trials), arguments.plot)
 
 
 if __name__ == "__main__":

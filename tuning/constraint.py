@@ -1,19 +1,21 @@
 """What a candidate must keep to: a statistic and its bound, ``worst.peak_tension<=6000``.
 
-A bound is a number, ``paper`` (what the paper's gains reach in the same scenarios), a configuration key, or a factor
-on one of the latter: ``mean.chatter<=0.25*paper``, ``worst.peak_tension<=0.95*controller.coordination.tension_max``.
+A bound is a number, ``paper`` (what the paper's controller reaches in the same scenarios), a configuration key, or a
+factor on one of the latter: ``mean.chatter<=0.25*paper``,
+``worst.peak_tension<=0.95*controller.coordination.tension_max``.
 """
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import behind_number, nearest
 from dualwinch.model.tree import leaves
+from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.scoring.statistic import UNMEASURED, Statistic, statistic_from
+from dualwinch.tuning.scoring.measured import UNMEASURED
 
 NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
 NO_PEAK = "worst.peak_tension<=controller.coordination.tension_max"
@@ -29,13 +31,19 @@ class Constraint:
         text: as it was asked for.
         statistic: what is bounded.
         at_least: whether the bound is a lower one.
-        bound: in the statistic's unit.
+        bound: in the statistic's unit, or a factor.
+        of_paper: whether the bound is a factor on what the paper's controller reaches.
     """
 
     text: str
     statistic: Statistic
     at_least: bool
     bound: float
+    of_paper: bool = False
+
+    def given(self, reached: float) -> "Constraint":
+        """The constraint with its bound as a number, given what the paper's controller reaches."""
+        return replace(self, bound=self.bound * reached, of_paper=False) if self.of_paper else self
 
     def violation(self, value: float, margin: float = 0.0) -> float:
         """How far beyond its bound a value is, as a share of the bound (of 1 where that is 0); <= 0: it is kept to.
@@ -50,55 +58,54 @@ class Constraint:
 
     @property
     def label(self) -> str:
-        """The constraint with its bound as a number and with its unit."""
-        sign, unit = ">=" if self.at_least else "<=", behind_number(self.statistic.unit)
-        return f"{self.statistic.name} {sign} {self.bound:.6g}{unit}"
+        """The constraint with its bound as a number with its unit, or as a factor."""
+        sign = ">=" if self.at_least else "<="
+        bound = f"{self.bound:.6g}{behind_number(self.statistic.unit)}"
+        if self.of_paper:
+            bound = "the paper's" if self.bound == 1 else f"{self.bound:.6g} times the paper's"
+        return f"{self.statistic.name} {sign} {bound}"
 
 
 def default_constraints(ensemble: bool) -> tuple[str, ...]:
-    """No slack rope, no peak beyond the limit, and quieter than the paper's gains: by far where sensors are noisy."""
+    """No slack rope, no peak beyond the limit, and quieter than the paper's: by far where sensors are noisy."""
     return NO_SLACK, NO_PEAK, QUIET if ensemble else NO_LOUDER
 
 
-def constraints_from(
-    texts: Sequence[str], experiment: Experiment, paper: Callable[[Statistic], float]
-) -> tuple[Constraint, ...]:
+def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
     """The constraints of some texts.
 
     Args:
         texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``.
         experiment: where configuration keys are looked up.
-        paper: what the paper's gains reach.
 
     Raises:
         ConfigurationError: anything else, or an unknown name.
     """
-    found = [_constraint(text, experiment, paper) for text in texts]
-    for place, one in enumerate(found):
-        if (one.statistic, one.at_least) in [(other.statistic, other.at_least) for other in found[:place]]:
-            raise ConfigurationError(f"--constraint {one.text}: {one.statistic.name} is bounded twice")
+    found = [_constraint(text, experiment) for text in texts]
+    for index, constraint in enumerate(found):
+        side = constraint.statistic, constraint.at_least
+        if side in [(other.statistic, other.at_least) for other in found[:index]]:
+            raise ConfigurationError(f"--constraint {constraint.text}: {constraint.statistic.name} is bounded twice")
     return tuple(found)
 
 
-def _constraint(text: str, experiment: Experiment, paper: Callable[[Statistic], float]) -> Constraint:
+def _constraint(text: str, experiment: Experiment) -> Constraint:
     parts = re.fullmatch(r"\s*([\w.]+)\s*(<=|>=)\s*(?:([^*]+)\*)?\s*([^*]+?)\s*", text)
     if not parts:
         raise ConfigurationError(f"--constraint {text}: must be STATISTIC<=BOUND, e.g. worst.peak_tension<=6000")
     name, sign, factor, term = parts.groups()
     statistic = statistic_from(name)
     scale = 1.0 if factor is None else _number(factor, text)
-    values = leaves(experiment)
     if term == "paper":
-        bound = paper(statistic)
-    elif re.match(r"[A-Za-z]", term) and term not in {"inf", "nan"}:
+        return Constraint(text, statistic, sign == ">=", scale, of_paper=True)
+    if re.match(r"[A-Za-z]", term) and term not in {"inf", "nan"}:
+        values = leaves(experiment)
         value = values.get(term)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             hint = nearest(term, ["paper", *(key for key, known in values.items() if isinstance(known, float))])
             raise ConfigurationError(f"--constraint {text}: '{term}' names no number; did you mean '{hint}'?")
-        bound = float(value)
-    else:
-        bound = _number(term, text)
-    return Constraint(text, statistic, sign == ">=", scale * bound)
+        return Constraint(text, statistic, sign == ">=", scale * float(value))
+    return Constraint(text, statistic, sign == ">=", scale * _number(term, text))
 
 
 def _number(word: str, text: str) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.scoring.statistic import Statistic, statistic_from
+from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 
 DEFAULT_OBJECTIVES = ("mean.mse",)
 
@@ -15,9 +15,11 @@ def objectives_from(texts: Sequence[str]) -> tuple[Statistic, ...]:
         ConfigurationError: an unknown name, one named twice, or one whose small values are the bad ones.
     """
     found = tuple(map(statistic_from, texts))
-    for place, one in enumerate(found):
-        if one in found[:place]:
-            raise ConfigurationError(f"--objective {one.name}: is named twice")
-        if one.small_is_bad:
-            raise ConfigurationError(f"--objective {one.name}: small is bad; make it a constraint, {one.name}>=...")
+    for index, statistic in enumerate(found):
+        if statistic in found[:index]:
+            raise ConfigurationError(f"--objective {statistic.name}: is named twice")
+        if statistic.small_is_bad:
+            raise ConfigurationError(
+                f"--objective {statistic.name}: small is bad; make it a constraint, {statistic.name}>=..."
+            )
     return found

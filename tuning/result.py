@@ -2,73 +2,69 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.description import describe
+from dualwinch.model.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.loop.metrics import Metrics
-from dualwinch.tuning.problem import HELD_OUT, SELECTION, Problem
+from dualwinch.tuning.problem import HELD_OUT, SELECTION
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import pareto_front
-from dualwinch.tuning.scoring.selection import LAST_SCENARIOS, SELECTION_SCENARIOS, Verdict
-from dualwinch.tuning.scoring.statistic import statistic_from
 from dualwinch.tuning.space_record import space_to_record
+from dualwinch.tuning.summary import comparison, contenders, headline, where
+from dualwinch.tuning.tune import Tuned
 
 
-def write_best(path: Path, problem: Problem, verdict: Verdict, toml: str, facts: Mapping[str, Any]) -> None:
+def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, Any]) -> None:
     """Write the best as a configuration file, with where it comes from as comments.
 
     Args:
         path: the file.
-        problem: what was tuned.
-        verdict: the best and its score.
+        tuned: the study.
         toml: the experiment with the best's gains.
         facts: name → value of what else belongs to its provenance, such as code version and date.
     """
-    best, scored = verdict.best, verdict.held_out or verdict.best
-    where = "held-out scenarios" if verdict.held_out else "the tuned experiment"
+    problem, verdict = tuned.problem, tuned.verdict
+    best, scored = verdict.best, verdict.scored
+    others = [name for name in ("start", "paper") if name in verdict.shown]
     lines = ["The best gains of a study by `dualwinch tune`."]
     lines += [f"{name}: {value}" for name, value in facts.items()]
-    lines += [f"trial: {best.number}", f"objective: {', '.join(problem.objectives)}"]
-    lines += [f"feasible: {'yes' if best.feasible else 'no'} where tuned, {_feasible(scored)} in {where}"]
-    lines += [f"in {where}, paper's gains in brackets:"]
+    lines += [headline(tuned), comparison(tuned), *contenders(tuned)]
+    lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
+    lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
+    lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
+    lines += [f"{where(tuned)}{', ' * bool(others)}{' and '.join(others)} in brackets:"]
     for name, value in scored.statistics.items():
-        unit = statistic_from(name).unit
-        lines.append(f"    {name} = {value:.6g} {unit if unit != '1' else ''} ({verdict.paper[name]:.6g})")
+        unit = behind_number(statistic_from(name).unit)
+        beside = ", ".join(f"{verdict.statistics(other)[name]:.6g}" for other in others)
+        lines.append(f"    {name} = {value:.6g}{unit}" + (f" ({beside})" if others else ""))
     lines += ["constraints there:"]
     lines += [
-        f"    {one.label}: {scored.statistics[one.statistic.name]:.6g}, "
-        f"{'kept' if scored.violations[one.label] <= 0 else 'violated'}"
-        for one in problem.bounded
+        f"    {constraint.label}: {scored.statistics[constraint.statistic.name]:.6g}, "
+        f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
+        for constraint in tuned.prepared.constraints
     ]
     lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in problem.space.settings(best.point).items())]
-    with atomic(path) as unfinished:
+    with atomic(Path(path)) as unfinished:
         unfinished.write_text("".join(f"# {line}".rstrip() + "\n" for line in lines) + "\n" + toml, encoding="utf-8")
 
 
-def write_study(
-    path: Path,
-    problem: Problem,
-    trials: Sequence[Evaluation],
-    verdict: Verdict,
-    facts: Mapping[str, Any],
-    configuration: str,
-    cost: Mapping[str, float],
-) -> None:
+def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], configuration: str) -> None:
     """Write everything a report needs: the problem, every trial as columns, the best and the held-out scores.
 
     Args:
         path: the file, JSON.
-        problem: what was tuned.
-        trials: finished trials, in their order.
-        verdict: the best and its score.
+        tuned: the study.
         facts: provenance.
         configuration: TOML of ensemble or experiment.
-        cost: rollouts, seconds and the like.
     """
+    problem, verdict, plan = tuned.problem, tuned.verdict, tuned.verdict.plan
     content = {
         **facts,
         "seeds": {
@@ -77,72 +73,77 @@ def write_study(
             "held_out": problem.seed + HELD_OUT,
         },
         "scenarios": {
-            "tuning": problem.scenarios if problem.ensemble else 1,
-            "selection": SELECTION_SCENARIOS + LAST_SCENARIOS if problem.ensemble else 0,
-            "held_out": len(verdict.held_out_metrics["best"].outcomes[0]) if verdict.held_out else 0,
+            "tuning": len(tuned.prepared.scenarios),
+            "selection": plan.draws + plan.last_draws if verdict.held_out else 0,
+            "held_out": verdict.scored.scenarios if verdict.held_out else 0,
         },
-        "objectives": [{"name": one.name, "unit": one.unit} for one in problem.minimised],
+        "objectives": [{"name": objective.name, "unit": objective.unit} for objective in problem.objectives],
         "constraints": [
             {
-                "text": one.text,
-                "label": one.label,
-                "statistic": one.statistic.name,
-                "at_least": one.at_least,
-                "bound": one.bound,
-                "unit": one.statistic.unit,
+                "text": constraint.text,
+                "label": constraint.label,
+                "statistic": constraint.statistic.name,
+                "at_least": constraint.at_least,
+                "bound": constraint.bound,
+                "unit": constraint.statistic.unit,
             }
-            for one in problem.bounded
+            for constraint in tuned.prepared.constraints
         ],
         "space": space_to_record(problem.space),
-        "units": {one.name: one.unit for one in problem.reported},
-        "trials": trial_columns(problem, trials),
-        "pareto_front": [trials[place].number for place in pareto_front(trials)],
+        "units": {statistic.name: statistic.unit for statistic in problem.reported},
+        "trials": trial_columns(tuned),
+        "pareto_front": [tuned.trials[index].number for index in pareto_front(tuned.trials)],
         "best": {
-            "trial": verdict.best.number,
+            "trial": verdict.best.number if verdict.improved else None,
+            "start_kept": verdict.obstacle or None,
             "settings": problem.space.settings(verdict.best.point),
             "tuning": _scores(verdict.best),
             "selection": _scores(verdict.selection),
-            "held_out": _scores(verdict.held_out),
+            "held_out": _scores(verdict.scored if verdict.held_out else None),
         },
-        "paper": {"statistics": verdict.paper},
-        "held_out": {name: _table(result) for name, result in verdict.held_out_metrics.items()},
-        "within_reach": verdict.within_reach.tolist(),
+        "start": _scores(verdict.scores["start"].evaluation),
+        "paper": _scores(verdict.scores["paper"].evaluation),
+        "held_out": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.held_out},
+        "within_authority": verdict.within_authority.tolist() if verdict.held_out else [],
         "metric_units": {name: leaf.quantity.unit for name, leaf in describe(Metrics).items()},
-        "cost": dict(cost),
+        "cost": {"trials": len(tuned.trials), "seconds": tuned.cost.seconds, **asdict(tuned.cost)},
+        "interrupted": tuned.interrupted,
         "configuration": configuration,
     }
-    with atomic(path) as unfinished:
+    with atomic(Path(path)) as unfinished:
         unfinished.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def trial_columns(problem: Problem, trials: Sequence[Evaluation]) -> dict[str, Any]:
+def trial_columns(tuned: Tuned) -> dict[str, Any]:
     """The trials as columns, JSON-ready: each a list with an entry a trial, some of them in named groups."""
+    problem, trials = tuned.problem, tuned.trials
     return {
-        "number": [one.number for one in trials],
-        "origin": [one.candidate.origin for one in trials],
-        "state": ["pruned" if one.pruned else "complete" for one in trials],
-        "feasible": [one.feasible for one in trials],
-        "scenarios": [one.scenarios for one in trials],
-        "outcomes": [one.outcomes for one in trials],
-        "parameters": {name: [one.point[name] for one in trials] for name in problem.space.names},
+        "number": [trial.number for trial in trials],
+        "origin": [trial.candidate.origin for trial in trials],
+        "state": ["pruned" if trial.pruned else "complete" for trial in trials],
+        "feasible": [trial.feasible for trial in trials],
+        "scenarios": [trial.scenarios for trial in trials],
+        "outcomes": [trial.outcomes for trial in trials],
+        "parameters": {name: [trial.point[name] for trial in trials] for name in problem.space.names},
         "objectives": {
-            name.name: [one.objectives[place] for one in trials] for place, name in enumerate(problem.minimised)
+            objective.name: [trial.objectives[index] for trial in trials]
+            for index, objective in enumerate(problem.objectives)
         },
-        "violations": {
-            name: [one.violations.get(name) for one in trials] for name in (trials[0].violations if trials else ())
+        "violations": {name: [trial.violations.get(name) for trial in trials] for name in trials[0].violations},
+        "statistics": {
+            statistic.name: [trial.statistics.get(statistic.name) for trial in trials] for statistic in problem.reported
         },
-        "statistics": {one.name: [trial.statistics.get(one.name) for trial in trials] for one in problem.reported},
     }
 
 
-def _scores(one: Evaluation | None) -> dict[str, Any] | None:
-    if one is None:
+def _scores(evaluation: Evaluation | None) -> dict[str, Any] | None:
+    if evaluation is None:
         return None
     return {
-        "statistics": one.statistics,
-        "violations": one.violations,
-        "feasible": one.feasible,
-        "outcomes": one.outcomes,
+        "statistics": evaluation.statistics,
+        "violations": evaluation.violations,
+        "feasible": evaluation.feasible,
+        "outcomes": evaluation.outcomes,
     }
 
 
@@ -155,5 +156,5 @@ def _table(result: BatchResult) -> dict[str, Any]:
     return {"outcomes": result.outcomes[0].tolist(), "metrics": metrics}
 
 
-def _feasible(one: Evaluation) -> str:
-    return "yes" if one.feasible else "no"
+def _yes(truth: bool) -> str:
+    return "yes" if truth else "no"

@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.quantity import behind_number
-from dualwinch.model.tree import leaves
-from dualwinch.simulation.experiment import Experiment
 
 Value: TypeAlias = float | str
 Point: TypeAlias = dict[str, Value]
@@ -151,9 +149,8 @@ class Space:
         values = zip(self.keys, self.parameters(point), strict=True)
         return {key: int(value) if key in whole else value for key, value in values}
 
-    def start(self, experiment: Experiment) -> Point:
-        """The point of an experiment's own gains, which may lie outside of the bounds."""
-        values = leaves(experiment)
+    def start(self, values: Mapping[str, Any]) -> Point:
+        """The point of an experiment's own values, by their keys; it may lie outside of the bounds."""
         return {dimension.name: dimension.start(values) for dimension in self.dimensions}
 
     def nearest(self, point: Mapping[str, Value]) -> Point:
@@ -165,7 +162,7 @@ class Space:
         return np.array([dimension.encoded(point[dimension.name]) for dimension in self.dimensions])
 
     def decoded(self, shares: Sequence[float] | NDArray[np.float64]) -> Point:
-        """The point at a place of the unit cube."""
+        """The point of the unit cube whose shares these are, in the order of the dimensions."""
         return {d.name: d.decoded(float(share)) for d, share in zip(self.dimensions, shares, strict=True)}
 
     def difference(self, other: "Space") -> str:

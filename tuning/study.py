@@ -1,14 +1,14 @@
 """A study: batches of candidates are asked for, evaluated side by side, kept and told, until the budget is spent."""
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
+from dualwinch.tuning import clock
 from dualwinch.tuning.optimisers import Optimiser
 from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.progress import SILENT, Progress, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.storage.store import Claim, Store
 
 BATCH = 16
@@ -18,63 +18,25 @@ PAUSE = 0.3
 """Time in s between two looks at whether other workers are done."""
 
 
-@dataclass
-class Progress:
-    """Where a study stands.
-
-    Attributes:
-        trials: finished trials, of all workers.
-        feasible: how many of them keep to every constraint.
-        best: the best so far, by `tuning.scoring.ranking`; ``None`` before the first.
-        rollouts: rollouts of this process.
-        rollout_seconds: wall time they took.
-        seconds: wall time of the search in this process.
-    """
-
-    trials: int = 0
-    feasible: int = 0
-    best: Evaluation | None = None
-    rollouts: int = 0
-    rollout_seconds: float = 0.0
-    seconds: float = 0.0
-
-    def add(self, evaluations: Sequence[Evaluation]) -> None:
-        """Count further finished trials."""
-        self.trials += len(evaluations)
-        self.feasible += sum(one.feasible for one in evaluations)
-        for one in evaluations:
-            if self.best is None or best_first([self.best, one])[0]:
-                self.best = one
-
-    @property
-    def overhead(self) -> float:
-        """Share of the wall time that was not spent in rollouts."""
-        return 1 - self.rollout_seconds / self.seconds if self.seconds else 0.0
-
-
 def search(
-    problem: Problem,
     method: str,
     optimiser: Optimiser,
     store: Store,
     evaluator: Evaluator,
-    watch: Callable[[Progress], None] = lambda _: None,
-    batch: int = BATCH,
-    reserve: int = 0,
+    watch: Watch = SILENT,
+    progress: Progress | None = None,
 ) -> Progress:
     """Search until the budget is spent.
 
-    The first trial is the paper's gains, the second the experiment's own where those differ.
+    The first trials are the paper's gains, where its law is tuned, and the experiment's own where those differ.
 
     Args:
-        problem: what is tuned.
         method: name of the optimiser, kept as the origin of its candidates.
         optimiser: proposes candidates; it is told first what the storage holds.
         store: where trials are kept.
         evaluator: evaluates them.
-        watch: called after each batch.
-        batch: candidates evaluated in one call.
-        reserve: rollouts to leave time for where the budget is one of time.
+        watch: told of each batch.
+        progress: where to count; what is in there stands after an interrupt too.
 
     Returns:
         Where the study stands at the end.
@@ -82,21 +44,22 @@ def search(
     Raises:
         KeyboardInterrupt: interrupted; every finished batch is kept, and what was under way is given back.
     """
-    progress, began, ran = Progress(), time.perf_counter(), evaluator.seconds
+    progress = Progress() if progress is None else progress
+    began, ran = clock.now(), evaluator.seconds
     known = store.finished()
     progress.add(known)
     optimiser.tell(known)
 
     def propose(count: int, first: bool) -> list[Candidate]:
-        given = _first(problem)[:count] if first else []
+        given = first_candidates(evaluator.prepared.problem)[:count] if first else []
         asked = optimiser.ask(count - len(given)) if count > len(given) else []
         return given + [Candidate(point, method) for point in asked]
 
     while True:
         budget = store.budget()
-        if budget.until is not None and time.time() + reserve * evaluator.pace >= budget.until:
+        if budget.until is not None and clock.now() >= budget.until:
             break
-        claims = store.claim(batch, budget, propose)
+        claims = store.claim(BATCH, budget, propose)
         if claims:
             done = _evaluated(claims, store, evaluator)
             optimiser.tell(done)
@@ -109,14 +72,16 @@ def search(
         optimiser.tell(news)
         progress.add(news)
         progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - ran
-        progress.seconds = time.perf_counter() - began
-        watch(progress)
+        progress.seconds = clock.now() - began
+        watch.progress(progress, budget.until, budget.trials)
     return progress
 
 
-def _first(problem: Problem) -> list[Candidate]:
+def first_candidates(problem: Problem) -> list[Candidate]:
+    """What a study tries first: the paper's gains where its law is tuned, and the start."""
     paper, start = problem.paper_point, problem.start
-    return [Candidate(paper, "paper")] + ([Candidate(start, "start")] if start != paper else [])
+    papers = [] if paper is None else [Candidate(paper, "paper")]
+    return papers + ([Candidate(start, "start")] if start != paper else [])
 
 
 def _evaluated(claims: Sequence[Claim], store: Store, evaluator: Evaluator) -> list[Evaluation]:

@@ -1,19 +1,47 @@
-"""Tune in one call: search, choose and score, without files."""
+"""Tune in one call: prepare, search, choose and score."""
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.optimisers import default_method, optimiser
+from dualwinch.tuning import clock
+from dualwinch.tuning.optimisers import check_method, default_method, optimiser
+from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.progress import SEARCHING, SILENT, Progress, Watch
+from dualwinch.tuning.scoring import plan as plans
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.selection import Verdict, judge, rollouts_needed
+from dualwinch.tuning.scoring.selection import judge
+from dualwinch.tuning.scoring.verdict import Verdict
 from dualwinch.tuning.storage.memory import Memory
-from dualwinch.tuning.storage.store import Budget, quiet
-from dualwinch.tuning.study import Progress, search
+from dualwinch.tuning.storage.opening import quiet
+from dualwinch.tuning.storage.store import Budget, Store
+from dualwinch.tuning.study import search
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a study took.
+
+    Attributes:
+        rollouts: of this process, choice and score included.
+        rollout_seconds: wall time in s they took.
+        preparing, searching, judging: wall time in s of the parts.
+        overhead: share of the search's time that was not spent in rollouts.
+    """
+
+    rollouts: int
+    rollout_seconds: float
+    preparing: float
+    searching: float
+    judging: float
+    overhead: float
+
+    @property
+    def seconds(self) -> float:
+        """Wall time in s of all parts."""
+        return self.preparing + self.searching + self.judging
 
 
 @dataclass(frozen=True)
@@ -21,16 +49,27 @@ class Tuned:
     """A finished study.
 
     Attributes:
-        problem: what was tuned.
-        trials: every trial, in order.
-        verdict: the best, and its score beside that of the paper's gains.
+        prepared: what was tuned, with scenarios and bounds.
+        method: name of the optimiser.
+        trials: every finished trial, in order.
+        verdict: the best, and its score beside that of the start and of the paper's gains.
         progress: what the search took.
+        cost: what all of it took.
+        interrupted: whether an interrupt (Ctrl-C) ended the search.
     """
 
-    problem: Problem
+    prepared: Prepared
+    method: str
     trials: tuple[Evaluation, ...]
     verdict: Verdict
     progress: Progress
+    cost: Cost
+    interrupted: bool
+
+    @property
+    def problem(self) -> Problem:
+        """What was tuned."""
+        return self.prepared.problem
 
     @property
     def best(self) -> Experiment:
@@ -44,38 +83,72 @@ def tune(
     method: str | None = None,
     trials: int | None = None,
     seconds: float | None = None,
-    held_out: int = 200,
+    held_out: int | None = None,
     threads: int | None = None,
-    watch: Callable[[Progress], None] = lambda _: None,
+    store: Store | None = None,
+    afterwards: float = 0.0,
+    watch: Watch = SILENT,
 ) -> Tuned:
     """Search for gains, choose the best, and score it in scenarios that nobody saw.
+
+    An interrupt (Ctrl-C) ends the search; the best so far is chosen and scored.
 
     Args:
         problem: what is tuned, from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
         trials: number of trials; this or `seconds` or both.
-        seconds: wall time in s, choice and score included.
-        held_out: number of scenarios that score the best.
+        seconds: wall time of the search in s. Preparing, choosing and scoring come on top; the latter two are made in
+            fewer scenarios where all of that would take longer than a share of it (`tuning.scoring.plan`).
+        held_out: number of scenarios that score the best, at most; default: 200.
         threads: default: one a core.
-        watch: called after each batch.
+        store: where trials are kept, open; the study in it is gone on with. Default: in memory.
+        afterwards: time in s that the caller needs for more of what comes on top.
+        watch: told of every phase (`tuning.progress.PHASES`), and of each batch of the search.
 
     Raises:
         ConfigurationError: an unknown method, or no budget.
         DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted; nothing is kept.
+        KeyboardInterrupt: interrupted before the first trial, or again while choosing; what the store holds is kept.
     """
     if trials is None and seconds is None:
         raise ConfigurationError("tune: needs a budget, trials or seconds")
-    for name, value in (("trials", trials), ("held_out", held_out)):
-        if value is not None and value < 1:
-            raise ConfigurationError(f"{name} = {value}: must be a whole number >= 1")
+    for name, count in (("trials", trials), ("held_out", held_out)):
+        if count is not None and count < 1:
+            raise ConfigurationError(f"{name} = {count}: must be a whole number >= 1")
+    if seconds is not None and seconds <= 0:
+        raise ConfigurationError(f"seconds = {seconds:g}: must be > 0")
+    method = method or default_method(len(problem.objectives))
+    check_method(method, len(problem.objectives))
     quiet()
-    name = method or default_method(len(problem.objectives))
-    store = Memory(Budget(trials, None if seconds is None else time.time() + seconds))
-    evaluator = Evaluator(problem, threads=threads)
-    proposer = optimiser(name, problem, problem.seed)
-    progress = search(problem, name, proposer, store, evaluator, watch, reserve=rollouts_needed(problem, held_out))
+    began = clock.now()
+    prepared = prepare(problem, threads, watch)
+    store = store or Memory()
+    evaluator = Evaluator(prepared, threads=threads)
+    proposer = optimiser(method, prepared, problem.seed + store.count())
+    watch.phase(SEARCHING)
+    searched = clock.now()
+    store.set_budget(Budget(trials, None if seconds is None else searched + seconds))
+    progress, interrupted = Progress(), False
+    try:
+        search(method, proposer, store, evaluator, watch, progress)
+    except KeyboardInterrupt:
+        interrupted = True
+    judged = clock.now()
+    store.set_budget(Budget(store.count(), judged))  # the other workers end too
     finished = store.finished()
     if not finished:
-        raise ConfigurationError(f"seconds = {seconds:g}: is too short for a single trial with its score")
-    return Tuned(problem, tuple(finished), judge(problem, finished, evaluator, held_out), progress)
+        raise KeyboardInterrupt
+    plan = plans.FULL if held_out is None else replace(plans.FULL, held_out=held_out)
+    if seconds is not None:
+        time = plans.time_for(seconds, searched - began + afterwards)
+        plan = plans.affordable(plan, time, evaluator.pace)
+    verdict = judge(evaluator, finished, plan, watch)
+    cost = Cost(
+        rollouts=evaluator.rollouts,
+        rollout_seconds=evaluator.seconds,
+        preparing=searched - began,
+        searching=judged - searched,
+        judging=clock.now() - judged,
+        overhead=progress.overhead,
+    )
+    return Tuned(prepared, method, tuple(finished), verdict, progress, cost, interrupted)

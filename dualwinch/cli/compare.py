@@ -41,4 +41,13 @@ def compare(
     """
     from dualwinch.commands.compare import compare as run
 
-    run(files, ensemble, config, set_ or [], scenarios, seed, out, plot)
+    run(
+        files,
+        ensemble_name=ensemble,
+        config=config,
+        assignments=set_ or [],
+        scenarios=scenarios,
+        seed=seed,
+        out=out,
+        plot=plot,
+    )

@@ -58,7 +58,7 @@ def tune(
         ),
     ] = None,
     trials: Annotated[int | None, Parameter(help="Trials (default 1000 without --time).")] = None,
-    time: Annotated[str | None, Parameter(help="Time for everything, e.g. 60s, 5min.")] = None,
+    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds come on top.")] = None,
     storage: Annotated[
         str | None,
         Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
@@ -71,14 +71,37 @@ def tune(
 ) -> None:
     """Search for better gains, and score the best in scenarios that the search never saw.
 
-    The first trial is the paper's gains. Every candidate is tried in the same scenarios; Ctrl-C ends the search and
-    keeps the best so far. best.toml is a configuration: `dualwinch simulate --config best.toml`.
+    The first trials are the paper's gains and the experiment's own. Every candidate is tried in the same scenarios;
+    Ctrl-C ends the search and keeps the best so far. Gains that are no better than those it started from are never the
+    best: then it says so, and what would help. best.toml is a configuration: `dualwinch simulate --config best.toml`.
     """
-    from dualwinch.commands.tune import Options, seconds_from
-    from dualwinch.commands.tune import tune as run
-    from dualwinch.commands.tuning_setup import problem_of
+    from dualwinch.commands.tuning_progress import StatusLine
 
-    limits = None if constraint is None else [one for one in constraint if one != "none"]
-    seconds = None if time is None else seconds_from(time)
-    problem = problem_of(case, config, set_ or [], ensemble, space or [], objective or [], limits, scenarios, seed)
-    run(problem, Options(method, trials, seconds, storage, study, workers, resume, out))
+    with StatusLine() as status:
+        status.phase("reading the problem")
+        from dualwinch.commands.tune import Options, seconds_from
+        from dualwinch.commands.tune import tune as run
+        from dualwinch.commands.tuning_setup import tuning_problem
+
+        options = Options(
+            method=method,
+            trials=trials,
+            seconds=None if time is None else seconds_from(time),
+            storage=storage,
+            study=study,
+            workers=workers,
+            resume=resume,
+            out=out,
+        )
+        problem = tuning_problem(
+            case=case,
+            config=config,
+            settings=set_ or [],
+            ensemble=ensemble,
+            space=space or [],
+            objectives=objective or [],
+            constraints=None if constraint is None else [text for text in constraint if text != "none"],
+            scenarios=scenarios,
+            seed=seed,
+        )
+        run(problem, options, status)

@@ -24,6 +24,10 @@ def worker(
     threads: Annotated[int | None, Parameter(help="Threads (default: one a core).")] = None,
 ) -> None:
     """Join a study that `dualwinch tune` has begun in a database, and work on it until it is over."""
-    from dualwinch.commands.worker import worker as run
+    from dualwinch.commands.tuning_progress import StatusLine
 
-    run(storage, study, threads)
+    with StatusLine("worker") as status:
+        status.phase("joining the study")
+        from dualwinch.commands.worker import worker as run
+
+        run(storage, study, threads, status)

@@ -38,7 +38,7 @@ METHOD = "percentile bootstrap, scenarios resampled in pairs"
 
 ROWS = {
     "mean_mse": ("MSE, mean", "mm²", 1e6),
-    "mean_mse_within_reach": ("mean within reach", "mm²", 1e6),
+    "mean_mse_within_authority": ("mean within authority", "mm²", 1e6),
     "median_mse": ("median", "mm²", 1e6),
     "p95_mse": ("95 %", "mm²", 1e6),
     "mean_chatter": ("chatter, mean", "N", 1.0),
@@ -59,13 +59,13 @@ def controllers(names: Sequence[str]) -> dict[str, Controller]:
     """
     if not names:
         raise ConfigurationError(f"give at least one file of gains, or '{PAPER}' for the paper's")
-    twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
+    twice = next((name for index, name in enumerate(names) if name in names[:index]), None)
     if twice is not None:
         raise ConfigurationError(f"{twice}: given twice")
     return {name: paper_controller() if name == PAPER else load(Path(name)).controller for name in names}
 
 
-def ensemble(name: str, config: Path | None, assignments: Sequence[str]) -> Ensemble:
+def ensemble(name: str, config: str | Path | None, assignments: Sequence[str]) -> Ensemble:
     """The ensemble a command line asks for.
 
     Raises:
@@ -75,21 +75,23 @@ def ensemble(name: str, config: Path | None, assignments: Sequence[str]) -> Ense
     for key in values:
         if key.startswith("controller."):
             raise ConfigurationError(f"{key}: the controller comes from the files of gains; set it there")
-    return reset(load_ensemble(name, load(config) if config else Experiment()), values)
+    return reset(load_ensemble(name, load(Path(config)) if config else Experiment()), values)
 
 
 def compare(
     names: Sequence[str],
-    ensemble_name: str,
-    config: Path | None,
-    assignments: Sequence[str],
-    scenarios: int,
-    seed: int,
-    out: Path | None,
-    plot: Path | None,
+    *,
+    ensemble_name: str = "sea",
+    config: str | Path | None = None,
+    assignments: Sequence[str] = (),
+    scenarios: int = SCENARIOS,
+    seed: int = SEED,
+    out: str | Path | None = None,
+    plot: str | Path | None = None,
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     wanted, drawn = controllers(names), ensemble(ensemble_name, config, assignments)
+    out, plot = (Path(file) if file else None for file in (out, plot))
     if out:
         if out.suffix.lower() != ".json":
             raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")
@@ -123,12 +125,12 @@ def as_json(result: Comparison) -> dict[str, Any]:
     files = [
         {
             "name": name,
-            **one.summary(),
-            "mean_mse_within_reach": result.mean_mse_within_reach(name),
+            **contender.summary(),
+            "mean_mse_within_authority": result.mean_mse_within_authority(name),
             "over_first": {} if name == first else {key: asdict(pair) for key, pair in result.paired(name).items()},
-            "controller": {key: value for key, value in leaves(one.controller).items() if value is not None},
+            "controller": {key: value for key, value in leaves(contender.controller).items() if value is not None},
         }
-        for name, one in result.contenders.items()
+        for name, contender in result.contenders.items()
     ]
     return _finite(
         {
@@ -137,7 +139,7 @@ def as_json(result: Comparison) -> dict[str, Any]:
             "scenarios": len(result),
             "scenarios_asked": result.asked,
             "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": result.seed},
-            "out_of_reach": {
+            "beyond_authority": {
                 "scenarios": int((result.least_mse > 0).sum()),
                 "least_mean_mse": float(result.least_mse.mean()),
             },
@@ -171,24 +173,24 @@ def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
     files = facts["files"]
     table = _table(files)
     for key, (words, unit, factor) in ROWS.items():
-        table.add_row(words, *(_number(one[key], factor) for one in files), unit)
-    for outcome in dict.fromkeys(outcome for one in files for outcome in one["outcomes"]):
-        table.add_row(outcome.replace("_", " "), *(str(one["outcomes"].get(outcome, 0)) for one in files), "")
+        table.add_row(words, *(_number(file[key], factor) for file in files), unit)
+    for outcome in dict.fromkeys(outcome for file in files for outcome in file["outcomes"]):
+        table.add_row(outcome.replace("_", " "), *(str(file["outcomes"].get(outcome, 0)) for file in files), "")
     console.print(table)
-    if out_of_reach := facts["out_of_reach"]["scenarios"]:
-        least = 1e6 * facts["out_of_reach"]["least_mean_mse"]
+    if beyond := facts["beyond_authority"]["scenarios"]:
+        least = 1e6 * facts["beyond_authority"]["least_mean_mse"]
         console.print(
-            f"{out_of_reach} scenarios are out of reach: they ask for more force than the motors can give. No "
-            f"controller that does not foresee them gets below a mean MSE of {least:.3g} mm².",
+            f"{beyond} scenarios are beyond the actuators' authority: they ask for more force than the motors can "
+            f"give. No controller that does not foresee them gets below a mean MSE of {least:.3g} mm².",
             soft_wrap=True,
         )
-    if any(set(one["outcomes"]) != {"completed"} for one in files):
+    if any(set(file["outcomes"]) != {"completed"} for file in files):
         console.print("Statistics are those of the completed scenarios, ratios those of scenarios completed by both.")
     if len(files) == 1:
         return
     console.print(f"Means over those of {files[0]['name']}, with {100 * CONFIDENCE:g} % intervals:")
     ratios = _table(files[1:])
-    pairs = [one["over_first"] for one in files[1:]]
+    pairs = [file["over_first"] for file in files[1:]]
     for metric in pairs[0]:
         ratios.add_row(metric.replace("_", " "), *(_interval(pair[metric]["ratio_of_means"]) for pair in pairs), "")
         ratios.add_row("  smaller in", *(_number(pair[metric]["better"], 100) for pair in pairs), "% of scenarios")
@@ -198,8 +200,8 @@ def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
 def _table(files: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("", style="bold", no_wrap=True)
-    for one in files:
-        table.add_column(one["name"], justify="right")
+    for file in files:
+        table.add_column(file["name"], justify="right")
     table.add_column("")
     return table
 

@@ -95,11 +95,10 @@ def print_ensemble(result: EnsembleResult) -> None:
     for heading in ("mean", "median", "95 %", "worst"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("")
+    statistics = result.statistics
     for name, leaf in describe(Metrics).items():
-        statistic = result.statistic(name)
-        values = (statistic.mean, statistic.median, statistic.p95, statistic.worst)
         unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
-        table.add_row(name, *map(measured, values), unit)
+        table.add_row(name, *(measured(value) for value in statistics[name].values()), unit)
     console.print(table)
     if len(result.outcome_counts) > 1 or "completed" not in result.outcome_counts:
         console.print("Statistics are those of the completed scenarios.")

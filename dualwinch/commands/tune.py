@@ -1,47 +1,41 @@
-"""``dualwinch tune``: search for gains, choose the best, score it in scenarios nobody saw, and write it down."""
+"""``dualwinch tune``: words into a tuning problem and its budget, a study into files and a few printed lines."""
 
 import os
 import re
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
 from dualwinch import __version__
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder, make_folder
-from dualwinch.commands.tuning_progress import Watch
+from dualwinch.commands.tuning_print import print_study
+from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import configuration, definition_of
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.reports.tuning import write_tuning_report
 from dualwinch.simulation.batch.cores import cores
-from dualwinch.tuning.optimisers import default_method, optimiser
+from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.result import write_best, write_study
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import pareto_front
-from dualwinch.tuning.scoring.selection import Verdict, improvement, improvement_within_reach, judge, rollouts_needed
-from dualwinch.tuning.scoring.statistic import statistic_from
 from dualwinch.tuning.storage.connection import shown
-from dualwinch.tuning.storage.store import Budget, is_database, open_store
-from dualwinch.tuning.study import Progress, search
+from dualwinch.tuning.storage.opening import is_database, open_store
+from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.summary import controller_in_words
+from dualwinch.tuning.tune import Tuned
+from dualwinch.tuning.tune import tune as run
 
-HELD_OUT_SCENARIOS = 200
-"""Scenarios that score the result."""
+REPORT_SECONDS = 2.0
+"""Time in s that the files take, report and figures among them."""
 
-REPORT_SECONDS = 4.0
-"""Time in s left for the report where the budget is one of time; of short ones a tenth."""
+PREPARING_SECONDS = 600.0
+"""Time in s after which workers give a study up whose first process has not begun to search."""
 
 TRIALS = 1000
 """Trials where no budget is given."""
@@ -57,7 +51,7 @@ class Options:
     Attributes:
         method: name of the optimiser; ``None``: the default for the number of objectives.
         trials: number of trials; ``None``: no limit.
-        seconds: wall time in s, choice, score and report of the best included; ``None``: no limit.
+        seconds: wall time of the search in s; ``None``: no limit.
         storage: file or URL; ``None``: ``study.journal`` in `out`.
         study: the study's name.
         workers: processes on this machine.
@@ -65,14 +59,14 @@ class Options:
         out: folder of the results.
     """
 
-    method: str | None
-    trials: int | None
-    seconds: float | None
-    storage: str | None
-    study: str
-    workers: int
-    resume: bool
-    out: Path
+    method: str | None = None
+    trials: int | None = None
+    seconds: float | None = None
+    storage: str | Path | None = None
+    study: str = "tuning"
+    workers: int = 1
+    resume: bool = False
+    out: str | Path = "tuning-results"
 
 
 def seconds_from(text: str) -> float:
@@ -87,66 +81,51 @@ def seconds_from(text: str) -> float:
     return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
 
 
-def tune(problem: Problem, options: Options) -> None:
-    """Search, choose, score, write. What can be wrong with words and files is found before the search.
+def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
+    """Search, choose, score, write and print. What can be wrong with words and files is found before the search.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
     """
-    began = time.time()
     method = options.method or default_method(len(problem.objectives))
     trials = TRIALS if options.trials is None and options.seconds is None else options.trials
-    seconds = options.seconds
-    until = None if seconds is None else began + seconds - min(REPORT_SECONDS, seconds / 10)
-    budget = Budget(trials, until)
     _check(options, trials)
-    make_folder(options.out)
-    storage = options.storage or str(options.out / "study.journal")
-    console = Console(stderr=True)
-    with ExitStack() as stack:
-        store = open_store(
-            storage, options.study, problem, definition_of(problem, method), budget, resume=options.resume
+    check_method(method, len(problem.objectives))
+    out = Path(options.out)
+    make_folder(out)
+    storage = str(options.storage or out / "study.journal")
+    until = None if options.seconds is None else time.time() + options.seconds + PREPARING_SECONDS
+    definition = definition_of(problem, method)
+    store = open_store(storage, options.study, problem, definition, Budget(trials, until), resume=options.resume)
+    with closing(store), _workers(options, storage):
+        _announce(status, problem, method, storage, store.count())
+        tuned = run(
+            problem,
+            method=method,
+            trials=trials,
+            seconds=options.seconds,
+            threads=max(1, cores() // options.workers),
+            store=store,
+            afterwards=REPORT_SECONDS,
+            watch=status,
         )
-        stack.callback(store.close)
-        known = store.count()
-        proposer = optimiser(method, problem, problem.seed + known)
-        evaluator = Evaluator(problem, threads=max(1, cores() // options.workers))
-        _announce(console, problem, method, storage, known)
-        stack.callback(_end, [_worker(storage, options.study) for _ in range(options.workers - 1)])
-        reserve = rollouts_needed(problem, HELD_OUT_SCENARIOS)
-        interrupted = False
-        with Watch(console, problem, budget) as watch:
-            try:
-                search(problem, method, proposer, store, evaluator, watch.show, reserve=reserve)
-            except KeyboardInterrupt:
-                interrupted = True
-            progress = watch.progress
-        if interrupted:
-            console.print("interrupted; choosing and scoring the best so far (Ctrl-C again: leave it)")
-        store.set_budget(Budget(store.count(), began))
-        finished = store.finished()
-        if not finished:
-            raise KeyboardInterrupt
-        with console.status("choosing and scoring the best"):
-            verdict = judge(problem, finished, evaluator, HELD_OUT_SCENARIOS)
-        cost = _cost(progress, evaluator, len(finished), time.time() - began)
-    report(problem, finished, verdict, cost)
-    write(problem, finished, verdict, method, storage, options, cost)
-    console.print(f"wrote best.toml, study.json and report.html in {options.out}", soft_wrap=True)
-    if interrupted:
+    status.phase("writing best.toml, study.json and report.html")
+    write(tuned, storage, options)
+    status.stop()
+    if tuned.interrupted:
+        status.say("interrupted; this is the best so far")
+    print_study(tuned)
+    status.say(f"wrote best.toml, study.json and report.html in {out}")
+    if tuned.interrupted:
         raise KeyboardInterrupt
+    return tuned
 
 
-def write(
-    problem: Problem,
-    finished: Sequence[Evaluation],
-    verdict: Verdict,
-    method: str,
-    storage: str,
-    options: Options,
-    cost: dict[str, float],
-) -> None:
+def write(tuned: Tuned, storage: str, options: Options) -> None:
     """Write ``best.toml``, ``study.json`` and ``report.html``."""
+    from dualwinch.reports.tuning import write_tuning_report
+
+    problem, out = tuned.problem, Path(options.out)
     facts: dict[str, Any] = {
         "code version": f"dualwinch {__version__}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -154,58 +133,14 @@ def write(
         "ensemble": problem.ensemble.name if problem.ensemble else "none",
         "study": options.study,
         "storage": shown(storage) if is_database(storage) else storage,
-        "method": method,
+        "method": tuned.method,
     }
-    check_folder(options.out)
-    best = to_toml(problem.tuned(verdict.best.point))
-    write_best(options.out / "best.toml", problem, verdict, best, facts)
+    check_folder(out)
+    best = to_toml(tuned.best)
+    write_best(out / "best.toml", tuned, best, facts)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
-    write_study(options.out / "study.json", problem, finished, verdict, named, configuration(problem), cost)
-    shown_cost = {name.replace("_", " "): f"{value:.6g}" for name, value in cost.items()}
-    with Console(stderr=True).status("drawing the report"):
-        write_tuning_report(
-            options.out / "report.html", problem, finished, verdict, {**facts, **versions(), **shown_cost}, best
-        )
-
-
-def report(problem: Problem, finished: Sequence[Evaluation], verdict: Verdict, cost: dict[str, float]) -> None:
-    """Print what was found."""
-    console = Console()
-    scored = verdict.held_out or verdict.best
-    where = f"{scored.scenarios} held-out scenarios" if verdict.held_out else "the tuned experiment"
-    console.print(f"[bold]trial {verdict.best.number}[/bold] of {len(finished)}, in {where}:")
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", style="bold", no_wrap=True)
-    for heading in ("best", "paper's gains", "ratio"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("")
-    for name, value in scored.statistics.items():
-        theirs, unit = verdict.paper[name], statistic_from(name).unit.replace("^2", "²")
-        ratio = f"{value / theirs:.3g}" if theirs else ""
-        table.add_row(name, f"{value:.4g}", f"{theirs:.4g}", ratio, "" if unit == "1" else unit)
-    console.print(table)
-    for one in problem.bounded:
-        kept = scored.violations[one.label] <= 0
-        console.print(f"{'kept    ' if kept else '[red]violated[/red]'}  {one.label}", highlight=False, soft_wrap=True)
-    ended = ", ".join(f"{count} {outcome}" for outcome, count in scored.outcomes.items())
-    times = improvement(verdict, problem.minimised[0].name)
-    console.print(
-        f"outcomes: {ended}; {problem.minimised[0].name} is {times:.4g} times below the paper's", soft_wrap=True
-    )
-    if out_of_reach := int((~verdict.within_reach).sum()):
-        within = improvement_within_reach(verdict)
-        console.print(
-            f"out of reach, as they take more force than the motors can give: {out_of_reach} of the scenarios; in the "
-            f"others the mean MSE is {within:.4g} times below the paper's",
-            soft_wrap=True,
-        )
-    if len(problem.objectives) > 1:
-        console.print(f"Pareto front: {len(pareto_front(finished))} trials, in study.json")
-    console.print(
-        f"{cost['rollouts']:.0f} rollouts in {cost['seconds']:.1f} s, {cost['rollouts_per_second']:.0f} a second; "
-        f"{100 * cost['overhead']:.0f} % of the search was not spent in rollouts",
-        soft_wrap=True,
-    )
+    write_study(out / "study.json", tuned, named, configuration(problem))
+    write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best)
 
 
 def _check(options: Options, trials: int | None) -> None:
@@ -213,46 +148,37 @@ def _check(options: Options, trials: int | None) -> None:
         raise ConfigurationError(f"--trials {trials}: must be a whole number >= 1")
     if options.workers < 1:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
-    if options.workers > 1 and not (options.storage and is_database(options.storage)):
+    if options.workers > 1 and not (options.storage and is_database(str(options.storage))):
         raise ConfigurationError("--workers: needs a database, --storage postgresql+psycopg://USER@HOST/DATABASE")
 
 
-def _announce(console: Console, problem: Problem, method: str, storage: str, known: int) -> None:
-    controller = problem.experiment.controller
+def _announce(status: StatusLine, problem: Problem, method: str, storage: str, known: int) -> None:
+    controller = controller_in_words(problem.experiment.controller)
     where = f"{problem.scenarios} scenarios of '{problem.ensemble.name}'" if problem.ensemble else "one experiment"
-    console.print(
-        f"tuning {len(problem.space.dimensions)} gains of {controller.law.kind} "
-        f"(estimator {controller.estimator.kind}) by {method} in {where}, seed {problem.seed}",
-        highlight=False,
-        soft_wrap=True,
+    status.say(
+        f"tuning {len(problem.space.dimensions)} gains of {controller} by {method} in {where}, seed {problem.seed}"
     )
-    constraints = "; ".join(one.label for one in problem.bounded) or "nothing"
-    console.print(f"minimise {', '.join(problem.objectives)} subject to {constraints}", highlight=False, soft_wrap=True)
+    constraints = "; ".join(constraint.label for constraint in problem.constraints) or "nothing"
+    status.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")
     kept = shown(storage) if is_database(storage) else storage
-    console.print(f"kept in {kept}" + (f", which has {known} trials" if known else ""), highlight=False, soft_wrap=True)
+    status.say(f"kept in {kept}" + (f", which has {known} trials" if known else ""))
+    status.objectives = problem.objectives
 
 
-def _worker(storage: str, study: str) -> "subprocess.Popen[bytes]":
-    words = [sys.executable, "-m", "dualwinch", "worker", "--study", study]
+@contextmanager
+def _workers(options: Options, storage: str) -> Iterator[None]:
+    """Further processes on this machine that work on the study, ended at the end."""
+    words = [sys.executable, "-m", "dualwinch", "worker", "--study", options.study]
     environment = os.environ | {STORAGE_VARIABLE: storage}
-    return subprocess.Popen(words, env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-
-
-def _end(workers: Sequence["subprocess.Popen[bytes]"]) -> None:
-    for one in workers:
-        try:
-            one.wait(timeout=10)
-        except subprocess.TimeoutExpired:
-            one.terminate()
-
-
-def _cost(progress: Progress, evaluator: Evaluator, trials: int, seconds: float) -> dict[str, float]:
-    return {
-        "trials": trials,
-        "rollouts": evaluator.rollouts,
-        "seconds": seconds,
-        "rollout_seconds": evaluator.seconds,
-        "rollouts_per_second": evaluator.rollouts / evaluator.seconds if evaluator.seconds else 0.0,
-        "search_seconds": progress.seconds,
-        "overhead": progress.overhead,
-    }
+    started = [
+        subprocess.Popen(words, env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        for _ in range(options.workers - 1)
+    ]
+    try:
+        yield
+    finally:
+        for process in started:
+            try:
+                process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                process.terminate()

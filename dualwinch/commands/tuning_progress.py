@@ -1,32 +1,39 @@
-"""Where a study stands, as one line on a terminal, or a line now and then in a log."""
+"""Where tuning stands: one line on a terminal that is there at once, or a line now and then in a log.
+
+Nothing is imported here that takes long, so that the first line is there before the rest of the program is.
+"""
 
 import time
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
 from rich.live import Live
+from rich.spinner import Spinner
 from rich.text import Text
 
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.storage.store import Budget
-from dualwinch.tuning.study import Progress
+if TYPE_CHECKING:
+    from dualwinch.simulation.ensembles.statistic import Statistic
+    from dualwinch.tuning.progress import Progress
 
 EVERY = 10.0
-"""Time in s between two lines where there is no terminal."""
+"""Time in s between two lines of a search where there is no terminal."""
 
 
-class Watch:
-    """Shows a study's progress while it is used as a context.
+class StatusLine:
+    """Says what is being done, while it is used as a context.
 
     Attributes:
-        progress: the last that was shown.
+        name: of the command; it begins the lines of a log.
+        console: standard error.
+        objectives: names and units of what is minimised, once they are known.
     """
 
-    def __init__(self, console: Console, problem: Problem, budget: Budget) -> None:
-        self.progress = Progress()
-        self._console, self._problem, self._budget = console, problem, budget
-        self._live = Live(console=console, transient=True) if console.is_terminal else None
+    def __init__(self, name: str = "tune", console: Console | None = None) -> None:
+        self.name, self.console = name, console or Console(stderr=True)
+        self.objectives: tuple[Statistic, ...] = ()
+        self._spinner = Spinner("dots")
+        self._live = Live(self._spinner, console=self.console, transient=True) if self.console.is_terminal else None
         self._said = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -37,38 +44,57 @@ class Watch:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Take the line away, for what is printed from now on."""
         if self._live:
             self._live.stop()
 
-    def show(self, progress: Progress) -> None:
-        """Show where a study stands."""
-        self.progress = progress
+    def phase(self, words: str) -> None:
+        """Say what is done from now on, at once."""
         if self._live:
-            self._live.update(Text(self._line()))
-        elif time.monotonic() - self._said > EVERY:
-            self._said = time.monotonic()
-            self._console.print(self._line(), highlight=False, soft_wrap=True)
+            self._update(words)
+        else:
+            self.say(f"{self.name}: {words}")
 
-    def _line(self) -> str:
-        now, words = self.progress, []
-        of = f" of {self._budget.trials}" if self._budget.trials else ""
+    def progress(self, progress: "Progress", until: float | None, trials: int | None) -> None:
+        """Say where the search stands: on a terminal after each batch, in a log now and then."""
+        if self._live:
+            self._update(self._line(progress, until, trials))
+        elif time.monotonic() - self._said > EVERY:
+            self.say(f"{self.name}: {self._line(progress, until, trials)}")
+
+    def say(self, words: str) -> None:
+        """A line that stays."""
+        self._said = time.monotonic()
+        self.console.print(words, highlight=False, markup=False, soft_wrap=True)
+
+    def _update(self, words: str) -> None:
+        self._spinner.update(text=Text(words, no_wrap=True, overflow="ellipsis"))
+        if self._live:
+            self._live.refresh()
+
+    def _line(self, now: "Progress", until: float | None, trials: int | None) -> str:
+        of = f" of {trials}" if trials else ""
+        words = [f"{_left(now, until, trials):.0f} s left"]
         words.append(f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible")
         if now.best:
             values = ", ".join(
-                f"{one.name} {value:.4g} {'' if one.unit == '1' else one.unit}".rstrip()
-                for one, value in zip(self._problem.minimised, now.best.objectives, strict=True)
+                f"{statistic.name} {value:.4g} {'' if statistic.unit == '1' else statistic.unit}".rstrip()
+                for statistic, value in zip(self.objectives, now.best.objectives, strict=False)
             )
             words.append(f"best {values}" + ("" if now.best.feasible else " (not feasible)"))
         if now.rollout_seconds:
             words.append(f"{now.rollouts / now.rollout_seconds:.0f} rollouts/s")
-        words.append(f"{self._remaining():.0f} s left")
         return " · ".join(words)
 
-    def _remaining(self) -> float:
-        left = []
-        if self._budget.until is not None:
-            left.append(self._budget.until - time.time())
-        if self._budget.trials is not None and self.progress.trials:
-            share = self.progress.trials / self._budget.trials
-            left.append(self.progress.seconds * (1 / share - 1))
-        return max(min(left, default=0.0), 0.0)
+
+def _left(now: "Progress", until: float | None, trials: int | None) -> float:
+    """Time in s that the search will take, by the budget that ends first."""
+    left: list[float] = []
+    if until is not None:
+        left.append(until - time.time())
+    if trials is not None and now.trials:
+        left.append(now.seconds * (trials / now.trials - 1))
+    return max(min(left, default=0.0), 0.0)

@@ -1,20 +1,18 @@
 """A tuning problem from the words of the command line, and as text that a study keeps for its workers."""
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from dualwinch.commands.simulate import experiment
-from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
-from dualwinch.config.experiment_file import load, to_toml
+from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, loads_ensemble, reset
+from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.tuning.constraint import default_constraints
-from dualwinch.tuning.objective import DEFAULT_OBJECTIVES
+from dualwinch.tuning.constraint import constraints_from, default_constraints
+from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space_entries import entry_from, space_of
 from dualwinch.tuning.space_record import space_from, space_to_record
@@ -25,60 +23,12 @@ SCENARIOS = 8
 ESTIMATOR = "controller.estimator"
 
 
-def problem_of(
-    case: int | None,
-    config: Path | None,
-    assignments: Sequence[str],
-    ensemble: str | None,
-    space: Sequence[str],
-    objectives: Sequence[str],
-    constraints: Sequence[str] | None,
-    scenarios: int | None,
-    seed: int,
-) -> Problem:
-    """The problem a command line asks for.
-
-    With an ensemble the calibrating Kalman filter is used unless a file or an assignment says otherwise: sensors there
-    are noisy and ropes are not quite the nominal ones.
-
-    Raises:
-        ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
-    """
-    values = dict(map(parse_assignment, assignments))
-    drawn: Ensemble | None = None
-    if ensemble is None:
-        base = override(experiment(case, config, None, []), values)
-        if scenarios is not None:
-            raise ConfigurationError("--scenarios: needs --ensemble")
-    else:
-        if config is None and ESTIMATOR not in values:
-            values[ESTIMATOR] = "calibrating-kalman"
-        drawn = reset(load_ensemble(ensemble, experiment(case, config, None, [])), values)
-        base = drawn.experiment
-    count = SCENARIOS if scenarios is None else scenarios
-    for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
-        if value < least:
-            raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
-    problem = Problem(
-        experiment=base,
-        ensemble=drawn,
-        space=space_of(_entries(space), base),
-        objectives=tuple(objectives or DEFAULT_OBJECTIVES),
-        constraints=default_constraints(drawn is not None) if constraints is None else tuple(constraints),
-        scenarios=count if drawn else 1,
-        seed=seed,
-    )
-    problem.check()
-    _ = problem.minimised, problem.bounded  # names and bounds are checked now
-    return problem
-
-
 def tuning_problem(
     *,
     case: int | None = None,
-    config: Path | None = None,
+    config: str | Path | None = None,
     settings: Sequence[str] = (),
-    ensemble: str | None = None,
+    ensemble: str | Path | None = None,
     space: Sequence[str] = (),
     objectives: Sequence[str] = (),
     constraints: Sequence[str] | None = None,
@@ -86,6 +36,9 @@ def tuning_problem(
     seed: int = 1,
 ) -> Problem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
+
+    With an ensemble the calibrating Kalman filter is used unless a file or a setting says otherwise: sensors there are
+    noisy and ropes are not quite the nominal ones.
 
     Args:
         case: one of the paper's cases to start from.
@@ -101,7 +54,34 @@ def tuning_problem(
     Raises:
         ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
     """
-    return problem_of(case, config, settings, ensemble, space, objectives, constraints, scenarios, seed)
+    values = dict(map(parse_assignment, settings))
+    config = None if config is None else Path(config)
+    base, drawn = experiment(case, config, None, []), None
+    if ensemble is None:
+        base = override(base, values)
+        if scenarios is not None:
+            raise ConfigurationError("--scenarios: needs --ensemble")
+    else:
+        if config is None and ESTIMATOR not in values:
+            values[ESTIMATOR] = "calibrating-kalman"
+        drawn = reset(load_ensemble(ensemble, base), values)
+        base = drawn.experiment
+    count = SCENARIOS if scenarios is None else scenarios
+    for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
+        if value < least:
+            raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
+    wanted = default_constraints(drawn is not None) if constraints is None else constraints
+    problem = Problem(
+        experiment=base,
+        ensemble=drawn,
+        space=space_of(_entries(space), base),
+        objectives=objectives_from(objectives or DEFAULT_OBJECTIVES),
+        constraints=constraints_from(wanted, base),
+        scenarios=count if drawn else 1,
+        seed=seed,
+    )
+    problem.check()
+    return problem
 
 
 def definition_of(problem: Problem, method: str) -> dict[str, Any]:
@@ -110,8 +90,8 @@ def definition_of(problem: Problem, method: str) -> dict[str, Any]:
         "configuration": configuration(problem),
         "ensemble": problem.ensemble.name if problem.ensemble else "",
         "space": space_to_record(problem.space),
-        "objectives": list(problem.objectives),
-        "constraints": list(problem.constraints),
+        "objectives": [objective.name for objective in problem.objectives],
+        "constraints": [constraint.text for constraint in problem.constraints],
         "scenarios": problem.scenarios,
         "seed": problem.seed,
         "method": method,
@@ -120,17 +100,18 @@ def definition_of(problem: Problem, method: str) -> dict[str, Any]:
 
 def problem_from(definition: Mapping[str, Any]) -> Problem:
     """The problem that `definition_of` took apart."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "study.toml"
-        file.write_text(definition["configuration"], encoding="utf-8")
-        drawn = load_ensemble(file) if definition["ensemble"] else None
-        base = drawn.experiment if drawn else load(file)
+    text, drawn = definition["configuration"], None
+    if definition["ensemble"]:
+        drawn = loads_ensemble(text, name="the study's ensemble")
+        base = drawn.experiment
+    else:
+        base = loads(text, name="the study's experiment")
     return Problem(
         experiment=base,
         ensemble=drawn,
         space=space_from(definition["space"]),
-        objectives=tuple(definition["objectives"]),
-        constraints=tuple(definition["constraints"]),
+        objectives=objectives_from(definition["objectives"]),
+        constraints=constraints_from(definition["constraints"], base),
         scenarios=definition["scenarios"],
         seed=definition["seed"],
     )

@@ -3,20 +3,20 @@
 import secrets
 from contextlib import closing
 
-from rich.console import Console
-
-from dualwinch.commands.tuning_progress import Watch
+from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.progress import SEARCHING
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.database import Database
-from dualwinch.tuning.storage.store import check_storage, is_database, quiet
+from dualwinch.tuning.storage.opening import check_storage, is_database, quiet
 from dualwinch.tuning.study import search
 
 
-def worker(storage: str | None, study: str, threads: int | None) -> None:
+def worker(storage: str | None, study: str, threads: int | None, watch: StatusLine) -> None:
     """Work on a study until its budget is spent.
 
     Raises:
@@ -30,13 +30,14 @@ def worker(storage: str | None, study: str, threads: int | None) -> None:
         raise ConfigurationError(f"--threads {threads}: must be a whole number >= 1")
     check_storage(storage)
     quiet()
-    console = Console(stderr=True)
     with closing(Database.join(storage, study)) as store:
         definition = store.definition
         problem = problem_from(definition)
-        console.print(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far", highlight=False)
-        proposer = optimiser(definition["method"], problem, secrets.randbits(31))
-        evaluator = Evaluator(problem, threads=threads)
-        with Watch(console, problem, store.budget()) as watch:
-            done = search(problem, definition["method"], proposer, store, evaluator, watch.show)
-        console.print(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here", highlight=False)
+        watch.objectives = problem.objectives
+        watch.say(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far")
+        prepared = prepare(problem, threads, watch)
+        proposer = optimiser(definition["method"], prepared, secrets.randbits(31))
+        evaluator = Evaluator(prepared, threads=threads)
+        watch.phase(SEARCHING)
+        done = search(definition["method"], proposer, store, evaluator, watch)
+        watch.say(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here")

@@ -12,7 +12,7 @@ from dualwinch.config.distribution_entries import SHAPES, check_range, drawn_fro
 from dualwinch.config.experiment_file import from_table, to_toml
 from dualwinch.config.renamed import current
 from dualwinch.config.settings import known_keys, override
-from dualwinch.config.toml_text import read_source, toml_value
+from dualwinch.config.toml_text import Source, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -56,12 +56,29 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
             value or a distribution is out of range.
     """
     path = find_ensemble(name)
-    source = read_source(path)
+    return _from_source(read_source(path), base, path.stem)
+
+
+def loads_ensemble(text: str, base: Experiment | None = None, name: str = "ensemble") -> Ensemble:
+    """An ensemble from a TOML text.
+
+    Args:
+        text: as in a file.
+        base: what the experiment's keys are set on (default: ``Experiment()``).
+        name: where the text comes from, for messages; the name of an ensemble that has none.
+
+    Raises:
+        ConfigurationError: it is no TOML, a key names nothing, a value or a distribution is out of range.
+    """
+    return _from_source(Source(name, text), base, name)
+
+
+def _from_source(source: Source, base: Experiment | None, name: str) -> Ensemble:
     table = source.table()
     heading, entries = table.pop("ensemble", {}), table.pop("distributions", {})
     for key, group in (("ensemble", heading), ("distributions", entries)):
         if not isinstance(group, dict):
-            raise ConfigurationError(f"{path}: {key}: must be a table, [{key}]")
+            raise ConfigurationError(f"{source.name}: {key}: must be a table, [{key}]")
     for key, value in heading.items():
         with source.located(f"ensemble.{key}"):
             _check_heading(key, value)
@@ -70,7 +87,7 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
     for key, entry in _entries(entries):
         with source.located(f"distributions.{key}"):
             distributions[current(key)] = drawn_from(current(key), entry, experiment)
-    return Ensemble(heading.get("name", path.stem), heading.get("description", ""), experiment, distributions)
+    return Ensemble(heading.get("name", name), heading.get("description", ""), experiment, distributions)
 
 
 def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:

@@ -32,6 +32,21 @@ def load(
     return from_table(source.table(), source, base or Experiment(), settings or {})
 
 
+def loads(text: str, base: Experiment | None = None, name: str = "configuration") -> Experiment:
+    """An experiment from a TOML text.
+
+    Args:
+        text: as in a file.
+        base: what the keys are set on (default: ``Experiment()``).
+        name: where the text comes from, for messages.
+
+    Raises:
+        ConfigurationError: it is no TOML, or holds an unknown key or a value out of range.
+    """
+    source = Source(name, text)
+    return from_table(source.table(), source, base or Experiment())
+
+
 def from_table(
     table: Mapping[str, Any], source: Source, base: Experiment, settings: Mapping[str, Any] | None = None
 ) -> Experiment:

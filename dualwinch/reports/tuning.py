@@ -1,6 +1,6 @@
 """The report of ``dualwinch tune``: one HTML file with scores, figures, gains and where they come from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from dualwinch.codegen.files import atomic
 from dualwinch.model.tree import leaves
 from dualwinch.reports.reproduction import data_uri, number_text
+from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.plots.files import encode
+from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, parallel_coordinates
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.selection import Verdict, improvement
-from dualwinch.tuning.scoring.statistic import statistic_from
+from dualwinch.tuning.summary import advice, authority, comparison, contenders, headings, headline, where
+from dualwinch.tuning.tune import Tuned
 
 CAPTIONS = {
     "history": "Every dot is a candidate in all tuning scenarios. Pale ones break a constraint, or were given up after "
@@ -32,21 +32,12 @@ CAPTIONS = {
 }
 
 
-def write_tuning_report(
-    path: Path,
-    problem: Problem,
-    trials: Sequence[Evaluation],
-    verdict: Verdict,
-    facts: Mapping[str, Any],
-    configuration: str,
-) -> None:
+def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], configuration: str) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
     Args:
         path: the file.
-        problem: what was tuned.
-        trials: finished trials.
-        verdict: the best and its score.
+        tuned: the study.
         facts: provenance, name → value.
         configuration: the best as TOML.
 
@@ -60,87 +51,94 @@ def write_tuning_report(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    kept = "; ".join(constraint.label for constraint in tuned.prepared.constraints) or "nothing"
     page = environment.get_template("tuning.html.j2").render(
-        summary=_summary(problem, trials, verdict),
-        constraints=f"Kept to in the search: {'; '.join(one.label for one in problem.bounded) or 'nothing'}.",
-        where=_where(verdict),
-        scores=_scores(verdict),
-        bounds=_bounds(problem, verdict),
-        pictures=_pictures(problem, trials, verdict),
-        gains=_gains(problem, verdict),
-        facts=facts,
+        summary=_summary(tuned),
+        advice=advice(tuned),
+        constraints=f"Kept to in the search: {kept}.",
+        contenders=" ".join(map(_sentence, contenders(tuned))),
+        authority=_sentence(authority(tuned)),
+        where=where(tuned),
+        headings=list(headings(tuned).values()),
+        scores=_scores(tuned),
+        bounds=_bounds(tuned),
+        pictures=_pictures(tuned),
+        gains=_gains(tuned),
+        facts={**facts, **_cost(tuned)},
         configuration=configuration.strip(),
     )
-    with atomic(path) as unfinished:
+    with atomic(Path(path)) as unfinished:
         unfinished.write_text(page, encoding="utf-8")
 
 
-def _where(verdict: Verdict) -> str:
-    return f"in {verdict.held_out.scenarios} held-out scenarios" if verdict.held_out else "in the tuned experiment"
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}." if words else ""
 
 
-def _summary(problem: Problem, trials: Sequence[Evaluation], verdict: Verdict) -> str:
-    name = problem.minimised[0].name
-    feasible = sum(one.feasible for one in trials)
-    scored = verdict.held_out or verdict.best
-    kept = "keeps to every constraint" if scored.feasible else "does not keep to every constraint"
+def _summary(tuned: Tuned) -> str:
+    feasible = sum(trial.feasible for trial in tuned.trials)
+    kept = "keeps" if tuned.verdict.scored.feasible else "does not keep"
+    compared = f"Its {comparison(tuned)}, and it" if tuned.verdict.improved else "It"
     return (
-        f"{len(trials)} trials, {feasible} of them within the constraints. Trial {verdict.best.number} is the best: "
-        f"its {name} is {improvement(verdict, name):.4g} times below that of the paper's gains {_where(verdict)}, "
-        f"and it {kept} there."
+        f"{_sentence(headline(tuned))} {compared} {kept} to every constraint there. Of {len(tuned.trials)} trials "
+        f"{feasible} are within the constraints."
     )
 
 
-def _scores(verdict: Verdict) -> list[dict[str, Any]]:
-    scored = verdict.held_out or verdict.best
+def _scores(tuned: Tuned) -> list[dict[str, Any]]:
+    verdict, columns = tuned.verdict, list(headings(tuned))
     rows = []
-    for name, value in scored.statistics.items():
-        theirs, unit = verdict.paper[name], statistic_from(name).unit.replace("^2", "²")
-        ratio = number_text(value / theirs) if theirs else "–"
+    for name, value in verdict.scored.statistics.items():
+        theirs = verdict.statistics("paper")[name]
         rows.append(
             {
-                "name": name.replace("_", " "),
-                "best": number_text(value),
-                "paper": number_text(theirs),
-                "ratio": ratio,
-                "unit": "" if unit == "1" else unit,
+                "name": shown_name(name),
+                "values": [number_text(verdict.statistics(column)[name]) for column in columns],
+                "ratio": number_text(value / theirs) if theirs else "–",
+                "unit": shown_unit(statistic_from(name).unit),
             }
         )
     return rows
 
 
-def _bounds(problem: Problem, verdict: Verdict) -> list[dict[str, Any]]:
-    scored = verdict.held_out or verdict.best
+def _bounds(tuned: Tuned) -> list[dict[str, Any]]:
+    scored = tuned.verdict.scored
     return [
         {
-            "label": one.label,
-            "value": number_text(scored.statistics[one.statistic.name]),
-            "kept": scored.violations[one.label] <= 0,
+            "label": constraint.label,
+            "value": number_text(scored.statistics[constraint.statistic.name]),
+            "kept": scored.violations[constraint.label] <= 0,
         }
-        for one in problem.bounded
+        for constraint in tuned.prepared.constraints
     ]
 
 
-def _gains(problem: Problem, verdict: Verdict) -> list[dict[str, Any]]:
-    theirs, ours = leaves(problem.paper_experiment), problem.space.settings(verdict.best.point)
+def _gains(tuned: Tuned) -> list[dict[str, Any]]:
+    start, best = leaves(tuned.problem.experiment), tuned.problem.space.settings(tuned.verdict.best.point)
     return [
-        {
-            "key": key,
-            "best": number_text(ours[key]),
-            "paper": number_text(theirs[key]) if key in theirs else "–",
-            "searched": dimension.allowed,
-        }
-        for dimension in problem.space.dimensions
+        {"key": key, "best": number_text(best[key]), "start": number_text(start[key]), "searched": dimension.allowed}
+        for dimension in tuned.problem.space.dimensions
         for key in dimension.keys
     ]
 
 
-def _pictures(problem: Problem, trials: Sequence[Evaluation], verdict: Verdict) -> list[dict[str, str]]:
+def _cost(tuned: Tuned) -> dict[str, str]:
+    cost = tuned.cost
+    times = {"preparing": cost.preparing, "searching": cost.searching, "choosing and scoring": cost.judging}
+    return {
+        "trials": str(len(tuned.trials)),
+        "rollouts": str(cost.rollouts),
+        "time": ", ".join(f"{seconds:.1f} s {words}" for words, seconds in times.items()),
+    }
+
+
+def _pictures(tuned: Tuned) -> list[dict[str, str]]:
+    problem, trials, verdict = tuned.problem, tuned.trials, tuned.verdict
     figures: dict[str, tuple[str, Figure | None]] = {
         "held_out": ("Scenarios that nobody tuned on", held_out(verdict)),
-        "before": ("Before and after", before_and_after(problem, verdict)),
+        "before": ("The paper's gains and the best", before_and_after(problem, verdict)),
         "history": ("History of the search", history(problem, trials)),
-        "front": ("What is traded", front(problem, trials)),
+        "front": ("What is traded", front(problem, tuned.prepared.constraints, trials)),
         "importance": ("Which gains matter", importance(problem, trials)),
         "parallel": ("Where the best lie", parallel_coordinates(problem, trials)),
     }

@@ -41,8 +41,8 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
     return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load], dtype=np.float64)
 
 
-def within_reach(experiment: Experiment) -> bool:
-    """Whether a run asks for no more force than the motors can give."""
+def within_authority(experiment: Experiment) -> bool:
+    """Whether a run stays within the actuators' authority: it asks for no more force than the motors can give."""
     limit = experiment.controller.limits.strength
     return bool(np.abs(required_force(experiment)).max() <= limit)
 

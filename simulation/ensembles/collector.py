@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
-from dualwinch.simulation.ensembles.result import METRICS, EnsembleResult, Traces
+from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
+from dualwinch.simulation.ensembles.statistic import METRICS
 from dualwinch.simulation.loop.metrics import Metrics
 
 TRACED = ("e", "F1", "F2")
@@ -50,18 +51,18 @@ class Collector:
     def __len__(self) -> int:
         return len(self._metrics)
 
-    def add(self, one: Finished) -> None:
-        """Take one scenario in."""
-        if one.outcome == "completed" and one.t.size:
+    def add(self, run: Finished) -> None:
+        """Take a scenario in."""
+        if run.outcome == "completed" and run.t.size:
             if not self._sampled:
-                self._t, self._lowest, self._highest = one.t, one.trace, one.trace
+                self._t, self._lowest, self._highest = run.t, run.trace, run.trace
             if len(self._sampled) < SAMPLED:
-                self._sampled.append(one.trace)
-            self._lowest = np.minimum(self._lowest, one.trace)
-            self._highest = np.maximum(self._highest, one.trace)
-        self._draws.append(tuple(one.scenario.draws.values()))
-        self._ends.append((one.outcome, one.end_time))
-        self._metrics.append(np.array(astuple(one.metrics)))
+                self._sampled.append(run.trace)
+            self._lowest = np.minimum(self._lowest, run.trace)
+            self._highest = np.maximum(self._highest, run.trace)
+        self._draws.append(tuple(run.scenario.draws.values()))
+        self._ends.append((run.outcome, run.end_time))
+        self._metrics.append(np.array(astuple(run.metrics)))
 
     def result(self, seed: int, asked: int) -> EnsembleResult:
         """The result of the scenarios taken in; of an interrupted `add` nothing is seen.
@@ -88,7 +89,7 @@ class Collector:
         sampled = np.array(self._sampled)
         return Traces(
             t=self._t,
-            sampled={column: sampled[:, place] for place, column in enumerate(TRACED)},
-            lowest={column: self._lowest[place] for place, column in enumerate(TRACED)},
-            highest={column: self._highest[place] for place, column in enumerate(TRACED)},
+            sampled={column: sampled[:, index] for index, column in enumerate(TRACED)},
+            lowest={column: self._lowest[index] for index, column in enumerate(TRACED)},
+            highest={column: self._highest[index] for index, column in enumerate(TRACED)},
         )

@@ -13,7 +13,7 @@ SEED_KEY = "simulation.seed"
 """Key of the seed of a scenario's own signals: drawn as well, unless the ensemble says otherwise."""
 
 EDGE = 0.02
-"""Share of all draws that lie beyond an extreme one, on either side."""
+"""Share of all draws that lie beyond the box of draws, on either side of every value."""
 
 SEEDS = 2**53
 """Number of seeds a scenario's own is drawn from: whole numbers that every file format keeps."""
@@ -57,14 +57,14 @@ class Scenario:
         experiment: what is simulated, the drawn values in it.
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``simulation.seed`` among them.
-        extreme: whether it is a corner of what may happen, not one draw like the others.
+        vertex: whether it is a vertex of the box of draws, not a draw like the others.
     """
 
     index: int
     experiment: Experiment
     nominal: Plant
     draws: dict[str, Value]
-    extreme: bool = False
+    vertex: bool = False
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Ensemble:
         """Keys of all drawn values, the seed of the scenario's own signals last."""
         return (*(key for key in self.distributions if key != SEED_KEY), SEED_KEY)
 
-    def scenario(self, index: int, seed: int, *, extreme: bool = False) -> Scenario:
+    def scenario(self, index: int, seed: int, *, vertex: bool = False) -> Scenario:
         """Draw one scenario.
 
         Every value has a random stream of its own, named by seed, index and key (or group). So a scenario is the same
@@ -97,8 +97,8 @@ class Ensemble:
         Args:
             index: number of the scenario, from 0.
             seed: the ensemble's seed, a whole number >= 0.
-            extreme: whether every value is drawn from the ends of its distribution, by chance the one or the other:
-                a corner of what may happen, which a few draws hardly ever come near.
+            vertex: whether every value lies at an end of its distribution, by chance at the lower or the upper: a
+                vertex of the box of draws, which a few draws hardly ever come near.
         """
         nominal = leaves(self.experiment)
         draws: dict[str, Value] = {}
@@ -109,10 +109,10 @@ class Ensemble:
             else:
                 name = key if drawn.together is None else f"together: {drawn.together}"
                 share = stream(seed, index, name).random()
-                if extreme:
+                if vertex:
                     share = EDGE if share < 0.5 else 1 - EDGE
                 draws[key] = drawn.value(share, nominal[key])
-        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws, extreme)
+        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws, vertex)
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
         """The first `count` scenarios, one after the other."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dualwinch.controllers.controller import Controller
 from dualwinch.simulation.analysis.least_error import least_mse
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.statistic import Statistic
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +26,18 @@ PORTION = 2**18
 COMPARED = ("mse", "mae", "max_abs_error", "chatter", "peak_tension", "energy")
 """Figures of merit whose ratios are given: all positive, small is good."""
 
+SUMMARY = {
+    "mean_mse": Statistic("mean", "mse"),
+    "median_mse": Statistic("median", "mse"),
+    "p95_mse": Statistic("p95", "mse"),
+    "mean_chatter": Statistic("mean", "chatter"),
+    "max_tension": Statistic("worst", "peak_tension"),
+    "min_tension": Statistic("worst", "min_tension"),
+    "slack_share": Statistic("mean", "slack_share"),
+    "saturated_share": Statistic("mean", "saturated_share"),
+}
+"""What is said of a controller: name in tables and files → statistic."""
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -37,11 +50,11 @@ class Interval:
 
 @dataclass(frozen=True)
 class Paired:
-    """One figure of merit of a controller over that of the first, in the scenarios that both ran to their end.
+    """A figure of merit of a controller over that of the first, in the scenarios that both ran to their end.
 
     Attributes:
         pairs: number of those scenarios.
-        ratio_of_means: mean of the one over mean of the other.
+        ratio_of_means: its mean over the mean of the first's.
         median_ratio: median of the scenarios' own ratios.
         better: share of the scenarios in which it is smaller than the first's.
     """
@@ -54,7 +67,7 @@ class Paired:
 
 @dataclass(frozen=True)
 class Contender:
-    """What one controller came to.
+    """What a controller came to.
 
     Attributes:
         controller: its laws and gains.
@@ -71,28 +84,21 @@ class Contender:
         """(scenarios,) whether each ran to its end."""
         return self.outcomes == "completed"
 
+    def over(self, statistic: Statistic) -> float:
+        """A statistic over the scenarios that ran to their end; NaN without any."""
+        return statistic.over(self.metrics[statistic.metric][self.completed])
+
     def summary(self) -> dict[str, float | int | dict[str, int]]:
         """Statistics over the scenarios that ran to their end (a run that ended early measured something else).
 
         Returns:
-            ``mean_mse``, ``median_mse``, ``p95_mse`` in m²; ``mean_chatter`` in N; ``max_tension``, ``min_tension``
-            in N, the extremes of all; ``slack_share``, the share of samples with a slack rope, and
-            ``saturated_share``, that with the force command beyond its limit, each a mean over the scenarios;
+            The names of `SUMMARY`, each in the unit of its figure of merit and NaN where no scenario ran to its end;
             ``slack_scenarios``, the number of scenarios with any slack sample; ``outcomes``, counts of all scenarios.
-            NaN where no scenario ran to its end.
         """
-        kept = {name: values[self.completed] for name, values in self.metrics.items()}
-        mse, empty = kept["mse"], not self.completed.any()
-        return {
-            "mean_mse": np.nan if empty else float(mse.mean()),
-            "median_mse": np.nan if empty else float(np.median(mse)),
-            "p95_mse": np.nan if empty else float(np.quantile(mse, 0.95)),
-            "mean_chatter": np.nan if empty else float(kept["chatter"].mean()),
-            "max_tension": np.nan if empty else float(kept["peak_tension"].max()),
-            "min_tension": np.nan if empty else float(kept["min_tension"].min()),
-            "slack_share": np.nan if empty else float(kept["slack_share"].mean()),
-            "slack_scenarios": int((kept["slack_share"] > 0).sum()),
-            "saturated_share": np.nan if empty else float(kept["saturated_share"].mean()),
+        found = {name: self.over(statistic) for name, statistic in SUMMARY.items()}
+        slack = self.metrics["slack_share"][self.completed] > 0
+        return found | {
+            "slack_scenarios": int(slack.sum()),
             "outcomes": dict(Counter(self.outcomes.tolist()).most_common()),
         }
 
@@ -132,13 +138,16 @@ class Comparison:
             DualwinchError: the solver found no optimum.
         """
         scenarios = self.ensemble.scenarios(len(self), self.seed)
-        return np.array([least_mse(one.experiment) for one in scenarios])
+        return np.array([least_mse(scenario.experiment) for scenario in scenarios])
 
-    def mean_mse_within_reach(self, name: str) -> float:
-        """Mean of a controller's MSE in m² over the completed scenarios that the motors can hold; NaN without any."""
-        one = self.contenders[name]
-        values = one.metrics["mse"][one.completed & (self.least_mse == 0)]
-        return float(values.mean()) if len(values) else np.nan
+    def mean_mse_within_authority(self, name: str) -> float:
+        """Mean of a controller's MSE in m² over the completed scenarios within the actuators' authority.
+
+        NaN without any.
+        """
+        contender = self.contenders[name]
+        values = contender.metrics["mse"][contender.completed & (self.least_mse == 0)]
+        return Statistic("mean", "mse").over(values)
 
     def paired(self, name: str) -> dict[str, Paired]:
         """Ratios of a controller's figures of merit to the first controller's.

@@ -13,7 +13,7 @@ from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.paired import Comparison, Contender
-from dualwinch.simulation.ensembles.result import METRICS
+from dualwinch.simulation.ensembles.statistic import METRICS
 
 
 def paper_controller() -> Controller:
@@ -62,7 +62,7 @@ def compare(
         raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
     drawn = {name: _with_controller(ensemble, name, controller) for name, controller in controllers.items()}
     size, threads = portion_size(ensemble.experiment, threads)
-    streams = [in_portions(one.scenarios(scenarios, seed), size) for one in drawn.values()]
+    streams = [in_portions(variant.scenarios(scenarios, seed), size) for variant in drawn.values()]
     portions: list[dict[str, BatchResult]] = []
     done = 0
     try:

@@ -1,36 +1,14 @@
 """The result of an ensemble: what each scenario came to, and statistics over all of them."""
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.loop.metrics import Metrics
-
-METRICS = tuple(field.name for field in fields(Metrics))
-"""Names of the figures of merit."""
-
-SMALL_IS_BAD = frozenset({"min_tension"})
-"""Figures of merit whose bad end is the small one; of all others it is the large one."""
-
-
-@dataclass(frozen=True)
-class Statistic:
-    """One figure of merit over the scenarios that ran to their end.
-
-    Attributes:
-        mean, median: over the scenarios.
-        p95: 95 % of the scenarios are no worse than this.
-        worst: of all scenarios: the smallest for `SMALL_IS_BAD`, else the largest.
-    """
-
-    mean: float
-    median: float
-    p95: float
-    worst: float
+from dualwinch.simulation.ensembles.statistic import KINDS, METRICS, Statistic, statistic_from
 
 
 @dataclass(frozen=True)
@@ -97,25 +75,21 @@ class EnsembleResult:
         """(scenarios,) whether each ran to its end."""
         return np.array([outcome == "completed" for outcome in self.outcomes], dtype=bool)
 
-    def statistic(self, metric: str) -> Statistic:
-        """Mean, median, 95 % and worst of a figure of merit over the scenarios that ran to their end.
+    def statistic(self, name: str) -> float:
+        """A statistic by its name, such as ``worst.mse``, over the scenarios that ran to their end.
 
         A run that ended early measured something else, so it is counted in `outcome_counts` and left out here. NaN
         where there is nothing to measure.
+
+        Raises:
+            ConfigurationError: unknown statistic or figure of merit.
         """
-        values = self.metrics[metric][self.completed]
-        values = values[np.isfinite(values)]
-        if not len(values):
-            return Statistic(np.nan, np.nan, np.nan, np.nan)
-        small = metric in SMALL_IS_BAD
-        return Statistic(
-            mean=float(values.mean()),
-            median=float(np.median(values)),
-            p95=float(np.quantile(values, 0.05 if small else 0.95)),
-            worst=float(values.min() if small else values.max()),
-        )
+        return self._over(statistic_from(name))
 
     @property
-    def statistics(self) -> dict[str, Statistic]:
-        """Figure of merit → its statistic."""
-        return {metric: self.statistic(metric) for metric in METRICS}
+    def statistics(self) -> dict[str, dict[str, float]]:
+        """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
+        return {metric: {kind: self._over(Statistic(kind, metric)) for kind in KINDS} for metric in METRICS}
+
+    def _over(self, statistic: Statistic) -> float:
+        return statistic.over(self.metrics[statistic.metric][self.completed])

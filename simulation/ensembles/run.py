@@ -49,15 +49,15 @@ def rollout_scenarios(
 
 def _finished(portion: list[Scenario], result: BatchResult) -> Iterator[Finished]:
     """The scenarios of a portion up to the first that an interrupt left out."""
-    for place, scenario in enumerate(portion):
-        outcome = str(result.outcomes[0, place])
+    for index, scenario in enumerate(portion):
+        outcome = str(result.outcomes[0, index])
         if outcome == NOT_RUN:
             return
-        metrics = Metrics(**{name: float(values[0, place]) for name, values in result.metrics.items()})
-        columns = {name: result.columns[name][0, place] for name in ("t", *TRACED)} if result.columns else {}
+        metrics = Metrics(**{name: float(values[0, index]) for name, values in result.metrics.items()})
+        columns = {name: result.columns[name][0, index] for name in ("t", *TRACED)} if result.columns else {}
         trace = np.array([columns[name].clip(-LARGEST, LARGEST) for name in TRACED if columns], dtype=np.float32)
         t = columns.get("t", np.empty(0))
-        yield Finished(scenario, metrics, outcome, float(result.end_times[0, place]), t, trace)
+        yield Finished(scenario, metrics, outcome, float(result.end_times[0, index]), t, trace)
 
 
 def run_ensemble(
@@ -94,8 +94,8 @@ def run_ensemble(
     kept = Collector(ensemble)
     finished = rollout_scenarios(ensemble.scenarios(scenarios, seed), POINTS if traces else 0, workers)
     try:
-        for one in finished:
-            kept.add(one)
+        for run in finished:
+            kept.add(run)
             if progress:
                 progress(len(kept))
     except KeyboardInterrupt:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ def columns(result: EnsembleResult) -> dict[str, Column]:
 
 def facts(result: EnsembleResult, notes: Mapping[str, str]) -> dict[str, Any]:
     """What travels with the columns, JSON-ready (NaN becomes null)."""
-    statistics = {name: _finite(asdict(statistic)) for name, statistic in result.statistics.items()}
+    statistics = {name: _finite(values) for name, values in result.statistics.items()}
     return {
         "ensemble": result.ensemble.name,
         "ensemble_seed": result.seed,

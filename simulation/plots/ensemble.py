@@ -72,15 +72,15 @@ def _headings(result: EnsembleResult) -> tuple[str, str]:
 
 
 def _error(axes: Axes, result: EnsembleResult, traces: Traces, colour: str) -> None:
-    unit, name = length_unit(result.statistic("max_abs_error").worst)
+    unit, name = length_unit(result.statistic("worst.max_abs_error"))
     _fan(axes, traces, "e", unit, colour)
     axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
     axes.set_ylabel(rf"error $e = x - x_\mathrm{{ref}}$ ({name})")
     axes.set_title("tracking error")
-    rms = np.sqrt(result.statistic("mse").mean)
-    largest = result.statistic("max_abs_error")
-    words = f"RMS {rms / unit:.3g} {name} · largest |e|: median {largest.median / unit:.3g}, "
-    axes.set_title(words + f"95 % {largest.p95 / unit:.3g}, worst {largest.worst / unit:.3g} {name}", **ASIDE)
+    rms = np.sqrt(result.statistic("mean.mse"))
+    median, most, worst = (result.statistic(f"{kind}.max_abs_error") / unit for kind in ("median", "p95", "worst"))
+    words = f"RMS {rms / unit:.3g} {name} · largest |e|: median {median:.3g}, "
+    axes.set_title(words + f"95 % {most:.3g}, worst {worst:.3g} {name}", **ASIDE)
 
 
 def _tension(axes: Axes, result: EnsembleResult, traces: Traces, colour: str, rope: int) -> None:
@@ -90,9 +90,10 @@ def _tension(axes: Axes, result: EnsembleResult, traces: Traces, colour: str, ro
     axes.set_ylabel(f"tension $F_{rope}$ (kN)")
     axes.set_title(f"rope {rope}")
     if rope == 1:
-        peak, slack = result.statistic("peak_tension"), result.statistic("slack_share")
-        words = f"both ropes: peak median {peak.median / KILO:.3g}, worst {peak.worst / KILO:.3g} kN"
-        words += f" · slack in {100 * slack.mean:.2g} % of the time, worst {100 * slack.worst:.2g} %"
+        median, highest = (result.statistic(f"{kind}.peak_tension") / KILO for kind in ("median", "worst"))
+        mean, longest = (100 * result.statistic(f"{kind}.slack_share") for kind in ("mean", "worst"))
+        words = f"both ropes: peak median {median:.3g}, worst {highest:.3g} kN"
+        words += f" · slack in {mean:.2g} % of the time, worst {longest:.2g} %"
         axes.set_title(words, **ASIDE)
 
 

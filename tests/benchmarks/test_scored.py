@@ -9,10 +9,16 @@ from benchmarks.traded import front
 from dualwinch.model.tree import leaves
 
 SCORE = Score(
-    paper=Point("paper", 60.0, mse=1e-7, within_reach=5e-8, median=4e-8, largest=6100.0, smallest=0.0, slack="9 of 9"),
+    paper=Point(
+        "paper", 60.0, mse=1e-7, within_authority=5e-8, median=4e-8, largest=6100.0, smallest=0.0, slack="9 of 9"
+    ),
     tuned=(
-        Point("0.1", 6.0, mse=2e-9, within_reach=5e-10, median=4e-10, largest=5900.4, smallest=250.0, slack="0 of 9"),
-        Point("0.25", 15.0, mse=1e-9, within_reach=1e-10, median=8e-11, largest=5901.0, smallest=240.0, slack="1 of 9"),
+        Point(
+            "0.1", 6.0, mse=2e-9, within_authority=5e-10, median=4e-10, largest=5900.4, smallest=250.0, slack="0 of 9"
+        ),
+        Point(
+            "0.25", 15.0, mse=1e-9, within_authority=1e-10, median=8e-11, largest=5901.0, smallest=240.0, slack="1 of 9"
+        ),
     ),
     least=4e-10,
 )
@@ -38,7 +44,7 @@ def test_the_table_gives_ratios_to_the_papers_gains() -> None:
 def test_the_front_shows_both_means_the_paper_and_the_bounds() -> None:
     axes = front(SCORE).axes[0]
     drawn = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
-    assert drawn["within reach"].tolist() == [[6.0, 5e-10], [15.0, 1e-10]]
+    assert drawn["within authority"].tolist() == [[6.0, 5e-10], [15.0, 1e-10]]
     assert drawn["all scenarios"].tolist() == [[6.0, 2e-9], [15.0, 1e-9]]
     assert set(drawn["all: no controller has less"][:, 1]) == {4e-10}
     assert set(drawn["paper's chatter / 4"][:, 0]) == {15.0}

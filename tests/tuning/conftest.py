@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from dualwinch.commands.tuning_setup import problem_of
+from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.tuning.problem import Problem
 
 MakeProblem = Callable[..., Problem]
@@ -17,18 +17,15 @@ def make_problem() -> MakeProblem:
 
     def make(**words: Any) -> Problem:
         given = {
-            "case": None,
-            "config": None,
-            "assignments": ["simulation.duration=0.1"],
+            "settings": ["simulation.duration=0.1"],
             "ensemble": "sea",
             "space": ["controller.nftsm.beta", "controller.observer.l0", "controller.coordination.preload"],
-            "objectives": [],
             "constraints": ["mean.chatter<=1*paper"],
             "scenarios": 4,
             "seed": 3,
         }
         if words.get("ensemble", "sea") is None:
             given["scenarios"] = None
-        return problem_of(**(given | words))
+        return tuning_problem(**(given | words))
 
     return make

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.constraint import Constraint, constraints_from
 from dualwinch.tuning.objective import objectives_from
-from dualwinch.tuning.scoring.statistic import UNMEASURED, Statistic, statistic_from
+from dualwinch.tuning.scoring.measured import UNMEASURED, measured
 
 
 def bound(text: str) -> Constraint:
-    return constraints_from([text], case(4), lambda statistic: 8.0 if statistic.metric == "chatter" else 0.0)[0]
+    """A constraint where the paper's controller reaches 8."""
+    return constraints_from([text], case(4))[0].given(8.0)
 
 
 def test_statistics_look_at_the_bad_end() -> None:
@@ -26,9 +28,10 @@ def test_statistics_look_at_the_bad_end() -> None:
 
 def test_what_was_not_measured_is_bad_and_finite() -> None:
     nothing = np.array([np.nan])
-    assert Statistic("mean", "mse").over(nothing) == UNMEASURED
-    assert Statistic("worst", "min_tension").over(nothing) == -UNMEASURED
-    assert Statistic("worst", "mse").over(np.array([1e300])) == UNMEASURED
+    assert np.isnan(Statistic("mean", "mse").over(nothing))
+    assert measured(Statistic("mean", "mse"), nothing) == UNMEASURED
+    assert measured(Statistic("worst", "min_tension"), nothing) == -UNMEASURED
+    assert measured(Statistic("worst", "mse"), np.array([1e300])) == UNMEASURED
 
 
 @pytest.mark.parametrize(
@@ -44,6 +47,16 @@ def test_what_was_not_measured_is_bad_and_finite() -> None:
 def test_bounds(text: str, limit: float, at_least: bool) -> None:
     found = bound(text)
     assert (found.bound, found.at_least) == (limit, at_least)
+
+
+def test_a_bound_of_the_papers_is_a_factor_until_it_is_given() -> None:
+    factor = constraints_from(["mean.chatter<=0.25*paper"], case(4))[0]
+    assert (factor.of_paper, factor.bound) == (True, 0.25)
+    assert factor.label == "mean.chatter <= 0.25 times the paper's"
+    assert factor.given(8.0).label == "mean.chatter <= 2 N"
+    assert constraints_from(["mean.chatter<=paper"], case(4))[0].label == "mean.chatter <= the paper's"
+    number = bound("mean.chatter<=3")
+    assert number.given(8.0) == number
 
 
 def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
@@ -72,10 +85,10 @@ def test_wrong_constraints_are_one_line(text: str, message: str) -> None:
 
 
 def test_wrong_objectives_and_repetitions_are_refused() -> None:
-    assert [one.name for one in objectives_from(["mse", "p95.chatter"])] == ["mean.mse", "p95.chatter"]
+    assert [statistic.name for statistic in objectives_from(["mse", "p95.chatter"])] == ["mean.mse", "p95.chatter"]
     with pytest.raises(ConfigurationError, match="small is bad; make it a constraint"):
         objectives_from(["worst.min_tension"])
     with pytest.raises(ConfigurationError, match="named twice"):
         objectives_from(["mse", "mean.mse"])
     with pytest.raises(ConfigurationError, match="bounded twice"):
-        constraints_from(["mse<=1", "mean.mse<=2"], case(4), lambda _: 0.0)
+        constraints_from(["mse<=1", "mean.mse<=2"], case(4))

@@ -5,7 +5,7 @@ import pytest
 
 from dualwinch.tuning.optimisers import METHODS, optimiser
 from dualwinch.tuning.optimisers.cma import Cma
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.space import Point
@@ -14,18 +14,19 @@ from tests.tuning.conftest import MakeProblem
 AVAILABLE = [method for method in METHODS if method != "gp"]  # gp needs PyTorch
 
 
-def bowl(problem: Problem, point: Point, objectives: int = 1) -> Evaluation:
+def bowl(prepared: Prepared, point: Point, objectives: int = 1) -> Evaluation:
     """A bowl with its bottom at 0.7 of every range, of which only the part with a first share <= 0.6 is allowed."""
-    shares = problem.space.encoded(point)
+    shares = prepared.problem.space.encoded(point)
     height = float(((shares - 0.7) ** 2).sum())
     values = (height, float(shares[1]))[:objectives]
-    return Evaluation(Candidate(point, ""), values, {problem.bounded[0].label: float(shares[0] - 0.6)}, {}, {}, 1)
+    violations = {prepared.constraints[0].label: float(shares[0] - 0.6)}
+    return Evaluation(Candidate(point, ""), values, violations, {}, {}, 1)
 
 
-def run(problem: Problem, method: str, batches: int, seed: int = 0) -> list[Evaluation]:
-    proposer, done = optimiser(method, problem, seed), []
+def run(prepared: Prepared, method: str, batches: int, seed: int = 0) -> list[Evaluation]:
+    proposer, done = optimiser(method, prepared, seed), []
     for _ in range(batches):
-        fresh = [bowl(problem, point, len(problem.objectives)) for point in proposer.ask(16)]
+        fresh = [bowl(prepared, point, len(prepared.problem.objectives)) for point in proposer.ask(16)]
         proposer.tell(fresh)
         done += fresh
     return done
@@ -33,12 +34,15 @@ def run(problem: Problem, method: str, batches: int, seed: int = 0) -> list[Eval
 
 @pytest.mark.parametrize("method", AVAILABLE)
 def test_candidates_are_within_the_space_and_reproducible(method: str, make_problem: MakeProblem) -> None:
-    problem = make_problem(space=["controller.nftsm.beta", "controller.nftsm.p/q", "controller.winch.kp"])
-    done = run(problem, method, 3)
-    assert all(d.holds(one.point[d.name]) for one in done for d in problem.space.dimensions)
-    assert [one.point for one in run(problem, method, 3)] == [one.point for one in done]
+    gains = ["controller.nftsm.beta", "controller.nftsm.p/q", "controller.winch.kp"]
+    prepared = prepare(make_problem(space=gains))
+    found = [trial.point for trial in run(prepared, method, 3)]
+    assert all(
+        dimension.holds(point[dimension.name]) for point in found for dimension in prepared.problem.space.dimensions
+    )
+    assert [trial.point for trial in run(prepared, method, 3)] == found
     descends = method == "gradient"  # from the start; what follows is drawn
-    assert ([one.point for one in run(problem, method, 3, seed=1)] == [one.point for one in done]) == descends
+    assert ([trial.point for trial in run(prepared, method, 3, seed=1)] == found) == descends
 
 
 @pytest.mark.parametrize(("method", "batches", "reached"), [("cmaes", 40, 0.0102), ("tpe", 20, 0.02)])
@@ -46,16 +50,15 @@ def test_the_bottom_is_found_where_the_constraint_allows(
     method: str, batches: int, reached: float, make_problem: MakeProblem
 ) -> None:
     """The allowed minimum is (0.6 − 0.7)² = 0.01, on the constraint."""
-    done = run(make_problem(), method, batches)
+    done = run(prepare(make_problem()), method, batches)
     best = done[best_first(done)[0]]
     assert best.feasible
     assert 0.01 <= best.objectives[0] < reached
 
 
 def test_a_strategy_that_stands_still_starts_elsewhere(make_problem: MakeProblem) -> None:
-    problem = make_problem()
-    done = run(problem, "cmaes", 200)
-    shares = np.array([problem.space.encoded(one.point) for one in done])
+    prepared = prepare(make_problem())
+    shares = np.array([prepared.problem.space.encoded(trial.point) for trial in run(prepared, "cmaes", 200)])
     spreads = np.array([batch.std(axis=0).mean() for batch in np.split(shares, 200)])
     calm = np.flatnonzero(spreads < 0.02)
     assert len(calm)
@@ -64,9 +67,9 @@ def test_a_strategy_that_stands_still_starts_elsewhere(make_problem: MakeProblem
 
 def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: MakeProblem) -> None:
     """What it has learned is a function of the trials alone, so a resumed study goes on where it was."""
-    problem = make_problem()
-    done = run(problem, "cmaes", 8)
-    resumed = Cma(problem, 5)
+    prepared = prepare(make_problem())
+    problem, done = prepared.problem, run(prepared, "cmaes", 8)
+    resumed = Cma(prepared, 5)
     resumed.tell(done)
     points = np.array([problem.space.encoded(point) for point in resumed.ask(64)])
     best = problem.space.encoded(done[best_first(done)[0]].point)
@@ -74,9 +77,9 @@ def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: Mak
 
 
 def test_several_objectives_have_their_methods(make_problem: MakeProblem) -> None:
-    problem = make_problem(objectives=["mean.mse", "mean.chatter"])
-    assert len({one.objectives for one in run(problem, "nsga2", 3)}) == 48
+    prepared = prepare(make_problem(objectives=["mean.mse", "mean.chatter"]))
+    assert len({trial.objectives for trial in run(prepared, "nsga2", 3)}) == 48
     with pytest.raises(Exception, match="has one objective; use nsga2"):
-        optimiser("cmaes", problem, 0)
+        optimiser("cmaes", prepared, 0)
     with pytest.raises(Exception, match="--method simplex: must be one of cmaes, gradient, hybrid, tpe"):
-        optimiser("simplex", problem, 0)
+        optimiser("simplex", prepared, 0)

@@ -1,17 +1,55 @@
-"""Tuning in one call, the choice of the best, and the figures of a study."""
+"""Tuning in one call: its phases, its time, what it says, and the figures of a study."""
 
-from itertools import pairwise
+from dataclasses import replace
 
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.tree import leaves
+from dualwinch.tuning import clock
+from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, importances, parallel_coordinates
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.selection import FINALISTS, RUNG, rungs
+from dualwinch.tuning.prepared import Prepared, prepare
+from dualwinch.tuning.progress import PHASES, SEARCHING, Progress
+from dualwinch.tuning.scoring import evaluate
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.plan import BESIDE_SECONDS, FULL
+from dualwinch.tuning.space import Point
+from dualwinch.tuning.study import BATCH
+from dualwinch.tuning.summary import advice, comparison, headings, headline, times, where
 from dualwinch.tuning.tune import Tuned, tune
 from tests.tuning.conftest import MakeProblem
+
+
+class Recorded:
+    """A watch that remembers; interrupts once there are so many trials."""
+
+    def __init__(self, interrupt_at: int = 10**9) -> None:
+        self.phases: list[str] = []
+        self.batches: list[tuple[str, float | None, int | None]] = []
+        self._interrupt_at = interrupt_at
+
+    def phase(self, words: str) -> None:
+        self.phases.append(words)
+
+    def progress(self, progress: Progress, until: float | None, trials: int | None) -> None:
+        self.batches.append((self.phases[-1], until, trials))
+        if progress.trials >= self._interrupt_at:
+            raise KeyboardInterrupt
+
+
+class Stubborn:
+    """An optimiser that proposes nothing but much error."""
+
+    def __init__(self, prepared: Prepared, seed: int) -> None:  # noqa: ARG002
+        self._start = prepared.problem.start
+
+    def ask(self, count: int) -> list[Point]:
+        return [self._start | {"controller.nftsm.beta": 0.005 * (1 + number / 100)} for number in range(count)]
+
+    def tell(self, evaluations: object) -> None:
+        """Learn nothing."""
 
 
 @pytest.fixture
@@ -20,16 +58,117 @@ def tuned(make_problem: MakeProblem) -> Tuned:
 
 
 def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tuned) -> None:
-    assert [one.number for one in tuned.trials] == list(range(60))
+    assert [trial.number for trial in tuned.trials] == list(range(60))
     settings = tuned.problem.space.settings(tuned.verdict.best.point)
     assert leaves(tuned.best)["controller.nftsm.beta"] == settings["controller.nftsm.beta"]
     assert tuned.verdict.held_out
-    assert tuned.verdict.held_out.scenarios == 6
+    assert tuned.verdict.scored.scenarios == 6
+    assert tuned.verdict.plan == replace(FULL, held_out=6)
+    assert not tuned.interrupted
 
 
 def test_a_budget_is_needed(make_problem: MakeProblem) -> None:
     with pytest.raises(ConfigurationError, match="needs a budget, trials or seconds"):
         tune(make_problem())
+    with pytest.raises(ConfigurationError, match="seconds = 0: must be > 0"):
+        tune(make_problem(), seconds=0)
+
+
+def test_every_phase_is_told_and_batches_belong_to_the_search(make_problem: MakeProblem) -> None:
+    watch = Recorded()
+    tune(make_problem(ensemble=None, case=4), trials=40, watch=watch)
+    assert tuple(watch.phases) == PHASES
+    assert {phase for phase, _, _ in watch.batches} == {SEARCHING}
+    assert {(until, trials) for _, until, trials in watch.batches} == {(None, 40)}
+
+
+def test_a_time_is_that_of_the_search_and_little_comes_on_top(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Time goes by with rollouts alone, each of which takes 10 ms; the search has 20 s."""
+    pace, seconds, time = 0.01, 20.0, [1000.0]
+    rollouts = evaluate.run_pairs
+
+    def run_pairs(*words: object, **options: object) -> object:
+        result = rollouts(*words, **options)  # pyright: ignore[reportArgumentType]
+        time[0] += pace * result.outcomes.size
+        return result
+
+    monkeypatch.setattr(clock, "now", lambda: time[0])
+    monkeypatch.setattr(evaluate, "run_pairs", run_pairs)
+    problem = make_problem()
+    tuned = tune(problem, seconds=seconds)
+    batch = pace * (BATCH * len(tuned.prepared.scenarios) + 2 * len(tuned.prepared.stress))
+    assert seconds <= tuned.cost.searching <= seconds + batch
+    assert tuned.cost.judging <= BESIDE_SECONDS
+    assert tuned.cost.judging == pytest.approx(pace * (tuned.cost.rollouts - tuned.progress.rollouts))
+    assert 16 < tuned.verdict.scored.scenarios == tuned.verdict.plan.held_out < FULL.held_out
+    assert where(tuned) == f"in {tuned.verdict.plan.held_out} held-out scenarios (200 with more time)"
+    hurried = tune(problem, seconds=seconds, afterwards=2.0)
+    assert hurried.verdict.plan.rollouts < tuned.verdict.plan.rollouts
+
+
+def test_an_interrupt_ends_the_search_and_the_best_so_far_is_scored(make_problem: MakeProblem) -> None:
+    watch = Recorded(interrupt_at=32)
+    tuned = tune(make_problem(), trials=1000, held_out=6, watch=watch)
+    assert tuned.interrupted
+    assert len(tuned.trials) == tuned.progress.trials == 32
+    assert tuple(watch.phases) == PHASES
+    assert tuned.verdict.scored.scenarios == 6
+
+
+def test_where_nothing_is_better_the_start_is_kept_and_what_would_help_is_said(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(METHODS, "stubborn", Stubborn)
+    tuned = tune(make_problem(ensemble=None, case=4, constraints=[]), method="stubborn", trials=20)
+    assert tuned.best == tuned.problem.experiment
+    assert headline(tuned).startswith(
+        "the start is kept: no trial is better than the gains that the search started from"
+    )
+    words = advice(tuned)
+    assert "more trials (--time, --trials, --resume): 90 or more" in words[0]
+    assert words[-1] == "another method (--method hybrid)"
+
+
+def test_a_best_that_breaks_constraints_is_said_to_and_what_would_help(make_problem: MakeProblem) -> None:
+    tuned = tune(make_problem(constraints=["mean.chatter<=0.001*paper"]), trials=20, held_out=6)
+    assert not tuned.verdict.scored.feasible
+    assert any(
+        "a looser bound (--constraint)" in words and "break mean.chatter <= " in words for words in advice(tuned)
+    )
+
+
+def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(METHODS, "stubborn", Stubborn)
+    space = ["controller.nftsm.beta", "controller.kalman.ramp"]
+    tuned = tune(make_problem(space=space, constraints=[]), method="stubborn", trials=6, held_out=4)
+    assert "wider bounds (--space): the best trials lie at those of nftsm.beta" in advice(tuned)  # a ramp is >= 0
+
+
+def test_there_is_no_advice_where_nothing_is_wrong(tuned: Tuned) -> None:
+    assert advice(tuned) == []
+    assert headline(tuned).startswith(
+        f"trial {tuned.verdict.best.number} of 60 is the best; scored in 6 held-out scenarios"
+    )
+    assert list(headings(tuned)) == ["best", "start", "paper"]
+    assert "times below the paper's and " in comparison(tuned)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [
+        (956.6, "957 times below the paper's"),
+        (61042.0, "61 000 times below the paper's"),
+        (0.7068, "1.41 times above the paper's"),
+        (1.0001, "as large as the paper's"),
+        (float("inf"), "not comparable with the paper's"),
+    ],
+)
+def test_ratios_in_words_never_call_more_less(ratio: float, words: str) -> None:
+    assert times(ratio, "the paper's") == words
 
 
 def test_every_figure_says_what_it_shows(tuned: Tuned) -> None:
@@ -38,7 +177,7 @@ def test_every_figure_says_what_it_shows(tuned: Tuned) -> None:
         history(problem, trials),
         importance(problem, trials),
         parallel_coordinates(problem, trials),
-        front(problem, trials),
+        front(problem, tuned.prepared.constraints, trials),
         before_and_after(problem, verdict),
         held_out(verdict),
     )
@@ -49,10 +188,25 @@ def test_every_figure_says_what_it_shows(tuned: Tuned) -> None:
     assert sum(importances(problem, trials).values()) == pytest.approx(1)
 
 
-def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
-    ordered = [Evaluation(Candidate({}, ""), (1.01**place,), {}, {}, {}, 1) for place in range(400)]
-    places = rungs(ordered)
-    values = [ordered[place].objectives[0] for place in places]
-    assert len(places) == FINALISTS
-    assert places[0] == 0
-    assert all(after / before > RUNG for before, after in pairwise(values))
+def test_a_problem_runs_nothing(make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    class RunError(Exception):
+        """Something was run."""
+
+    def refuse(*_: object, **__: object) -> object:
+        raise RunError
+
+    monkeypatch.setattr("dualwinch.simulation.batch.rollout.Pairs", refuse)
+    problem = make_problem()
+    problem.check()
+    assert problem.drawn(2, 1) != problem.drawn(2, 1, problem.paper_experiment)
+    assert problem.paper_point == problem.start
+    assert problem.constraints[0].of_paper
+    with pytest.raises(RunError):
+        prepare(problem)
+
+
+def test_a_front_of_two_objectives_has_its_best_by_the_first(make_problem: MakeProblem) -> None:
+    tuned = tune(make_problem(objectives=["mean.mse", "mean.chatter"]), trials=48, held_out=6)
+    start = tuned.verdict.scores["start"].evaluation
+    assert any(ours < theirs for ours, theirs in zip(tuned.verdict.scored.objectives, start.objectives, strict=True))
+    assert isinstance(tuned.verdict.best, Evaluation)

@@ -9,7 +9,7 @@ from dualwinch.tuning.optimisers.cma import Cma
 from dualwinch.tuning.optimisers.gradient import Gradient
 from dualwinch.tuning.optimisers.hybrid import Hybrid
 from dualwinch.tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, Sampler
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.space import Point
 
@@ -26,7 +26,7 @@ class Optimiser(Protocol):
         ...
 
 
-Method = Callable[[Problem, int], Optimiser]
+Method = Callable[[Prepared, int], Optimiser]
 """Makes an optimiser for a problem from a seed."""
 
 METHODS: dict[str, Method] = {
@@ -51,14 +51,23 @@ def default_method(objectives: int) -> str:
     return "hybrid" if objectives == 1 else "nsga2"
 
 
-def optimiser(method: str, problem: Problem, seed: int) -> Optimiser:
+def check_method(method: str, objectives: int) -> None:
+    """Find out whether there is a method of a name for so many objectives.
+
+    Raises:
+        ConfigurationError: unknown name, or one for a single objective only.
+    """
+    if method not in METHODS:
+        raise ConfigurationError(f"--method {method}: must be one of {', '.join(METHODS)}")
+    if method in ONE_OBJECTIVE and objectives > 1:
+        raise ConfigurationError(f"--method {method}: has one objective; use nsga2, nsga3 or tpe for several")
+
+
+def optimiser(method: str, prepared: Prepared, seed: int) -> Optimiser:
     """The optimiser of a name.
 
     Raises:
         ConfigurationError: unknown name, one for a single objective only, or one that needs a library that is missing.
     """
-    if method not in METHODS:
-        raise ConfigurationError(f"--method {method}: must be one of {', '.join(METHODS)}")
-    if method in ONE_OBJECTIVE and len(problem.objectives) > 1:
-        raise ConfigurationError(f"--method {method}: has one objective; use nsga2, nsga3 or tpe for several")
-    return METHODS[method](problem, seed)
+    check_method(method, len(prepared.problem.objectives))
+    return METHODS[method](prepared, seed)

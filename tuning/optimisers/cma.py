@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.space import Point
@@ -39,14 +39,14 @@ class Cma:
         finished: how many times it got no further.
     """
 
-    def __init__(self, problem: Problem, seed: int) -> None:
+    def __init__(self, prepared: Prepared, seed: int) -> None:
         """The strategy of a problem; the same seed gives the same candidates."""
-        self._space = problem.space
+        self._space = prepared.problem.space
         self._random = np.random.default_rng(seed)
         self._waiting: list[Evaluation] = []
         self.finished = 0
         self._scouts: list[Evaluation] | None = None
-        self._begin(problem.start)
+        self._begin(prepared.problem.start)
 
     def _begin(self, start: Point) -> None:
         import cmaes
@@ -87,8 +87,8 @@ class Cma:
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
         order = best_first(generation)
-        places = [self._space.encoded(generation[place].point).clip(0, 1) for place in order]
-        self._strategy.tell([(place, float(rank)) for rank, place in enumerate(places)])
+        points = [self._space.encoded(generation[index].point).clip(0, 1) for index in order]
+        self._strategy.tell([(point, float(rank)) for rank, point in enumerate(points)])
         self._leaders.append(generation[order[0]])
         if self._strategy.should_stop() or self._stands_still():
             self._scouts, self.finished = [], self.finished + 1

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dualwinch.tuning.optimisers.linearise import linearise
 from dualwinch.tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.space import Interval, Point
 
@@ -55,16 +55,20 @@ class Gradient:
 
     Attributes:
         gradients: how many gradients it took.
+        minima: where steps got no further, in their order; there is more than one.
     """
 
-    def __init__(self, problem: Problem, seed: int) -> None:
+    def __init__(self, prepared: Prepared, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
         from scipy.stats import qmc
 
+        problem = prepared.problem
         self._scouts = qmc.Sobol(len(problem.space.dimensions), rng=seed)
-        self._problem, self._space = problem, problem.space
-        self._smooth = [place for place, one in enumerate(self._space.dimensions) if isinstance(one, Interval)]
-        self.gradients = 0
+        self._prepared, self._space = prepared, problem.space
+        self._smooth = [
+            index for index, dimension in enumerate(self._space.dimensions) if isinstance(dimension, Interval)
+        ]
+        self.gradients, self.minima = 0, list[Evaluation]()
         self._smallest, self._enough = EVEN if problem.ensemble is None else UNEVEN
         self._abreast = SIDE_BY_SIDE if problem.ensemble else 1
         self._centre: Evaluation | None = None
@@ -75,7 +79,7 @@ class Gradient:
         """Go on from another point."""
         self._centre, self._size, self._penalty = centre, size, penalty
         self._model: Model | None = None
-        self._bend = np.zeros(len(self._problem.bounded))
+        self._bend = np.zeros(len(self._prepared.constraints))
         self._attempt, self._asked = 0, list[Point]()
 
     @property
@@ -100,9 +104,9 @@ class Gradient:
                 warnings.simplefilter("ignore")  # about counts that are no powers of two
                 return [self._space.decoded(shares) for shares in self._scouts.random(number)]
         if self._centre is None:
-            return [self._problem.start]
+            return [self._prepared.problem.start]
         if self._model is None:
-            self._model = linearise(self._problem, self._centre.point)
+            self._model = linearise(self._prepared, self._centre.point)
             self.gradients += 1
         attempts = ATTEMPTS[self._attempt : self._attempt + min(count, self._abreast)]
         points = [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]
@@ -114,7 +118,7 @@ class Gradient:
         model = model.closer(np.minimum(BENT * self._bend * size**2, BENT_AT_MOST) + KEPT)
         centre[self._smooth] += STEPS[kind](model, centre[self._smooth], size)
         stepped = self._space.decoded(centre)
-        fixed = [one.name for place, one in enumerate(self._space.dimensions) if place not in self._smooth]
+        fixed = [name for index, name in enumerate(self._space.names) if index not in self._smooth]
         return stepped | {name: point[name] for name in fixed}
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
@@ -137,14 +141,15 @@ class Gradient:
             self._begin(leader, float(np.clip(2 * moved, 10 * self._smallest, LARGEST)), self._penalty)
             self._bend = bend
         else:
-            self._attempt += sum(one.point in self._asked for one in evaluations)
+            self._attempt += sum(evaluation.point in self._asked for evaluation in evaluations)
         if self.converged and not self._centre.feasible and self._penalty == PENALTY:
             self._begin(self._centre, penalty=10 * PENALTY)
         elif self.converged:
+            self.minima.append(self._centre)
             self._scouting = []
 
     def _merit(self, evaluation: Evaluation) -> float:
-        return merit(evaluation, self._problem.bounded, self._penalty)
+        return merit(evaluation, self._prepared.constraints, self._penalty)
 
     def _encoded(self, evaluation: Evaluation) -> Floats:
         return self._space.encoded(evaluation.point)[self._smooth]
@@ -154,13 +159,14 @@ class Gradient:
         if self._centre is None or self._model is None or not len(self._bend):
             return
         found: list[Floats] = []
-        for one in evaluations:
-            moved = self._encoded(one) - self._encoded(self._centre)
+        for evaluation in evaluations:
+            moved = self._encoded(evaluation) - self._encoded(self._centre)
             size = float(np.abs(moved).max(initial=0.0))
-            if one.pruned or not 0 < size <= 1.01 * self._size:
+            if evaluation.pruned or not 0 < size <= 1.01 * self._size:
                 continue
             beyond = [
-                closeness(constraint, one.violations[constraint.label])[0] for constraint in self._problem.bounded
+                closeness(constraint, evaluation.violations[constraint.label])[0]
+                for constraint in self._prepared.constraints
             ]
             excess = np.array(beyond) - self._model.predicted(moved, len(beyond))
             found.append(np.maximum(excess / size**2, 0.0))

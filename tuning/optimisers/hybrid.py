@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from dualwinch.tuning.optimisers.cma import Cma
 from dualwinch.tuning.optimisers.gradient import Gradient
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.space import Point
@@ -17,11 +17,11 @@ class Hybrid:
     whoever asked for it.
     """
 
-    def __init__(self, problem: Problem, seed: int) -> None:
+    def __init__(self, prepared: Prepared, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
-        self._search, self._polish = Cma(problem, seed), Gradient(problem, seed)
+        self._search, self._polish = Cma(prepared, seed), Gradient(prepared, seed)
         self._best: Evaluation | None = None
-        self._searched, self._polishing = 0, problem.ensemble is None
+        self._searched, self._polishing = 0, prepared.problem.ensemble is None
 
     def ask(self, count: int) -> list[Point]:
         """Candidates of the optimiser whose turn it is."""

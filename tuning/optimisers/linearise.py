@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 from dualwinch.model.tree import with_leaves
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.optimisers.local_model import Model, closeness
-from dualwinch.tuning.problem import Problem, counts
-from dualwinch.tuning.scoring.statistic import Statistic
+from dualwinch.tuning.prepared import Prepared
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.scoring.measured import measured
+from dualwinch.tuning.scoring.runs import counts
 from dualwinch.tuning.space import Interval, Point
 
 Floats = NDArray[np.float64]
@@ -24,42 +27,50 @@ STEEPEST = 1e6
 """Slope of a logarithm over a gain's range beyond which it is no guide: that of an unstable or chaotic run grows on."""
 
 
-def linearise(problem: Problem, point: Point) -> Model:
-    """The model at a point of the space, over its dimensions that are intervals."""
-    dimensions = [one for one in problem.space.dimensions if isinstance(one, Interval)]
-    keys = [key for one in dimensions for key in one.keys]
+def linearise(prepared: Prepared, point: Point) -> Model:
+    """The model at a point of the space, over its dimensions that are intervals.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    problem = prepared.problem
+    dimensions = [dimension for dimension in problem.space.dimensions if isinstance(dimension, Interval)]
+    keys = [key for dimension in dimensions for key in dimension.keys]
     values = dict(zip(problem.space.keys, problem.space.parameters(point), strict=True))
     scales = np.zeros((len(keys), len(dimensions)))
-    for column, one in enumerate(dimensions):
-        for key in one.keys:
-            scales[keys.index(key), column] = _scale(one, values[key])
-    scenarios = [_with(one, problem, point) for one in (*problem.tuning_scenarios, *problem.stress_scenarios)]
+    for column, dimension in enumerate(dimensions):
+        for key in dimension.keys:
+            scales[keys.index(key), column] = _scale(dimension, values[key])
+    scenarios = [_with(scenario, problem, point) for scenario in (*prepared.scenarios, *prepared.stress)]
     run = sensitivities(keys, [[values[key] for key in keys]], scenarios, stride=STRIDE)
+    if run.interrupted:
+        raise KeyboardInterrupt
 
     def counted(statistic: Statistic) -> NDArray[np.bool_]:
-        return np.array([counts(statistic, one) for one in scenarios]) & (run.outcomes[0] == "completed")
+        return np.array([counts(statistic, scenario) for scenario in scenarios]) & (run.outcomes[0] == "completed")
 
     def value(statistic: Statistic) -> float:
-        return statistic.over(run.metrics[statistic.metric][0, counted(statistic)])
+        return measured(statistic, run.metrics[statistic.metric][0, counted(statistic)])
 
-    objective = problem.minimised[0]
+    objective = problem.objectives[0]
     errors = run.slopes[0, counted(objective)].reshape(-1, len(keys)) @ scales
     errors = errors[np.isfinite(errors).all(axis=1)]
     square = float(np.nanmean(run.errors[0, counted(objective)] ** 2)) * max(len(errors), 1)
     violations, slopes, belongs = [], [], []
-    for place, one in enumerate(problem.bounded):
-        metric = one.statistic.metric
-        kept = counted(one.statistic) & np.isfinite(run.metrics[metric][0])
-        share = (-1 if one.at_least else 1) / (abs(one.bound) or 1.0)
-        if one.statistic.kind == "worst" and kept.any():
+    for index, constraint in enumerate(prepared.constraints):
+        statistic = constraint.statistic
+        metric, kept = statistic.metric, counted(statistic) & np.isfinite(run.metrics[statistic.metric][0])
+        share = (-1 if constraint.at_least else 1) / (abs(constraint.bound) or 1.0)
+        if statistic.kind == "worst" and kept.any():
             rows = zip(run.metrics[metric][0, kept], run.gradients[metric][0, kept], strict=True)
         else:
-            rows = [(value(one.statistic), _slope(one.statistic, run, kept))]
+            rows = [(value(statistic), _slope(statistic, run, kept))]
         for reached, slope in rows:
-            beyond, rate = closeness(one, one.violation(float(reached), problem.margin(one)))
+            violation = constraint.violation(float(reached), problem.margin(constraint))
+            beyond, rate = closeness(constraint, violation)
             violations.append(beyond)
             slopes.append(_usable(rate * share * slope @ scales))
-            belongs.append(place)
+            belongs.append(index)
     return Model(
         slope=_usable(_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0)),
         curvature=_usable(2 * errors.T @ errors / square, STEEPEST**2),
@@ -89,7 +100,7 @@ def _slope(statistic: Statistic, run: Sensitivities, counted: Sequence[bool] | N
         return np.zeros(len(run.names))
     if statistic.kind == "mean":
         return slopes.mean(axis=0)
-    return slopes[int(np.argmin(np.abs(values - statistic.over(values))))]
+    return slopes[int(np.argmin(np.abs(values - measured(statistic, values))))]
 
 
 def _scale(dimension: Interval, value: float) -> float:

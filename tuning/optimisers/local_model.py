@@ -33,7 +33,7 @@ class Model:
         curvature: (d, d) of the objective as a share of its value, by Gauss–Newton.
         violations, slopes: (r,), (r, d) of the constraints (`closeness`), positive where violated. One about the worst
             of many scenarios has a row for each of them: which is the worst changes within a step.
-        belongs: (r,) places of the constraints that the rows belong to.
+        belongs: (r,) indices of the constraints that the rows belong to.
     """
 
     slope: Floats
@@ -49,7 +49,7 @@ class Model:
     def predicted(self, step: Floats, constraints: int) -> Floats:
         """The violations (c,) after a step, by the linear model."""
         rows = self.violations + self.slopes @ step
-        return np.array([rows[self.belongs == place].max() for place in range(constraints)])
+        return np.array([rows[self.belongs == index].max() for index in range(constraints)])
 
 
 def level(value: float) -> float:
@@ -70,10 +70,10 @@ def closeness(constraint: Constraint, violation: float) -> tuple[float, float]:
 
 def merit(evaluation: Evaluation, constraints: tuple[Constraint, ...], penalty: float) -> float:
     """What steps are to lower: the objective's level and a penalty times the worst violation; infinite if it failed."""
-    known = {one.label for one in constraints}
+    known = {constraint.label for constraint in constraints}
     if evaluation.pruned or any(v > 0 for label, v in evaluation.violations.items() if label not in known):
         return float("inf")
-    beyond = (closeness(one, evaluation.violations[one.label])[0] for one in constraints)
+    beyond = (closeness(constraint, evaluation.violations[constraint.label])[0] for constraint in constraints)
     return level(evaluation.objectives[0]) + penalty * max((0.0, *beyond))
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.space import Point
@@ -35,9 +35,9 @@ class Kind:
 class Sampler:
     """An optimiser that asks one of Optuna's samplers."""
 
-    def __init__(self, kind: Kind, problem: Problem, seed: int) -> None:
+    def __init__(self, kind: Kind, prepared: Prepared, seed: int) -> None:
         """The sampler of a problem; the same seed gives the same candidates."""
-        self._kind = kind
+        self._kind, problem = kind, prepared.problem
         self._space = problem.space
         self._distributions = distributions(problem.space)
         self._objectives = len(problem.objectives)
@@ -56,7 +56,7 @@ class Sampler:
             directions=[optuna.study.StudyDirection.MINIMIZE] * self._objectives, sampler=self._sampler
         )
         self._asked.clear()
-        self._study.add_trials([finished_trial(one, self._space) for one in kept])
+        self._study.add_trials([finished_trial(evaluation, self._space) for evaluation in kept])
         self._known = list(kept)
 
     def ask(self, count: int) -> list[Point]:
@@ -70,35 +70,35 @@ class Sampler:
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
         """Learn from evaluations, and forget half where the sampler has a short memory."""
-        for one in evaluations:
-            trial = self._asked.pop(tuple(one.point[name] for name in self._distributions), None)
+        for evaluation in evaluations:
+            trial = self._asked.pop(tuple(evaluation.point[name] for name in self._distributions), None)
             if trial is None:
-                self._study.add_trial(finished_trial(one, self._space))
+                self._study.add_trial(finished_trial(evaluation, self._space))
             else:
-                self._finish(trial, one)
+                self._finish(trial, evaluation)
         self._known += evaluations
         if self._kind.memory and len(self._known) > self._kind.memory and not self._asked:
             self._begin(_remembered(self._known, self._kind.memory // 2))
 
-    def _finish(self, trial: "optuna.Trial", one: Evaluation) -> None:
+    def _finish(self, trial: "optuna.Trial", evaluation: Evaluation) -> None:
         import optuna
 
-        for name, violation in one.violations.items():
+        for name, violation in evaluation.violations.items():
             trial.set_constraint(name, violation)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            if one.pruned:
-                trial.report(one.objectives[0], one.scenarios)
+            if evaluation.pruned:
+                trial.report(evaluation.objectives[0], evaluation.scenarios)
                 self._study.tell(trial, state=optuna.trial.TrialState.PRUNED)
             else:
-                self._study.tell(trial, list(one.objectives))
+                self._study.tell(trial, list(evaluation.objectives))
 
 
 def _remembered(known: Sequence[Evaluation], count: int) -> list[Evaluation]:
     """The best and the latest, half of each, in their order."""
     kept = set(best_first(known)[: count // 2])
-    kept |= set([place for place in range(len(known)) if place not in kept][-(count - len(kept)) :])
-    return [known[place] for place in sorted(kept)]
+    kept |= set([index for index in range(len(known)) if index not in kept][-(count - len(kept)) :])
+    return [known[index] for index in sorted(kept)]
 
 
 def _gp(seed: int) -> "optuna.samplers.BaseSampler":

@@ -12,14 +12,15 @@ from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure, time_axis
+from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.problem import HELD_OUT, Problem
-from dualwinch.tuning.scoring.selection import Verdict
+from dualwinch.tuning.scoring.verdict import Verdict
 
 ROWS = 2500
 """Rows of a run that are drawn, at most."""
 
 CONTENDERS = {"paper": ("paper's gains", VERMILION), "best": ("best", BLUE)}
-"""Name in a verdict → its label and colour."""
+"""Name of a score in a verdict → its label and colour."""
 
 DISTRIBUTED = ("mse", "chatter", "peak_tension", "min_tension")
 """Figures of merit whose distribution is shown."""
@@ -28,7 +29,7 @@ BINS = 40
 
 
 def before_and_after(problem: Problem, verdict: Verdict) -> Figure:
-    """Error and tensions with the paper's gains and with the best, in one scenario.
+    """Error and tensions with the paper's controller and with the best, in one scenario.
 
     With an ensemble it is the held-out scenario in which the best does as in the middle of them.
     """
@@ -36,7 +37,7 @@ def before_and_after(problem: Problem, verdict: Verdict) -> Figure:
     experiment = problem.experiment
     limits = experiment.controller.limits
     with house_style():
-        figure = new_figure(6.6, "Before and after", words)
+        figure = new_figure(6.6, "The paper's gains and the best", words)
         panels = figure.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1.2, 1.2))
         for axes, name in zip(panels, ("paper", "best"), strict=False):
             label, colour = CONTENDERS[name]
@@ -58,9 +59,9 @@ def before_and_after(problem: Problem, verdict: Verdict) -> Figure:
 
 def held_out(verdict: Verdict) -> Figure | None:
     """How figures of merit spread over the held-out scenarios; ``None`` without an ensemble."""
-    if not verdict.held_out_metrics:
+    if not verdict.held_out:
         return None
-    scenarios = len(verdict.held_out_metrics["best"].outcomes[0])
+    scenarios = verdict.scored.scenarios
     with house_style():
         figure = new_figure(4.6, "Scenarios that nobody tuned on", f"Distribution over {scenarios} held-out scenarios")
         for axes, metric in zip(figure.subplots(2, 2).flat, DISTRIBUTED, strict=True):
@@ -73,25 +74,24 @@ def held_out(verdict: Verdict) -> Figure | None:
             for name, (_, colour) in CONTENDERS.items():
                 axes.hist(values[name], 10**edges if log else edges, color=colour, alpha=0.7, histtype="stepfilled")
             axes.set_xscale("log" if log else "linear")
-            unit = quantity.unit.replace("^2", "²")
-            axes.set(xlabel=f"{metric.replace('_', ' ')} ({unit})", ylabel="scenarios")
+            axes.set(xlabel=f"{shown_name(metric)} ({shown_unit(quantity.unit)})", ylabel="scenarios")
         handles = [Line2D([], [], color=colour, linewidth=5, label=label) for label, colour in CONTENDERS.values()]
         legend_below(figure, [*handles])
     return figure
 
 
 def _completed(verdict: Verdict, name: str, metric: str) -> np.ndarray:
-    result = verdict.held_out_metrics[name]
+    result = verdict.scores[name].result
     values = result.metrics[metric][0, result.outcomes[0] == "completed"]
     return values[np.isfinite(values)]
 
 
 def _runs(problem: Problem, verdict: Verdict) -> tuple[dict[str, dict[str, np.ndarray]], str]:
-    """Rows of the paper's gains and of the best in one scenario, and which one it is in words."""
+    """Rows of the paper's controller and of the best in one scenario, and which one it is in words."""
     experiments = {"paper": problem.paper_experiment, "best": problem.tuned(verdict.best.point)}
     index, words = 0, "The tuned experiment"
-    if verdict.held_out_metrics:
-        mse = verdict.held_out_metrics["best"].metrics["mse"][0]
+    if verdict.held_out:
+        mse = verdict.scores["best"].result.metrics["mse"][0]
         index = int(np.argsort(mse)[len(mse) // 2])
         words = f"Held-out scenario {index}, in which the best does as in the middle of all"
     stride = max(1, -(-problem.experiment.samples // ROWS))

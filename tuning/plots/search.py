@@ -7,6 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from dualwinch.model.quantity import behind_number
+from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.plots.style import (
     BLUE,
     GREY,
@@ -18,10 +20,12 @@ from dualwinch.simulation.plots.style import (
     legend_below,
     new_figure,
 )
+from dualwinch.tuning.constraint import Constraint
+from dualwinch.tuning.plots.names import axis_title, short
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.measured import UNMEASURED
 from dualwinch.tuning.scoring.ranking import best_first, pareto_front
-from dualwinch.tuning.scoring.statistic import UNMEASURED, Statistic, statistic_from
 from dualwinch.tuning.space import Interval
 from dualwinch.tuning.storage.record import finished_trial
 
@@ -37,23 +41,21 @@ MANY = 3000
 
 def history(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
     """The first objective of every trial, and the best that keeps to the constraints so far."""
-    objective = problem.minimised[0]
-    values = np.array([one.objectives[0] for one in trials])
-    feasible = np.array([one.feasible for one in trials])
+    objective = problem.objectives[0]
+    values = np.array([trial.objectives[0] for trial in trials])
+    feasible = np.array([trial.feasible for trial in trials])
     best = np.minimum.accumulate(np.where(feasible, values, np.inf))
     with house_style():
         figure = new_figure(3.4, "History of the search", f"{axis_title(objective)} of every trial")
         axes = figure.subplots()
-        places = np.arange(len(trials))
+        numbers = np.arange(len(trials))
         for chosen, colour in ((~feasible, LIGHT), (feasible, SKY)):
-            shown = _thinned(places[chosen & (values < UNMEASURED)])
+            shown = _thinned(numbers[chosen & (values < UNMEASURED)])
             axes.plot(shown, values[shown], ".", markersize=3, color=colour, rasterized=True)
-        axes.plot(places, best, color=BLUE, drawstyle="steps-post")
-        paper = next(
-            (value for one, value in zip(trials, values, strict=True) if one.candidate.origin == "paper"), None
-        )
-        if paper:
-            axes.axhline(paper, color=VERMILION, linestyle=(0, (4, 2)), linewidth=0.9)
+        axes.plot(numbers, best, color=BLUE, drawstyle="steps-post")
+        start = next((trial.objectives[0] for trial in trials if trial.point == problem.start), None)
+        if start:
+            axes.axhline(start, color=VERMILION, linestyle=(0, (4, 2)), linewidth=0.9)
         _scale(axes.set_yscale, values[values < UNMEASURED])
         axes.set(xlabel="trial", ylabel=axis_title(objective), xlim=(0, max(len(trials) - 1, 1)))
         legend_below(
@@ -62,7 +64,7 @@ def history(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
                 Line2D([], [], color=BLUE, label="best so far"),
                 _dots(SKY, "keeps to the constraints"),
                 _dots(LIGHT, "does not"),
-                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="paper's gains, in the tuned structure"),
+                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="start"),
             ],
         )
     return figure
@@ -95,13 +97,13 @@ def importances(problem: Problem, trials: Sequence[Evaluation]) -> dict[str, flo
     """Name of a dimension → its importance, all of them 1 together; empty for fewer than 20 trials."""
     import optuna
 
-    whole = [one for one in trials if not one.pruned and one.objectives[0] < UNMEASURED]
+    whole = [trial for trial in trials if not trial.pruned and trial.objectives[0] < UNMEASURED]
     if len(whole) < 20 or len(problem.space.dimensions) < 2:
         return {}
     study = optuna.create_study()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        study.add_trials([finished_trial(_single(one), problem.space) for one in whole])
+        study.add_trials([finished_trial(_single(trial), problem.space) for trial in whole])
         found = optuna.importance.get_param_importances(
             study, evaluator=optuna.importance.PedAnovaImportanceEvaluator(), normalize=True
         )
@@ -109,8 +111,8 @@ def importances(problem: Problem, trials: Sequence[Evaluation]) -> dict[str, flo
 
 
 def parallel_coordinates(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
-    """Where the best candidates lie in every dimension, with the paper's gains and the bounds."""
-    order = [place for place in best_first(trials) if not trials[place].pruned][:SHOWN]
+    """Where the best candidates lie in every dimension, with the start and the bounds."""
+    order = [index for index in best_first(trials) if not trials[index].pruned][:SHOWN]
     dimensions = problem.space.dimensions
     with house_style():
         figure = new_figure(
@@ -118,13 +120,12 @@ def parallel_coordinates(problem: Problem, trials: Sequence[Evaluation]) -> Figu
         )
         axes = figure.subplots()
         columns = np.arange(len(dimensions))
-        for rank, place in reversed(list(enumerate(order))):
+        for rank, index in reversed(list(enumerate(order))):
             shade = 0.15 + 0.75 * (1 - rank / len(order)) ** 2
-            axes.plot(columns, problem.space.encoded(trials[place].point), color=BLUE, alpha=shade, linewidth=0.8)
+            axes.plot(columns, problem.space.encoded(trials[index].point), color=BLUE, alpha=shade, linewidth=0.8)
         axes.plot(columns, problem.space.encoded(trials[order[0]].point), color=BLUE, linewidth=2.2)
-        axes.plot(
-            columns, problem.space.encoded(problem.paper_point), color=VERMILION, linestyle=(0, (4, 2)), linewidth=1.2
-        )
+        start = problem.space.encoded(problem.start)
+        axes.plot(columns, start, color=VERMILION, linestyle=(0, (4, 2)), linewidth=1.2)
         for column, dimension in zip(columns, dimensions, strict=True):
             ends = (
                 (f"{dimension.lower:g}", f"{dimension.upper:g}")
@@ -141,43 +142,48 @@ def parallel_coordinates(problem: Problem, trials: Sequence[Evaluation]) -> Figu
             figure,
             [
                 Line2D([], [], color=BLUE, linewidth=2.2, label="best where tuned"),
-                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="paper's gains"),
+                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="start"),
             ],
         )
     return figure
 
 
-def front(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
-    """Two figures of merit against each other: the objectives, or the one objective and the chatter."""
-    across = problem.minimised[0]
-    upward = problem.minimised[1] if len(problem.minimised) > 1 else statistic_from(CHATTER)
-    whole = [one for one in trials if not one.pruned]
-    points = np.array([[one.statistics[name.name] for name in (across, upward)] for one in whole])
+def front(problem: Problem, constraints: Sequence[Constraint], trials: Sequence[Evaluation]) -> Figure:
+    """Two figures of merit against each other: the objectives, or the one objective and the chatter.
+
+    Args:
+        problem: what was tuned.
+        constraints: bounds as numbers; those on the second figure of merit are drawn.
+        trials: finished trials.
+    """
+    across = problem.objectives[0]
+    upward = problem.objectives[1] if len(problem.objectives) > 1 else statistic_from(CHATTER)
+    whole = [trial for trial in trials if not trial.pruned]
+    points = np.array([[trial.statistics[statistic.name] for statistic in (across, upward)] for trial in whole])
     kept = (np.abs(points) < UNMEASURED).all(axis=1)
-    feasible = np.array([one.feasible for one in whole]) & kept
+    feasible = np.array([trial.feasible for trial in whole]) & kept
     with house_style():
-        figure = new_figure(
-            3.8, "What is traded", f"{axis_title(upward)} against {axis_title(across)}, complete trials"
-        )
+        words = f"{axis_title(upward)} against {axis_title(across)}, complete trials"
+        figure = new_figure(3.8, "What is traded", words)
         axes = figure.subplots()
         for chosen, colour in ((kept & ~feasible, LIGHT), (feasible, SKY)):
             shown = _thinned(np.flatnonzero(chosen))
             axes.plot(*points[shown].T, ".", markersize=3, color=colour, rasterized=True)
         handles: list[Line2D] = [_dots(SKY, "keeps to the constraints"), _dots(LIGHT, "does not")]
-        if len(problem.minimised) > 1:
-            edge = np.array(
-                [[trials[place].statistics[one.name] for one in (across, upward)] for place in pareto_front(trials)]
-            )
-            label = "Pareto front"
+        if len(problem.objectives) > 1:
+            edge, label = points[pareto_front(whole)], "Pareto front"
         else:
             edge, label = points[kept][_lower_edge(points[kept])], "lower edge of all trials"
         if len(edge):
             axes.plot(*edge.T, color=BLUE, marker="o", markersize=3)
             handles.append(Line2D([], [], color=BLUE, marker="o", markersize=3, label=label))
-        for one in problem.bounded:
-            if one.statistic == upward:
-                axes.axhline(one.bound, color=GREY, linestyle=(0, (1, 1.5)))
-                handles.append(Line2D([], [], color=GREY, linestyle=(0, (1, 1.5)), label=f"bound {one.bound:.3g}"))
+        for constraint in constraints:
+            if constraint.statistic == upward:
+                dotted = {"color": GREY, "linestyle": (0, (1, 1.5))}
+                axes.axhline(constraint.bound, **dotted)
+                handles.append(
+                    Line2D([], [], **dotted, label=f"bound {constraint.bound:.3g}{behind_number(upward.unit)}")
+                )
         _scale(axes.set_xscale, points[kept, 0])
         _scale(axes.set_yscale, points[kept, 1])
         axes.set(xlabel=axis_title(across), ylabel=axis_title(upward))
@@ -185,28 +191,17 @@ def front(problem: Problem, trials: Sequence[Evaluation]) -> Figure:
     return figure
 
 
-def axis_title(statistic: Statistic) -> str:
-    """Statistic with its unit, as on an axis."""
-    unit = statistic.unit.replace("^2", "²")
-    return f"{statistic.name.replace('.', ' ').replace('_', ' ')}{'' if unit == '1' else f' ({unit})'}"
-
-
-def short(name: str) -> str:
-    """A dimension's name without what all of them share."""
-    return name.removeprefix("controller.")
-
-
-def _single(one: Evaluation) -> Evaluation:
-    return Evaluation(one.candidate, one.objectives[:1], {}, {}, {}, one.scenarios)
+def _single(trial: Evaluation) -> Evaluation:
+    return Evaluation(trial.candidate, trial.objectives[:1], {}, {}, {}, trial.scenarios)
 
 
 def _lower_edge(points: np.ndarray) -> list[int]:
-    """Places of the points that no other beats in both, by the first coordinate."""
+    """Indices of the points that no other beats in both, by the first coordinate."""
     order, edge, lowest = np.lexsort((points[:, 1], points[:, 0])), [], np.inf
-    for place in order:
-        if points[place, 1] < lowest:
-            edge.append(int(place))
-            lowest = points[place, 1]
+    for index in order:
+        if points[index, 1] < lowest:
+            edge.append(int(index))
+            lowest = points[index, 1]
     return edge
 
 
@@ -215,8 +210,8 @@ def _scale(setter: Callable[[str], None], values: np.ndarray) -> None:
         setter("log")
 
 
-def _thinned(places: np.ndarray) -> np.ndarray:
-    return places[:: -(-len(places) // MANY) or 1]
+def _thinned(indices: np.ndarray) -> np.ndarray:
+    return indices[:: -(-len(indices) // MANY) or 1]
 
 
 def _dots(colour: str, label: str) -> Line2D:

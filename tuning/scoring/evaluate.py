@@ -1,7 +1,6 @@
 """Evaluate candidates by compiled rollouts: all in some scenarios, the promising in more, the best in yet more."""
 
 import math
-import time
 from collections import Counter
 from collections.abc import Sequence
 
@@ -10,9 +9,11 @@ import numpy as np
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.problem import Problem, over, run_pairs
+from dualwinch.tuning import clock
+from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.scoring.runs import over, run_pairs
 
 FAILED = "scenarios not completed <= 0"
 """Constraint that every scenario runs to its end; its violation is the share that does not."""
@@ -34,27 +35,28 @@ class Evaluator:
     """Evaluates candidates of a problem, and counts what that cost.
 
     Attributes:
+        prepared: the problem.
         rollouts: number of rollouts so far.
         seconds: wall time they took.
     """
 
-    def __init__(self, problem: Problem, *, prune: bool = True, threads: int | None = None) -> None:
+    def __init__(self, prepared: Prepared, *, prune: bool = True, threads: int | None = None) -> None:
         """An evaluator.
 
         Args:
-            problem: gives scenarios, objectives and constraints.
+            prepared: gives scenarios, objectives and constraints.
             prune: whether hopeless candidates are given up after the first scenarios; never with several objectives.
             threads: default: one a core.
         """
-        self.problem = problem
+        self.prepared = prepared
         self.rollouts, self.seconds = 0, 0.0
-        self._threads, self._pace = threads, 0.0
+        self._threads, problem = threads, prepared.problem
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
     @property
     def pace(self) -> float:
-        """Wall time in s that a rollout took in the latest call; the first call of all compiles."""
-        return self._pace
+        """Wall time in s that a rollout took in the mean; 0 before the first."""
+        return self.seconds / self.rollouts if self.rollouts else 0.0
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate candidates in the tuning scenarios.
@@ -62,41 +64,23 @@ class Evaluator:
         Raises:
             KeyboardInterrupt: interrupted; nothing of this batch is kept.
         """
-        scenarios, stress = self.problem.tuning_scenarios, self.problem.stress_scenarios
+        scenarios, stress = self.prepared.scenarios, self.prepared.stress
         if not self._first:
             return self.over(candidates, scenarios, tuning=True)
         judged, whole = self._tried(candidates, scenarios)
-        leaders = [place for place in best_first(judged)[:LEADERS] if judged[place].feasible]
+        leaders = [index for index in best_first(judged)[:LEADERS] if judged[index].feasible]
         if leaders and stress:
-            more = self._run([candidates[place] for place in leaders], stress)
-            for row, place in enumerate(leaders):
-                result = _joined(whole[place], more, row)
-                judged[place] = self.judged(candidates[place], result, [*scenarios, *stress], tuning=True)
+            more = self.run([candidates[index] for index in leaders], stress)
+            for row, index in enumerate(leaders):
+                result = _joined(whole[index], more, row)
+                judged[index] = self.judged(candidates[index], result, [*scenarios, *stress], tuning=True)
         return judged
 
-    def _tried(
-        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
-    ) -> tuple[list[Evaluation], dict[int, BatchResult]]:
-        """Evaluations, hopeless candidates given up after the first scenarios; and the results of the others."""
-        if len(candidates) <= FEW:
-            result = self._run(candidates, scenarios)
-            judged = [self.judged(one, result, scenarios, place, tuning=True) for place, one in enumerate(candidates)]
-            return judged, {place: _row(result, place) for place in range(len(candidates))}
-        early = self._run(candidates, scenarios[: self._first])
-        judged = [
-            self.judged(one, early, scenarios[: self._first], place, tuning=True, pruned=True)
-            for place, one in enumerate(candidates)
-        ]
-        order = best_first(judged)
-        kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
-        kept |= {place for place, one in enumerate(candidates) if one.origin in EXEMPT}
-        places = sorted(kept)
-        late = self._run([candidates[place] for place in places], scenarios[self._first :])
-        whole: dict[int, BatchResult] = {}
-        for row, place in enumerate(places):
-            whole[place] = _joined(_row(early, place), late, row)
-            judged[place] = self.judged(candidates[place], whole[place], scenarios, tuning=True)
-        return judged, whole
+    def start(self) -> Evaluation:
+        """The start in the tuning scenarios, from the rollouts that preparing has made."""
+        prepared = self.prepared
+        candidate = Candidate(prepared.problem.start, "start")
+        return self.judged(candidate, prepared.start, prepared.scenarios, tuning=True)
 
     def over(
         self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario], *, tuning: bool = False
@@ -104,17 +88,26 @@ class Evaluator:
         """Evaluate candidates in all of some scenarios; in tuning with a margin (`Problem.margin`)."""
         if not candidates:
             return []
-        result = self._run(candidates, scenarios)
-        return [self.judged(one, result, scenarios, place, tuning=tuning) for place, one in enumerate(candidates)]
+        result = self.run(candidates, scenarios)
+        return [
+            self.judged(candidate, result, scenarios, row, tuning=tuning) for row, candidate in enumerate(candidates)
+        ]
 
-    def _run(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
-        space = self.problem.space
-        began = time.perf_counter()
-        result = run_pairs(space.keys, [space.parameters(one.point) for one in candidates], scenarios, self._threads)
-        took = time.perf_counter() - began
-        self.seconds += took
+    def run(self, candidates: Sequence[Candidate] | None, scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
+        """The rollouts of candidates, a row each, in some scenarios; without candidates, those of the scenarios' own.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        space = self.prepared.problem.space
+        began = clock.now()
+        if candidates is None:
+            result = run_pairs([], [[]], scenarios, self._threads)
+        else:
+            points = [space.parameters(candidate.point) for candidate in candidates]
+            result = run_pairs(space.keys, points, scenarios, self._threads)
+        self.seconds += clock.now() - began
         self.rollouts += result.outcomes.size
-        self._pace = took / result.outcomes.size
         return result
 
     def judged(
@@ -128,22 +121,48 @@ class Evaluator:
         pruned: bool = False,
     ) -> Evaluation:
         """What a row of a result comes to for a candidate; in tuning with a margin (`Problem.margin`)."""
-        problem, outcomes = self.problem, result.outcomes[row]
+        problem, outcomes = self.prepared.problem, result.outcomes[row]
         done = outcomes == "completed"
-        found = {one: over(one, result, row, scenarios) for one in problem.reported}
+        found = {statistic: over(statistic, result, row, scenarios) for statistic in problem.reported}
         violations = {FAILED: float(1 - done.mean())}
-        for one in problem.bounded:
-            margin = problem.margin(one) if tuning else 0.0
-            violations[one.label] = one.violation(found[one.statistic], margin)
+        for constraint in self.prepared.constraints:
+            margin = problem.margin(constraint) if tuning else 0.0
+            violations[constraint.label] = constraint.violation(found[constraint.statistic], margin)
         return Evaluation(
             candidate=candidate,
-            objectives=tuple(found[one] for one in problem.minimised),
+            objectives=tuple(found[statistic] for statistic in problem.objectives),
             violations=violations,
-            statistics={one.name: value for one, value in found.items()},
+            statistics={statistic.name: value for statistic, value in found.items()},
             outcomes=dict(Counter(outcomes.tolist())),
             scenarios=len(outcomes),
             pruned=pruned,
         )
+
+    def _tried(
+        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
+    ) -> tuple[list[Evaluation], dict[int, BatchResult]]:
+        """Evaluations, hopeless candidates given up after the first scenarios; and the results of the others."""
+        if len(candidates) <= FEW:
+            result = self.run(candidates, scenarios)
+            judged = [
+                self.judged(candidate, result, scenarios, row, tuning=True) for row, candidate in enumerate(candidates)
+            ]
+            return judged, {row: _row(result, row) for row in range(len(candidates))}
+        first = scenarios[: self._first]
+        early = self.run(candidates, first)
+        judged = [
+            self.judged(candidate, early, first, row, tuning=True, pruned=True)
+            for row, candidate in enumerate(candidates)
+        ]
+        order = best_first(judged)
+        kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
+        kept |= {index for index, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
+        late = self.run([candidates[index] for index in sorted(kept)], scenarios[self._first :])
+        whole: dict[int, BatchResult] = {}
+        for row, index in enumerate(sorted(kept)):
+            whole[index] = _joined(_row(early, index), late, row)
+            judged[index] = self.judged(candidates[index], whole[index], scenarios, tuning=True)
+        return judged, whole
 
 
 def _row(result: BatchResult, row: int) -> BatchResult:

@@ -8,26 +8,38 @@ from dualwinch.tuning.scoring.evaluation import Evaluation
 
 
 def best_first(evaluations: Sequence[Evaluation]) -> list[int]:
-    """Places of the evaluations, the best first.
+    """Indices of the evaluations, the best first.
 
     What was given up early comes last. Among the others the feasible come first, by objective (several: by the number
     of the front they are on), then the infeasible by how much they violate.
     """
     fronts = _front_numbers(evaluations)
 
-    def key(place: int) -> tuple[bool, float, float, float]:
-        one = evaluations[place]
-        return one.pruned, one.violation, float(fronts[place]), one.objectives[0]
+    def key(index: int) -> tuple[bool, float, float, float]:
+        evaluation = evaluations[index]
+        return evaluation.pruned, evaluation.violation, float(fronts[index]), evaluation.objectives[0]
 
     return sorted(range(len(evaluations)), key=key)
 
 
+def beats(evaluation: Evaluation, start: Evaluation) -> bool:
+    """Whether an evaluation is better than the start in the same scenarios, so that it may be presented as such.
+
+    A feasible one is where the start is not, or where it has a smaller objective (several: one of them smaller). One
+    that is not feasible has to violate no more than the start and to have a smaller objective as well.
+    """
+    smaller = any(ours < theirs for ours, theirs in zip(evaluation.objectives, start.objectives, strict=True))
+    if evaluation.feasible and not start.feasible:
+        return True
+    return smaller and not evaluation.pruned and evaluation.violation <= start.violation
+
+
 def pareto_front(evaluations: Sequence[Evaluation]) -> list[int]:
-    """Places of the feasible evaluations that no other feasible one beats in every objective, by the first one."""
-    feasible = [place for place, one in enumerate(evaluations) if one.feasible]
-    values = np.array([evaluations[place].objectives for place in feasible])
-    kept = [place for place, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
-    return sorted(kept, key=lambda place: evaluations[place].objectives)
+    """Indices of the feasible evaluations that no other feasible one beats in every objective, by the first one."""
+    feasible = [index for index, evaluation in enumerate(evaluations) if evaluation.feasible]
+    values = np.array([evaluations[index].objectives for index in feasible])
+    kept = [index for index, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
+    return sorted(kept, key=lambda index: evaluations[index].objectives)
 
 
 def _dominated(row: np.ndarray, others: np.ndarray) -> bool:
@@ -39,11 +51,11 @@ def _front_numbers(evaluations: Sequence[Evaluation]) -> list[int]:
     numbers = [0] * len(evaluations)
     if not evaluations or len(evaluations[0].objectives) == 1:
         return numbers
-    values = np.array([one.objectives for one in evaluations])
+    values = np.array([evaluation.objectives for evaluation in evaluations])
     left, number = np.arange(len(values)), 0
     while len(left):
-        beaten = np.array([_dominated(values[place], values[left]) for place in left])
-        for place in left[~beaten]:
-            numbers[place] = number
+        beaten = np.array([_dominated(values[index], values[left]) for index in left])
+        for index in left[~beaten]:
+            numbers[index] = number
         left, number = left[beaten], number + 1
     return numbers

@@ -1,9 +1,9 @@
-"""Which scenarios to tune and to choose in: draws of an ensemble, and corners of it, where gains fail.
+"""Which scenarios to tune and to choose in: draws of an ensemble, and vertices of the box of draws, where gains fail.
 
 Gains that hold in a handful of draws need not hold in hundreds. They fail in two ways. Where several values of the
 plant lie at the ends of their ranges, the loop may be unstable. And where the reference asks for more force than the
 motors can give, the vehicle falls behind and has to recover without a peak and without a slack rope; how far does not
-depend on the gains (`simulation.analysis.required_force`). So half of the corners are some where it
+depend on the gains (`simulation.analysis.required_force`). So half of the vertices are some where it
 falls behind as far as it does in one draw of some hundreds.
 """
 
@@ -14,13 +14,13 @@ from dualwinch.simulation.analysis.required_force import shortfall
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 
-CORNER_SHARE = 0.75
-"""Share of the scenarios that are corners. A few draws give a mean; what is the worst takes more."""
+VERTEX_SHARE = 0.75
+"""Share of the scenarios that are vertices. A few draws give a mean; what is the worst takes more."""
 
 LOOKED_AT = 200
-"""Corners that are looked at."""
+"""Vertices that are looked at."""
 
-FURTHEST, PROMISED = 0.015, 0.01
+TUNED_SHORTFALL, CHOSEN_SHORTFALL = 0.015, 0.01
 """How far in m the vehicle falls behind at most where gains are tuned, and where they are chosen.
 
 It falls behind further in one draw of some hundreds, and gains that had to hold there would be cautious everywhere.
@@ -29,37 +29,41 @@ It falls behind further in one draw of some hundreds, and gains that had to hold
 
 @dataclass(frozen=True)
 class Pick:
-    """A scenario to be: number `index` of the ensemble's draws, or of its corners."""
+    """A scenario to be: number `index` of the ensemble's draws, or of the vertices of the box of draws."""
 
     index: int
-    corner: bool = False
+    vertex: bool = False
 
     def drawn(self, ensemble: Ensemble, seed: int) -> Scenario:
         """The scenario."""
-        return ensemble.scenario(self.index, seed, extreme=self.corner)
+        return ensemble.scenario(self.index, seed, vertex=self.vertex)
 
 
 def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pick], list[Pick]]:
-    """Scenarios of an ensemble, draws and corners spread evenly: there are some of each among the first of them.
+    """Scenarios of an ensemble, draws and vertices spread evenly: there are some of each among the first of them.
 
     Args:
         ensemble: what is drawn from.
         count: how many.
-        more: how many further corners.
+        more: how many further vertices.
         seed: of the draws.
 
     Returns:
-        The scenarios, and the further corners.
+        The scenarios, and the further vertices.
     """
-    number = int(CORNER_SHARE * count)
+    number = int(VERTEX_SHARE * count)
     plain = [Pick(index) for index in range(count - number)]
-    chosen = corners(ensemble, number + more, seed)
-    places = [((place + 0.5) / len(sort), one) for sort in (plain, chosen[:number]) for place, one in enumerate(sort)]
-    return [one for _, one in sorted(places, key=lambda entry: entry[0])], chosen[number:]
+    chosen = vertices(ensemble, number + more, seed)
+    spread = [
+        ((index + 0.5) / len(sort), picked) for sort in (plain, chosen[:number]) for index, picked in enumerate(sort)
+    ]
+    return [picked for _, picked in sorted(spread, key=lambda entry: entry[0])], chosen[number:]
 
 
-def corners(ensemble: Ensemble, count: int, seed: int, furthest: float = FURTHEST) -> list[Pick]:
-    """Corners of an ensemble: the hardest that is not too hard, the first of the others, the next hardest, and so on.
+def vertices(
+    ensemble: Ensemble, count: int, seed: int, *, furthest: float = TUNED_SHORTFALL, looked_at: int | None = None
+) -> list[Pick]:
+    """Vertices of the box of draws: the hardest that is not too hard, the first of the others, the next hardest, ...
 
     The first of many are the same ones as those of a few.
 
@@ -68,31 +72,33 @@ def corners(ensemble: Ensemble, count: int, seed: int, furthest: float = FURTHES
         count: how many.
         seed: of the draws.
         furthest: how far in m the vehicle falls behind, at most.
+        looked_at: among how many they are chosen, at least twice their number; default: `LOOKED_AT`.
     """
-    behind = _shortfalls([ensemble.scenario(index, seed, extreme=True) for index in range(max(LOOKED_AT, 2 * count))])
+    among = max(LOOKED_AT if looked_at is None else looked_at, 2 * count)
+    behind = _shortfalls([ensemble.scenario(index, seed, vertex=True) for index in range(among)])
     waiting = [index for index, way in enumerate(behind) if way <= furthest]
     waiting += sorted(set(range(len(behind))) - set(waiting), key=lambda index: behind[index])
     found: list[Pick] = []
     while len(found) < count:
         hardest = max(waiting, key=lambda index: (behind[index] <= furthest, behind[index]))
-        one = waiting[0] if len(found) % 2 else hardest
-        waiting.remove(one)
-        found.append(Pick(one, corner=True))
+        chosen = waiting[0] if len(found) % 2 else hardest
+        waiting.remove(chosen)
+        found.append(Pick(chosen, vertex=True))
     return found
 
 
-def promised(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """The scenarios in which gains are chosen: all but those where the vehicle falls behind by more than `PROMISED`."""
+def choosable(scenarios: Sequence[Scenario]) -> list[Scenario]:
+    """The scenarios in which gains are chosen: where the vehicle falls behind by no more than `CHOSEN_SHORTFALL`."""
     behind = _shortfalls(scenarios)
-    return [one for one, way in zip(scenarios, behind, strict=True) if way <= PROMISED] or list(scenarios)
+    return [chosen for chosen, way in zip(scenarios, behind, strict=True) if way <= CHOSEN_SHORTFALL] or list(scenarios)
 
 
 def _shortfalls(scenarios: Sequence[Scenario]) -> list[float]:
     found = [0.0] * len(scenarios)
 
-    def look(place: int) -> None:
-        found[place] = shortfall(scenarios[place].experiment)
+    def look(index: int) -> None:
+        found[index] = shortfall(scenarios[index].experiment)
 
-    if not run_all([lambda place=place: look(place) for place in range(len(scenarios))]):
+    if not run_all([lambda index=index: look(index) for index in range(len(scenarios))]):
         raise KeyboardInterrupt
     return found

@@ -1,149 +1,151 @@
-"""Which trial is the best, and what it is worth: chosen in scenarios of their own, scored in others never seen."""
+"""Which trial is the best, and what it is worth: chosen in scenarios of their own, scored in others never seen.
+
+The start is judged beside the finalists: gains that are no better than those the search started from are never the
+best.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dualwinch.simulation.analysis.required_force import within_reach
-from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.analysis.required_force import within_authority
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.tuning.problem import HELD_OUT, SELECTION, Problem, run_pairs
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.problem import HELD_OUT, SELECTION, Problem
+from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import best_first, pareto_front
-
-FINALISTS, SELECTION_SCENARIOS, SELECTION_CORNERS = 16, 96, 32
-"""Finalists, and the draws and corners of the ensemble in which they meet."""
-
-LAST, LAST_SCENARIOS = 4, 192
-"""Finalists of the second round, and further scenarios in which they meet."""
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.plan import FULL, Plan
+from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front
+from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, vertices
+from dualwinch.tuning.scoring.verdict import Score, Verdict
 
 RUNG = 1.08
 """How much larger the objective of a finalist is than that of the one before, where they were tuned."""
 
-
-@dataclass(frozen=True)
-class Verdict:
-    """The best of a study and its score.
-
-    Attributes:
-        best: as it was tuned.
-        selection: the best in the selection scenarios; ``None`` without an ensemble.
-        held_out: the best in scenarios that neither search nor selection saw; ``None`` without an ensemble.
-        held_out_metrics: ``best`` and ``paper`` → figures of merit of every held-out scenario.
-        within_reach: (scenarios,) whether the motors can hold it; empty without an ensemble.
-        paper: statistics of the paper's gains, by name, in the held-out scenarios, or in the only one there is.
-    """
-
-    best: Evaluation
-    selection: Evaluation | None
-    held_out: Evaluation | None
-    held_out_metrics: dict[str, BatchResult]
-    within_reach: NDArray[np.bool_]
-    paper: dict[str, float]
+NOT_CHOSEN = "no trial is better than the gains that the search started from"
+NOT_HELD_OUT = "trial {number} was better than the start where it was chosen, but not in the held-out scenarios"
+"""Why the start is kept."""
 
 
-def rollouts_needed(problem: Problem, held_out: int) -> int:
-    """Rollouts that `judge` makes, at most."""
-    if not problem.ensemble:
-        return 1
-    return FINALISTS * (SELECTION_SCENARIOS + SELECTION_CORNERS) + LAST * LAST_SCENARIOS + 2 * held_out
-
-
-def judge(problem: Problem, trials: Sequence[Evaluation], evaluator: Evaluator, held_out: int) -> Verdict:
+def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL, watch: Watch = SILENT) -> Verdict:
     """Choose the best trial and score it.
 
-    Keeping to a constraint in a few scenarios is a promise, so the one is chosen that is best in more of them.
+    Keeping to a constraint in a few scenarios is a promise, so that trial is chosen that is best in more of them. It
+    has to be better than the start (`beats`) where it is chosen and where it is scored.
 
     Args:
-        problem: gives scenarios, objectives and constraints.
+        evaluator: of the problem.
         trials: finished trials, at least one.
-        evaluator: runs them.
-        held_out: number of held-out scenarios.
+        plan: how many finalists meet in how many scenarios.
+        watch: told of both phases.
 
     Raises:
         KeyboardInterrupt: interrupted.
     """
-    order = best_first(trials)
+    problem = evaluator.prepared.problem
+    watch.phase(CHOOSING)
+    start = _start(evaluator, trials)
     if problem.ensemble is None:
-        nothing = np.empty(0, bool)
-        return Verdict(trials[order[0]], None, None, {}, nothing, statistics(problem, problem.paper_result))
-    best, chosen = _finals(problem, trials, order, evaluator)
-    seed = problem.seed + HELD_OUT
-    scenarios = problem.drawn(held_out, seed)
-    ours = run_pairs(problem.space.keys, [problem.space.parameters(best.point)], scenarios)
-    paper = run_pairs([], [[]], problem.drawn(held_out, seed, problem.paper_experiment))
-    return Verdict(
-        best=best,
-        selection=replace(chosen, number=best.number),
-        held_out=evaluator.judged(best.candidate, ours, scenarios),
-        held_out_metrics={"best": ours, "paper": paper},
-        within_reach=np.array(
-            [within_reach(one.experiment if isinstance(one, Scenario) else one) for one in scenarios]
-        ),
-        paper=statistics(problem, paper),
-    )
+        leader = trials[best_first(trials)[0]]
+        best, selection = leader if beats(leader, start) else start, None
+    else:
+        best, selection = _finals(evaluator, trials, start, plan)
+        selection = replace(selection, number=best.number)
+    watch.phase(SCORING)
+    scenarios = problem.drawn(plan.held_out, problem.seed + HELD_OUT)
+    scores = _scores(evaluator, best, start, scenarios, plan)
+    obstacle = NOT_CHOSEN if best.point == start.point else ""
+    if not obstacle and not beats(scores["best"].evaluation, scores["start"].evaluation):
+        obstacle = NOT_HELD_OUT.format(number=best.number)
+        best, selection, scores = start, None, scores | {"best": scores["start"]}
+    held = [within_authority(each.experiment if isinstance(each, Scenario) else each) for each in scenarios]
+    return Verdict(best, obstacle, selection, scores, problem.ensemble is not None, np.array(held), plan)
+
+
+def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
+    """The start as it was tuned: the trial that is it, else what preparing has found out."""
+    point = evaluator.prepared.problem.start
+    return next((trial for trial in trials if trial.point == point and not trial.pruned), None) or evaluator.start()
+
+
+def _scores(
+    evaluator: Evaluator,
+    best: Evaluation,
+    start: Evaluation,
+    scenarios: Sequence[Experiment | Scenario],
+    plan: Plan,
+) -> dict[str, Score]:
+    """The best, the start and the paper's controller in the same scenarios."""
+    problem = evaluator.prepared.problem
+
+    def scored(candidate: Candidate) -> Score:
+        result = evaluator.run([candidate], scenarios)
+        return Score(evaluator.judged(candidate, result, scenarios), result)
+
+    ours = scored(best.candidate)
+    theirs = ours if best.point == start.point else scored(start.candidate)
+    drawn = problem.drawn(plan.held_out, problem.seed + HELD_OUT, problem.paper_experiment)
+    result = evaluator.run(None, drawn)
+    paper = Score(evaluator.judged(Candidate({}, "paper"), result, drawn), result)
+    return {"best": ours, "start": theirs, "paper": paper}
 
 
 def _finals(
-    problem: Problem, trials: Sequence[Evaluation], order: Sequence[int], evaluator: Evaluator
+    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, plan: Plan
 ) -> tuple[Evaluation, Evaluation]:
     """The best as it was tuned, and what it came to in the selection scenarios.
 
     The very best where tuned are often the ones that only just hold: so the finalists are a ladder from the best to
-    ever more cautious ones. The best of these among other draws and corners of the ensemble meet once more, in draws.
+    ever more cautious ones. The best of these among other draws and vertices of the ensemble meet once more, in draws;
+    the start is there both times.
     """
-    whole = [trials[place] for place in order if not trials[place].pruned]
-    if len(problem.objectives) > 1:
-        places = pareto_front(trials) or list(range(len(whole)))
-        finalists = [trials[place] for place in places[:: -(-len(places) // FINALISTS)]]
-    else:
-        finalists = [whole[place] for place in rungs(whole)]
-    first, last = problem.chosen_in(SELECTION_SCENARIOS, LAST_SCENARIOS, SELECTION_CORNERS, problem.seed + SELECTION)
-    met = evaluator.over([one.candidate for one in finalists], first)
-    left = best_first(met)[:LAST]
-    again = evaluator.over([finalists[place].candidate for place in left], last)
-    place = best_first(again)[0]
-    return finalists[left[place]], again[place]
+    finalists = [trial for trial in _finalists(evaluator.prepared.problem, trials, plan) if trial.point != start.point]
+    finalists.append(start)
+    first, last = _scenarios(evaluator.prepared.problem, plan)
+    met = evaluator.over([trial.candidate for trial in finalists], first)
+    left = [index for index in best_first(met) if finalists[index] is not start][: plan.last]
+    left.append(len(finalists) - 1)
+    again = evaluator.over([finalists[index].candidate for index in left], last)
+    better = [row for row in best_first(again) if beats(again[row], again[-1])]
+    row = better[0] if better else len(left) - 1
+    return finalists[left[row]], again[row]
 
 
-def rungs(ordered: Sequence[Evaluation]) -> list[int]:
-    """Places of trials, the best first, each with an objective `RUNG` times that of the one before, or the next."""
+def _finalists(problem: Problem, trials: Sequence[Evaluation], plan: Plan) -> list[Evaluation]:
+    whole = [trials[index] for index in best_first(trials) if not trials[index].pruned]
+    if len(problem.objectives) == 1:
+        return [whole[index] for index in rungs(whole, plan.finalists)]
+    front = [trials[index] for index in pareto_front(trials)] or whole
+    return front[:: -(-len(front) // plan.finalists)]
+
+
+def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scenario]]:
+    """Scenarios to choose in, of both rounds: draws (`choosable`), to the first of which vertices come."""
+    if problem.ensemble is None:
+        raise ValueError("only an ensemble has scenarios to choose in")
+    ensemble = replace(problem.ensemble, experiment=problem.experiment)
+    seed = problem.seed + SELECTION
+    picks = vertices(ensemble, plan.vertices, seed, furthest=CHOSEN_SHORTFALL, looked_at=plan.looked_at)
+    draws = list(ensemble.scenarios(plan.draws + plan.last_draws, seed))
+    first = [*choosable(draws[: plan.draws]), *(chosen.drawn(ensemble, seed) for chosen in picks)]
+    return first, choosable(draws[plan.draws :])
+
+
+def rungs(ordered: Sequence[Evaluation], most: int) -> list[int]:
+    """Indices of trials, the best first, each with an objective `RUNG` times that of the one before, or the next.
+
+    Args:
+        ordered: trials, the best first.
+        most: number of indices, at most.
+    """
     found = [0]
-    for place, one in enumerate(ordered):
-        if len(found) == FINALISTS:
+    for index, trial in enumerate(ordered):
+        if len(found) == most:
             break
         above = ordered[found[-1]]
-        if one.feasible != above.feasible or one.objectives[0] > RUNG * above.objectives[0]:
-            found.append(place)
-    rest = [place for place in range(len(ordered)) if place not in found]
-    return sorted(found + rest[: FINALISTS - len(found)])
-
-
-def statistics(problem: Problem, result: BatchResult) -> dict[str, float]:
-    """Every reported statistic of the first row of a result."""
-    done = result.outcomes[0] == "completed"
-    return {one.name: one.over(result.metrics[one.metric][0, done]) for one in problem.reported}
-
-
-def improvement(verdict: Verdict, name: str) -> float:
-    """How many times a statistic of the best is below that of the paper's gains, where they were scored."""
-    scored = verdict.held_out or verdict.best
-    ours = scored.statistics[name]
-    return verdict.paper[name] / ours if ours else np.inf
-
-
-def improvement_within_reach(verdict: Verdict) -> float:
-    """How many times the mean MSE is below the paper's over the held-out scenarios that the motors can hold.
-
-    NaN without such a scenario that both ran to its end.
-    """
-    kept = verdict.within_reach.copy()
-    for result in verdict.held_out_metrics.values():
-        kept &= result.outcomes[0] == "completed"
-    if not kept.any():
-        return np.nan
-    best, paper = (verdict.held_out_metrics[name].metrics["mse"][0, kept].mean() for name in ("best", "paper"))
-    return float(paper / best)
+        if trial.feasible != above.feasible or trial.objectives[0] > RUNG * above.objectives[0]:
+            found.append(index)
+    rest = [index for index in range(len(ordered)) if index not in found]
+    return sorted(found + rest[: most - len(found)])

@@ -45,6 +45,8 @@ def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStora
     import optuna
     import sqlalchemy.exc
 
+    from dualwinch.tuning.storage.tables import missing
+
     url = _driver(url)
     try:
         with warnings.catch_warnings():
@@ -67,6 +69,11 @@ def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStora
         raise StorageError(
             f"the database {shown(url)} is of another version of Optuna: its tables are {there}, must be {here}; "
             "use another database, or `optuna storage upgrade`"
+        )
+    if lacking := missing(storage.engine):
+        storage.engine.dispose()
+        raise StorageError(
+            f"the database {shown(url)} is of a version of Optuna that is not known here: it lacks {', '.join(lacking)}"
         )
     return storage
 

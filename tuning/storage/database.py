@@ -24,18 +24,10 @@ from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.space import Space
 from dualwinch.tuning.space_record import space_from
 from dualwinch.tuning.storage.connection import connected, patient
+from dualwinch.tuning.storage.definition import BUDGET, DEFINITION, OBJECTIVES, check_definition, check_resume, titles
 from dualwinch.tuning.storage.record import ORIGIN, evaluation_of
 from dualwinch.tuning.storage.rows import beat, create_running, finish_running
-from dualwinch.tuning.storage.store import (
-    BUDGET,
-    DEFINITION,
-    OBJECTIVES,
-    Budget,
-    Claim,
-    Propose,
-    check_definition,
-    check_resume,
-)
+from dualwinch.tuning.storage.store import Budget, Claim, Propose
 
 if TYPE_CHECKING:
     import sqlalchemy
@@ -64,9 +56,9 @@ class Database:
     def begin(
         cls, url: str, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
     ) -> "Database":
-        """Begin a study or go on with one; for the arguments and errors see `tuning.storage.store.open_store`."""
+        """Begin a study or go on with one; for the arguments and errors see `tuning.storage.opening.open_store`."""
         storage = connected(url, requeue)
-        known = {one.study_name for one in storage.get_all_studies()}
+        known = {there.study_name for there in storage.get_all_studies()}
         if study in known:
             there = optuna.load_study(study_name=study, storage=storage)
             theirs = there.user_attrs.get(DEFINITION)
@@ -77,7 +69,7 @@ class Database:
             directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
             there = optuna.create_study(study_name=study, storage=storage, directions=directions)
             there.set_user_attr(DEFINITION, dict(definition))
-            there.set_user_attr(OBJECTIVES, [f"{one.name} [{one.unit}]" for one in problem.minimised])
+            there.set_user_attr(OBJECTIVES, titles(problem.objectives))
         there.set_user_attr(BUDGET, asdict(budget))
         return cls(url, study, storage, problem.space)
 
@@ -90,7 +82,7 @@ class Database:
             DualwinchError: the database cannot be reached or used.
         """
         storage = connected(url, requeue)
-        known = sorted(one.study_name for one in storage.get_all_studies())
+        known = sorted(there.study_name for there in storage.get_all_studies())
         if study not in known:
             storage.engine.dispose()
             raise ConfigurationError(f"--study {study}: is not there; there are: {', '.join(known) or 'none'}")
@@ -136,9 +128,9 @@ class Database:
             existing = len(self._trials(*FINISHED, TrialState.RUNNING, TrialState.WAITING))
             room = count - len(claims) if budget.trials is None else min(count - len(claims), budget.trials - existing)
             fresh = propose(room, not existing)[:room] if room > 0 else []
-            notes = [{ORIGIN: one.origin, WORKER: self._name} for one in fresh]
+            notes = [{ORIGIN: candidate.origin, WORKER: self._name} for candidate in fresh]
             ids = create_running(connection, self._study._study_id, self._space, fresh, notes)  # noqa: SLF001
-            claims += [Claim(one, trial) for one, trial in zip(fresh, ids, strict=True)]
+            claims += [Claim(candidate, trial) for candidate, trial in zip(fresh, ids, strict=True)]
         return claims
 
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:

@@ -17,9 +17,10 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.space_record import space_from
+from dualwinch.tuning.storage.definition import DEFINITION, OBJECTIVES, check_definition, check_resume, titles
 from dualwinch.tuning.storage.one_process import OneProcess
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
-from dualwinch.tuning.storage.store import DEFINITION, OBJECTIVES, Budget, Claim, check_definition, check_resume
+from dualwinch.tuning.storage.store import Budget, Claim
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
@@ -59,7 +60,7 @@ class Journal(OneProcess):
     def __init__(
         self, path: Path, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
     ) -> None:
-        """Open or make the file; for the arguments and errors see `tuning.storage.store.open_store`."""
+        """Open or make the file; for the arguments and errors see `tuning.storage.opening.open_store`."""
         super().__init__(budget)
         self._lock = _locked(path)
         try:
@@ -76,7 +77,7 @@ class Journal(OneProcess):
                 directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
                 self._study = optuna.create_study(study_name=study, storage=self._storage, directions=directions)
                 self._study.set_user_attr(DEFINITION, dict(definition))
-                self._study.set_user_attr(OBJECTIVES, [f"{one.name} [{one.unit}]" for one in problem.minimised])
+                self._study.set_user_attr(OBJECTIVES, titles(problem.objectives))
             self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
             check_resume(study, self._count, resume=resume)
         except BaseException:
@@ -91,7 +92,7 @@ class Journal(OneProcess):
 
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
         """Write finished trials, all at once."""
-        self._study.add_trials([finished_trial(one, self._space) for one in evaluations])
+        self._study.add_trials([finished_trial(evaluation, self._space) for evaluation in evaluations])
         self._file.flush()
         self._count += len(evaluations)
 

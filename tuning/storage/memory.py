@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.storage.one_process import OneProcess
+from dualwinch.tuning.storage.one_process import NO_LIMIT, OneProcess
 from dualwinch.tuning.storage.store import Budget, Claim
 
 
 class Memory(OneProcess):
     """The storage of a study in this process alone."""
 
-    def __init__(self, budget: Budget) -> None:
+    def __init__(self, budget: Budget = NO_LIMIT) -> None:
         super().__init__(budget)
         self._trials: list[Evaluation] = []
 
@@ -22,7 +22,7 @@ class Memory(OneProcess):
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
         """Keep what candidates came to."""
         first = len(self._trials)
-        self._trials += [replace(one, number=first + place) for place, one in enumerate(evaluations)]
+        self._trials += [replace(evaluation, number=first + index) for index, evaluation in enumerate(evaluations)]
 
     def count(self) -> int:
         """Number of finished trials."""

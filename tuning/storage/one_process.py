@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.storage.store import Budget, Claim, Propose
 
+NO_LIMIT = Budget()
+
 
 class OneProcess(ABC):
     """A storage that holds finished trials alone, so that what is under way needs no record."""
 
-    def __init__(self, budget: Budget) -> None:
+    def __init__(self, budget: Budget = NO_LIMIT) -> None:
         """A storage of a study that is over when `budget` says so."""
         self._budget = budget
 
@@ -22,7 +24,7 @@ class OneProcess(ABC):
         """Take candidates, as many as the budget has trials left."""
         finished = self.count()
         left = count if budget.trials is None else min(count, budget.trials - finished)
-        return [Claim(one) for one in propose(left, not finished)] if left > 0 else []
+        return [Claim(candidate) for candidate in propose(left, not finished)] if left > 0 else []
 
     def release(self, claims: Sequence[Claim]) -> None:  # noqa: B027  # empty for every one of them
         """Nothing to do: nothing was taken that anybody else could want."""

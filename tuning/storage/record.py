@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
+from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.statistic import statistic_from
 from dualwinch.tuning.space import Interval, Space
 
 if TYPE_CHECKING:
@@ -26,24 +26,25 @@ def distributions(space: Space) -> "dict[str, BaseDistribution]":
     }
 
 
-def attributes(one: Evaluation) -> dict[str, Any]:
+def attributes(evaluation: Evaluation) -> dict[str, Any]:
     """What is kept of an evaluation as user attributes, named and with units."""
-    statistics = {_titled(name): value for name, value in one.statistics.items()}
-    return {ORIGIN: one.candidate.origin, OUTCOMES: one.outcomes, SCENARIOS: one.scenarios} | statistics
+    statistics = {_titled(name): value for name, value in evaluation.statistics.items()}
+    own = {ORIGIN: evaluation.candidate.origin, OUTCOMES: evaluation.outcomes, SCENARIOS: evaluation.scenarios}
+    return own | statistics
 
 
-def finished_trial(one: Evaluation, space: Space) -> "optuna.trial.FrozenTrial":
+def finished_trial(evaluation: Evaluation, space: Space) -> "optuna.trial.FrozenTrial":
     """An evaluation as a trial that is complete, or pruned; never failed."""
     from optuna.trial import TrialState, create_trial
 
     return create_trial(
-        state=TrialState.PRUNED if one.pruned else TrialState.COMPLETE,
-        values=list(one.objectives),
-        params=dict(one.point),
+        state=TrialState.PRUNED if evaluation.pruned else TrialState.COMPLETE,
+        values=list(evaluation.objectives),
+        params=dict(evaluation.point),
         distributions=distributions(space),
-        user_attrs=attributes(one),
-        constraints=one.violations,
-        intermediate_values={one.scenarios: one.objectives[0]} if one.pruned else None,
+        user_attrs=attributes(evaluation),
+        constraints=evaluation.violations,
+        intermediate_values={evaluation.scenarios: evaluation.objectives[0]} if evaluation.pruned else None,
     )
 
 

@@ -1,7 +1,7 @@
 """Batches of trials as rows of Optuna's tables: what Optuna writes value by value, in one transaction.
 
-The tables are those of the version of Optuna that is installed; connecting has found out that the database has them
-(`tuning.storage.connection`). A batch is written whole or not at all.
+Connecting has found out that the database has the tables (`tuning.storage.connection`). A batch is written whole or
+not at all.
 """
 
 import json
@@ -11,20 +11,21 @@ from typing import Any
 
 import sqlalchemy as sa
 from optuna.distributions import distribution_to_json
-from optuna.storages._rdb import models
 from optuna.trial import TrialState
 
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.space import Space
 from dualwinch.tuning.storage.record import attributes, distributions
-
-TRIALS = models.BaseModel.metadata.tables["trials"]
-PARAMETERS = models.BaseModel.metadata.tables["trial_params"]
-VALUES = models.BaseModel.metadata.tables["trial_values"]
-INTERMEDIATE = models.BaseModel.metadata.tables["trial_intermediate_values"]
-USER_ATTRIBUTES = models.BaseModel.metadata.tables["trial_user_attributes"]
-SYSTEM_ATTRIBUTES = models.BaseModel.metadata.tables["trial_system_attributes"]
-HEARTBEATS = models.BaseModel.metadata.tables["trial_heartbeats"]
+from dualwinch.tuning.storage.tables import (
+    FINITE,
+    HEARTBEATS,
+    INTERMEDIATE,
+    PARAMETERS,
+    SYSTEM_ATTRIBUTES,
+    TRIALS,
+    USER_ATTRIBUTES,
+    VALUES,
+)
 
 
 def create_running(
@@ -40,7 +41,7 @@ def create_running(
         connection: with that transaction, which the caller ends.
         study: id of the study.
         space: of the candidates.
-        candidates: one a trial.
+        candidates: what the trials evaluate.
         notes: user attributes of each trial.
 
     Returns:
@@ -51,8 +52,8 @@ def create_running(
     known = distributions(space)
     first = connection.execute(sa.select(sa.func.count()).where(TRIALS.c.study_id == study)).scalar_one()
     fresh = [
-        {"number": first + place, "study_id": study, "state": TrialState.RUNNING, "datetime_start": _now()}
-        for place in range(len(candidates))
+        {"number": first + index, "study_id": study, "state": TrialState.RUNNING, "datetime_start": _now()}
+        for index in range(len(candidates))
     ]
     adding = sa.insert(TRIALS).returning(TRIALS.c.trial_id, sort_by_parameter_order=True)
     ids = list(connection.execute(adding, fresh).scalars())
@@ -63,12 +64,13 @@ def create_running(
             "param_value": known[name].to_internal_repr(value),
             "distribution_json": distribution_to_json(known[name]),
         }
-        for trial, one in zip(ids, candidates, strict=True)
-        for name, value in one.point.items()
+        for trial, candidate in zip(ids, candidates, strict=True)
+        for name, value in candidate.point.items()
     ]
     connection.execute(sa.insert(PARAMETERS), parameters)
     connection.execute(sa.insert(USER_ATTRIBUTES), _attributes(zip(ids, notes, strict=True)))
-    connection.execute(sa.insert(HEARTBEATS), [{"trial_id": trial} for trial in ids])
+    beating = sa.insert(HEARTBEATS).values(heartbeat=sa.func.current_timestamp())
+    connection.execute(beating, [{"trial_id": trial} for trial in ids])
     return ids
 
 
@@ -87,34 +89,39 @@ def finish_running(engine: sa.Engine, trials: Sequence[int], evaluations: Sequen
                 USER_ATTRIBUTES.c.trial_id.in_(open_ones), USER_ATTRIBUTES.c.key.in_(attributes(done[0][1]))
             )
         )
-        connection.execute(sa.insert(USER_ATTRIBUTES), _attributes((trial, attributes(one)) for trial, one in done))
-        bounds = [(trial, {f"constraints:{name}": v for name, v in one.violations.items()}) for trial, one in done]
+        connection.execute(
+            sa.insert(USER_ATTRIBUTES), _attributes((trial, attributes(evaluation)) for trial, evaluation in done)
+        )
+        bounds = [
+            (trial, {f"constraints:{name}": value for name, value in evaluation.violations.items()})
+            for trial, evaluation in done
+        ]
         connection.execute(sa.insert(SYSTEM_ATTRIBUTES), _attributes(bounds))
         values = [
             {
                 "trial_id": trial,
-                "objective": place,
+                "objective": index,
                 "value": value,
-                "value_type": models.TrialValueModel.TrialValueType.FINITE,
+                "value_type": FINITE,
             }
-            for trial, one in done
-            for place, value in enumerate(one.objectives)
+            for trial, evaluation in done
+            for index, value in enumerate(evaluation.objectives)
         ]
         connection.execute(sa.insert(VALUES), values)
         early = [
             {
                 "trial_id": trial,
-                "step": one.scenarios,
-                "intermediate_value": one.objectives[0],
-                "intermediate_value_type": models.TrialIntermediateValueModel.TrialIntermediateValueType.FINITE,
+                "step": evaluation.scenarios,
+                "intermediate_value": evaluation.objectives[0],
+                "intermediate_value_type": FINITE,
             }
-            for trial, one in done
-            if one.pruned
+            for trial, evaluation in done
+            if evaluation.pruned
         ]
         if early:
             connection.execute(sa.insert(INTERMEDIATE), early)
         for state, pruned in ((TrialState.PRUNED, True), (TrialState.COMPLETE, False)):
-            ids = [trial for trial, one in done if one.pruned == pruned]
+            ids = [trial for trial, evaluation in done if evaluation.pruned == pruned]
             ending = sa.update(TRIALS).where(TRIALS.c.trial_id.in_(ids))
             connection.execute(ending.values(state=state, datetime_complete=_now()))
 

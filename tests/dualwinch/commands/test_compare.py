@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.tree import leaves
 from dualwinch.simulation.ensembles.paired import Comparison, Contender
 from dualwinch.simulation.ensembles.paired_run import paper_controller
-from dualwinch.simulation.ensembles.result import METRICS
+from dualwinch.simulation.ensembles.statistic import METRICS
 
 SHORT = ("--scenarios", "3", "--seed", "5", "--set", "simulation.duration=0.2")
 
@@ -25,8 +25,8 @@ FIRST_KEYS = (
     "max_tension",
     "min_tension",
     "slack_share",
-    "slack_scenarios",
     "saturated_share",
+    "slack_scenarios",
     "outcomes",
 )
 

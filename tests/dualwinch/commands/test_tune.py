@@ -2,16 +2,26 @@
 
 import json
 import math
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.commands.tune import seconds_from
+from dualwinch.commands.tune import Options, seconds_from, tune
+from dualwinch.commands.tuning_progress import StatusLine
+from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.experiment_file import load
+from dualwinch.config.settings import override
 from dualwinch.model.tree import leaves
-from dualwinch.tuning.study import Progress
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.paper import case
+from dualwinch.tuning.optimisers import METHODS
+from dualwinch.tuning.progress import PHASES, Progress
+from dualwinch.tuning.scoring.plan import Plan
+from tests.tuning.test_tune import Stubborn
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
 
@@ -26,22 +36,28 @@ def dualwinch(*words: object) -> int:
 
 @pytest.fixture(autouse=True)
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dualwinch.commands.tune.HELD_OUT_SCENARIOS", 8)
-    monkeypatch.setattr("dualwinch.tuning.scoring.selection.SELECTION_SCENARIOS", 4)
-    monkeypatch.setattr("dualwinch.tuning.scoring.selection.LAST_SCENARIOS", 4)
-    monkeypatch.setattr("dualwinch.tuning.scoring.selection.SELECTION_CORNERS", 4)
+    few = Plan(draws=4, vertices=4, looked_at=8, last_draws=4, held_out=8)
+    monkeypatch.setattr("dualwinch.tuning.scoring.plan.FULL", few)
     monkeypatch.setattr("dualwinch.tuning.scoring.scenarios.LOOKED_AT", 4)
 
 
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert dualwinch("tune", *SHORT, "--trials", 40, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
-    assert "in 8 held-out scenarios" in said.out
-    assert "times below the paper's" in said.out
+    assert "is the best; scored in 8 held-out scenarios" in said.out
+    assert "times below the paper's and" in said.out
+    assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
+    assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
+    assert [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")] == [
+        "reading the problem",
+        *PHASES,
+        "writing best.toml, study.json and report.html",
+    ]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 6
-    assert "times below that of the paper" in page
-    assert "subject to worst.min_tension >= 80 N; worst.peak_tension <= 6000 N; mean.chatter <= " in said.err
+    assert "times below the paper&#39;s and" in page
+    wanted = "worst.min_tension >= 80 N; worst.peak_tension <= 6000 N; mean.chatter <= 0.25 times the paper's"
+    assert f"subject to {wanted}" in said.err
     study = json.loads((tmp_path / "out" / "study.json").read_text())
     best = load(tmp_path / "out" / "best.toml")
     assert {key: leaves(best)[key] for key in study["best"]["settings"]} == study["best"]["settings"]
@@ -56,7 +72,10 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert {len(column) for column in columns} == {40}
     assert all(math.isfinite(value) for value in trials["objectives"]["mean.mse"])
     assert study["seeds"] == {"tuning": 5, "selection": 1000005, "held_out": 2000005}
-    assert len(study["held_out"]["paper"]["metrics"]["mse"]) == 8
+    assert {name: len(table["metrics"]["mse"]) for name, table in study["held_out"].items()} == dict.fromkeys(
+        ("best", "start", "paper"), 8
+    )
+    assert study["best"]["start_kept"] is None
     assert study["units"]["mean.mse"] == "m^2"
     assert tomllib.loads(study["configuration"])["ensemble"]["name"] == "sea"
     rollouts = study["cost"]["rollouts"]
@@ -74,7 +93,7 @@ def test_a_deterministic_study_with_several_objectives_has_a_front(
     mse, load = study["trials"]["objectives"].values()
     front = [(mse[number], load[number]) for number in study["pareto_front"]]
     assert front == sorted(front)
-    assert [one[1] for one in front] == sorted((one[1] for one in front), reverse=True)
+    assert [point[1] for point in front] == sorted((point[1] for point in front), reverse=True)
     assert min(mse) == front[0][0]
     assert min(load) == front[-1][1]
     assert study["method"] == "nsga2"
@@ -85,8 +104,6 @@ def test_a_deterministic_study_with_several_objectives_has_a_front(
 def test_an_interrupt_keeps_the_best_so_far(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dualwinch.tuning import study
-
     add = Progress.add
 
     def interrupted(self: Progress, evaluations: list) -> None:
@@ -94,11 +111,82 @@ def test_an_interrupt_keeps_the_best_so_far(
             raise KeyboardInterrupt
         add(self, evaluations)
 
-    monkeypatch.setattr(study.Progress, "add", interrupted)
+    monkeypatch.setattr(Progress, "add", interrupted)
     assert dualwinch("tune", *SHORT, "--trials", 1000, "--out", tmp_path) == 1
-    assert "interrupted; choosing and scoring the best so far" in capsys.readouterr().err
+    assert "interrupted; this is the best so far" in capsys.readouterr().err
     assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) == 32
     assert load(tmp_path / "best.toml").controller.estimator == "calibrating-kalman"
+
+
+def test_gains_no_better_than_the_start_are_not_called_best(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(METHODS, "stubborn", Stubborn)
+    short = ("--case", 4, "--set", "simulation.duration=0.1", "--set", "controller.observer.l0=7", "--trials", 20)
+    words = ("--space", "controller.nftsm.beta", "--constraint", "none", "--method", "stubborn")
+    monkeypatch.setattr("dualwinch.tuning.study.first_candidates", lambda _: [])
+    assert dualwinch("tune", *short, *words, "--out", tmp_path) == 0
+    said = capsys.readouterr().out
+    assert "the start is kept: no trial is better than the gains that the search started from (20 trials)" in said
+    assert "what would help: more trials" in said
+    assert "another method (--method hybrid)" in said
+    assert "times" not in said
+    best, paper = leaves(load(tmp_path / "best.toml")), leaves(case(4))
+    assert best["controller.observer.l0"] == 7
+    assert best["controller.nftsm.beta"] == paper["controller.nftsm.beta"]
+    assert "# trial: the start" in (tmp_path / "best.toml").read_text()
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "The start is kept: no trial is better" in page
+    assert "<li>another method (--method hybrid)</li>" in page
+    assert json.loads((tmp_path / "study.json").read_text())["best"]["trial"] is None
+
+
+def test_another_law_is_compared_with_the_papers_controller_and_with_its_own_start(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ("--set", "controller.kind=adrc", "--set", "simulation.duration=1")
+    assert dualwinch("tune", "--case", 4, *settings, "--trials", 20, "--out", tmp_path) == 0
+    said = capsys.readouterr().out
+    assert "start: adrc (estimator lowpass" in said
+    assert "paper: fando-nftsm (no estimator" in said
+    study = json.loads((tmp_path / "study.json").read_text())
+    paper = rollout([], [[]], [override(case(4), {"simulation.duration": 1.0, "controller.estimator": "none"})])
+    adrc = rollout([], [[]], [override(case(4, "adrc"), {"simulation.duration": 1.0})])
+    for name, result in (("paper", paper), ("start", adrc)):
+        assert study[name]["statistics"]["mean.mse"] == pytest.approx(result.metrics["mse"][0, 0], rel=1e-9)
+    bound = next(entry["bound"] for entry in study["constraints"] if entry["statistic"] == "mean.chatter")
+    assert bound == pytest.approx(paper.metrics["chatter"][0, 0], rel=1e-9)
+    assert study["trials"]["origin"][0] == "start"
+
+
+def test_the_first_line_is_there_before_the_rest_of_the_program(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class GoneError(Exception):
+        """Stands for what takes long."""
+
+    def gone(*_: object, **__: object) -> None:
+        raise GoneError
+
+    monkeypatch.setattr("dualwinch.commands.tuning_setup.tuning_problem", gone)
+    with pytest.raises(GoneError):
+        main(["tune", "--case", "4"])
+    assert capsys.readouterr().err == "tune: reading the problem\n"
+    light = (
+        "import sys, dualwinch.commands.tuning_progress; sys.exit('numpy' in sys.modules or 'casadi' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", light], check=False).returncode == 0
+
+
+def test_strings_are_paths(tmp_path: Path) -> None:
+    file, space = tmp_path / "my.toml", tmp_path / "space.toml"
+    file.write_text("[controller.observer]\nl0 = 7.0\n")
+    space.write_text("[space]\ncontroller.observer.l0 = true\n")
+    problem = tuning_problem(config=str(file), space=[str(space)], settings=["simulation.duration=0.1"])
+    assert problem.start == {"controller.observer.l0": 7.0}
+    with StatusLine() as status:
+        tune(problem, Options(trials=4, out=str(tmp_path / "out")), status)
+    assert (tmp_path / "out" / "report.html").exists()
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("60s", 60), ("90", 90), ("5min", 300), ("1.5h", 5400)])
@@ -132,6 +220,6 @@ def test_wrong_words_are_one_line(
     if "--ensemble" in words:
         short += ["--set", "simulation.duration=0.1"]
     assert dualwinch("tune", *words, *short) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
+    status, error = capsys.readouterr().err.splitlines()
+    assert status == "tune: reading the problem"
     assert message in error

@@ -17,7 +17,7 @@ BARE = {
 }
 
 
-def test_within_reach_it_is_zero() -> None:
+def test_within_the_actuators_authority_it_is_zero() -> None:
     assert least_mse(case(4)) == 0
 
 

@@ -40,7 +40,7 @@ def test_each_controller_meets_the_ensemble_as_if_alone(sea: Ensemble) -> None:
         for metric, values in one.metrics.items():
             np.testing.assert_allclose(values, alone.metrics[metric], rtol=1e-6, err_msg=f"{name} {metric}")
         summary = one.summary()
-        assert summary["mean_mse"] == pytest.approx(alone.statistic("mse").mean, rel=1e-6)
+        assert summary["mean_mse"] == pytest.approx(alone.statistic("mean.mse"), rel=1e-6)
         assert summary["min_tension"] == pytest.approx(alone.metrics["min_tension"].min(), rel=1e-6)
         assert summary["slack_scenarios"] == (alone.metrics["slack_share"] > 0).sum()
         assert summary["outcomes"] == {"completed": 5}

@@ -8,8 +8,9 @@ import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.result import METRICS, EnsembleResult
+from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.ensembles.statistic import METRICS
 from dualwinch.simulation.ensembles.storage import WRITERS, save_ensemble
 
 MASS = "plant.vehicle.mass"

@@ -320,7 +320,7 @@ def test_a_fan_chart_shows_median_bands_and_extremes(at_sea: EnsembleResult) -> 
     words = texts(figure)
     assert "FANDO-NFTSM in the ensemble “sea”" in words
     assert "12 scenarios, seed 7; every one ran to its end" in words
-    assert f"worst {1e3 * at_sea.statistic('max_abs_error').worst:.3g} mm" in words
+    assert f"worst {1e3 * at_sea.statistic('worst.max_abs_error'):.3g} mm" in words
 
 
 def test_a_fan_chart_says_what_it_leaves_out(at_sea: EnsembleResult) -> None:

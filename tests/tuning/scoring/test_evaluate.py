@@ -9,10 +9,13 @@ import pytest
 from dualwinch.model.tree import with_leaves
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.tuning.problem import STRESS, Problem
+from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.tuning.optimisers import linearise as lineariser
+from dualwinch.tuning.prepared import STRESS, Prepared, prepare
+from dualwinch.tuning.scoring import runs
 from dualwinch.tuning.scoring.evaluate import FAILED, LEADERS, Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.ranking import best_first, pareto_front
+from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
 from tests.tuning.conftest import MakeProblem
 
@@ -34,58 +37,91 @@ def test_the_front_is_what_no_other_feasible_one_beats() -> None:
     assert best_first(evaluations)[-2:] == [2, 4]
 
 
+def test_better_than_the_start_is_what_breaks_no_more_and_has_a_smaller_objective() -> None:
+    start = scored(1)
+    assert beats(scored(0.5), start)
+    assert not beats(scored(1), start)
+    assert not beats(scored(2), start)
+    assert not beats(scored(0.5, violation=0.1), start)
+    assert not beats(scored(0.5, pruned=True), start)
+    loud = scored(1, violation=0.5)
+    assert beats(scored(2), loud)  # constraints come first
+    assert beats(scored(0.5, violation=0.1), loud)
+    assert not beats(scored(2, violation=0.1), loud)
+    assert not beats(scored(0.5, violation=0.6), loud)
+    assert beats(scored(2, 1), scored(1, 2))
+    assert not beats(scored(2, 2), scored(1, 2))
+
+
 def test_an_evaluation_is_that_of_the_tuned_experiments(make_problem: MakeProblem) -> None:
-    problem = make_problem()
+    prepared = prepare(make_problem())
+    problem = prepared.problem
     point = problem.start | {BETA: 0.3}
-    found = Evaluator(problem, prune=False).evaluate([Candidate(point, "")])[0]
-    scenarios = [one for one in problem.tuning_scenarios if isinstance(one, Scenario)]
-    tuned = [replace(one, experiment=with_leaves(one.experiment, problem.space.settings(point))) for one in scenarios]
+    found = Evaluator(prepared, prune=False).evaluate([Candidate(point, "")])[0]
+    scenarios = [scenario for scenario in prepared.scenarios if isinstance(scenario, Scenario)]
+    settings = problem.space.settings(point)
+    tuned = [replace(scenario, experiment=with_leaves(scenario.experiment, settings)) for scenario in scenarios]
     singles = rollout([], [[]], tuned).metrics
-    draws = [not one.extreme for one in scenarios]
+    draws = [not scenario.vertex for scenario in scenarios]
     assert draws == [False, True, False, False]
     assert found.statistics["mean.mse"] == pytest.approx(singles["mse"][0, draws].mean(), rel=1e-12)
     assert found.statistics["worst.min_tension"] == pytest.approx(singles["min_tension"].min(), rel=1e-12)
     assert found.outcomes == {"completed": 4}
 
 
-def test_the_paper_is_compared_without_estimator_and_constraints_hold_for_it(make_problem: MakeProblem) -> None:
-    problem = make_problem()
+def test_the_start_is_evaluated_by_preparing(make_problem: MakeProblem) -> None:
+    prepared = prepare(make_problem())
+    evaluator = Evaluator(prepared, prune=False)
+    assert evaluator.start() == evaluator.evaluate([Candidate(prepared.problem.start, "start")])[0]
+
+
+@pytest.mark.parametrize("kind", ["fando-nftsm", "adrc", "pid-cascade"])
+def test_the_paper_is_its_own_controller_whatever_law_is_tuned(kind: str, make_problem: MakeProblem) -> None:
+    settings = ["simulation.duration=0.1", f"controller.kind={kind}", "controller.nominal.mass=9e3"]
+    prepared = prepare(make_problem(settings=settings, space=["controller.coordination.preload"]))
+    problem = prepared.problem
     assert problem.experiment.controller.estimator.kind == "calibrating-kalman"
-    assert problem.paper_experiment.controller.estimator.kind == "none"
-    chatter = problem.paper_result.metrics["chatter"][0, 1]  # the only draw among corners
-    assert problem.bounded[0].bound == pytest.approx(chatter)
+    theirs = problem.paper_experiment.controller
+    assert replace(theirs, nominal=paper_controller().nominal) == paper_controller()
+    assert theirs.nominal.mass == 9e3  # what is believed of the plant is no gain
+    chatter = prepared.paper.metrics["chatter"][0, 1]  # the only draw among vertices
+    assert prepared.constraints[0].bound == pytest.approx(chatter)
+    assert chatter != pytest.approx(prepared.start.metrics["chatter"][0, 1], rel=0.1)
+    assert (problem.paper_point is not None) == (kind == "fando-nftsm")
 
 
 def test_hopeless_candidates_stop_after_the_first_scenarios_and_the_paper_never(make_problem: MakeProblem) -> None:
-    problem = make_problem()
-    evaluator = Evaluator(problem)
+    prepared = prepare(make_problem())
+    problem, evaluator = prepared.problem, Evaluator(prepared)
     points = [problem.start | {"controller.coordination.preload": load} for load in (1200, 1400, 1600, 1800, 2000)]
-    candidates = [Candidate(point, "method") for point in points] + [Candidate(problem.paper_point, "paper")]
+    candidates = [Candidate(point, "method") for point in points] + [Candidate(problem.start, "paper")]
     found = evaluator.evaluate(candidates)
-    leaders = [one for one in found if one.scenarios == 4 + STRESS]
-    assert evaluator.rollouts == 12 + 2 * sum(not one.pruned for one in found) + LEADERS * STRESS
+    leaders = [trial for trial in found if trial.scenarios == 4 + STRESS]
+    assert evaluator.rollouts == 12 + 2 * sum(not trial.pruned for trial in found) + LEADERS * STRESS
     assert len(leaders) == LEADERS
     assert not found[-1].pruned
-    assert {one.scenarios for one in found if one.pruned} == {2}
-    few = Evaluator(problem).evaluate(candidates[:3])
-    assert sorted(one.scenarios for one in few) == [4, 4 + STRESS, 4 + STRESS]  # too few to be worth it
-    whole = Evaluator(problem, prune=False).evaluate(candidates)
-    assert not any(one.pruned for one in whole)
+    assert {trial.scenarios for trial in found if trial.pruned} == {2}
+    few = Evaluator(prepared).evaluate(candidates[:3])
+    assert sorted(trial.scenarios for trial in few) == [4, 4 + STRESS, 4 + STRESS]  # too few to be worth it
+    whole = Evaluator(prepared, prune=False).evaluate(candidates)
+    assert not any(trial.pruned for trial in whole)
     for early, late in zip(found, whole, strict=True):
         assert early.scenarios != 4 or early.statistics == late.statistics  # bit for bit: common scenarios
 
 
 def test_diverged_candidates_are_infeasible_finite_and_survive_storage(make_problem: MakeProblem) -> None:
     problem = make_problem(
-        assignments=["simulation.duration=1"],
+        settings=["simulation.duration=1"],
         space=["controller.winch.kd=0:100", "controller.winch.kp=1e-5:1e9"],
         scenarios=1,
     )
-    found = Evaluator(problem).evaluate([Candidate({"controller.winch.kd": 90.0, "controller.winch.kp": 1e9}, "x")])[0]
+    prepared = prepare(problem)
+    wild = Candidate({"controller.winch.kd": 90.0, "controller.winch.kp": 1e9}, "x")
+    found = Evaluator(prepared).evaluate([wild])[0]
     numbers = [*found.objectives, *found.violations.values(), *found.statistics.values()]
     assert all(map(math.isfinite, numbers))
     assert finished_trial(found, problem.space).state.name == "COMPLETE"
-    lost = Evaluator(problem).judged(found.candidate, _all_diverged(problem), problem.tuning_scenarios)
+    lost = Evaluator(prepared).judged(found.candidate, _all_diverged(prepared), prepared.scenarios)
     assert lost.violations[FAILED] == 1
     assert not lost.feasible
     assert lost.outcomes == {"diverged": 1}
@@ -93,7 +129,23 @@ def test_diverged_candidates_are_infeasible_finite_and_survive_storage(make_prob
     assert (again.objectives, again.violations, again.statistics) == (lost.objectives, lost.violations, lost.statistics)
 
 
-def _all_diverged(problem: Problem) -> BatchResult:
-    result = problem.paper_result
+def _all_diverged(prepared: Prepared) -> BatchResult:
+    result = prepared.paper
     broken = {name: np.full_like(values, np.nan) for name, values in result.metrics.items()}
     return replace(result, outcomes=np.full_like(result.outcomes, "diverged"), metrics=broken)
+
+
+def test_an_interrupt_is_raised_even_where_every_rollout_is_finished(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A batch is so short that all of it is under way when Ctrl-C comes: it must not be lost."""
+    prepared = prepare(make_problem())
+    start = prepared.problem.start
+    for module, name, call in (
+        (runs, "rollout", lambda: Evaluator(prepared).evaluate([Candidate(start, "")])),
+        (lineariser, "sensitivities", lambda: lineariser.linearise(prepared, start)),
+    ):
+        whole = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, whole=whole, **b: replace(whole(*a, **b), interrupted=True))
+        with pytest.raises(KeyboardInterrupt):
+            call()

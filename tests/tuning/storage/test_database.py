@@ -20,6 +20,7 @@ from dualwinch.codegen.errors import DualwinchError
 from dualwinch.commands.tuning_setup import definition_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate
@@ -129,12 +130,13 @@ def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_
 
 
 def test_a_study_in_the_database_is_that_of_the_journal(url: str, make_problem: MakeProblem, tmp_path: Path) -> None:
-    from dualwinch.tuning.storage.store import open_store
+    from dualwinch.tuning.storage.opening import open_store
 
     problem, found = light(make_problem), []
+    prepared = prepare(problem)
     for storage in (url, str(tmp_path / "journal")):
         store = open_store(storage, "same", problem, definition_of(problem, "cmaes"), Budget(40), resume=False)
-        search(problem, "cmaes", optimiser("cmaes", problem, 0), store, Evaluator(problem))
+        search("cmaes", optimiser("cmaes", prepared, 0), store, Evaluator(prepared))
         found.append(store.finished())
         assert store.claim(16, Budget(40), lambda count, first: []) == []  # noqa: ARG005
         store.close()
@@ -172,6 +174,7 @@ def test_a_claim_that_loses_its_lock_adds_nothing(url: str, make_problem: MakePr
 
 def test_an_interrupted_batch_is_queued_again(url: str, make_problem: MakeProblem) -> None:
     problem = light(make_problem)
+    prepared = prepare(problem)
     store = Database.begin(url, "interrupted", problem, definition_of(problem, "random"), Budget(20), resume=False)
 
     class Interrupted(Evaluator):
@@ -179,9 +182,9 @@ def test_an_interrupted_batch_is_queued_again(url: str, make_problem: MakeProble
             raise KeyboardInterrupt(candidates)
 
     with pytest.raises(KeyboardInterrupt):
-        search(problem, "random", optimiser("random", problem, 0), store, Interrupted(problem))
+        search("random", optimiser("random", prepared, 0), store, Interrupted(prepared))
     assert states(url, "interrupted") == {TrialState.FAIL: 16, TrialState.WAITING: 16}
-    search(problem, "random", optimiser("random", problem, 0), store, Evaluator(problem))
+    search("random", optimiser("random", prepared, 0), store, Evaluator(prepared))
     assert states(url, "interrupted") == {TrialState.FAIL: 16, TrialState.COMPLETE: 20}
     store.close()
 

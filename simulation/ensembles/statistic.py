@@ -1,6 +1,6 @@
-"""A named statistic of a figure of merit over the scenarios: ``mean.mse``, ``worst.peak_tension``."""
+"""A named statistic of a figure of merit over scenarios: ``mean.mse``, ``p95.chatter``, ``worst.peak_tension``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,16 @@ from numpy.typing import NDArray
 from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import nearest
-from dualwinch.simulation.ensembles.result import METRICS, SMALL_IS_BAD
 from dualwinch.simulation.loop.metrics import Metrics
 
-KINDS = ("mean", "median", "p95", "worst")
+METRICS = tuple(field.name for field in fields(Metrics))
+"""Names of the figures of merit."""
 
-UNMEASURED = 1e9
-"""What stands for a statistic of no completed scenario: finite, as every storage wants it."""
+SMALL_IS_BAD = frozenset({"min_tension"})
+"""Figures of merit whose bad end is the small one; of all others it is the large one."""
+
+KINDS = ("mean", "median", "p95", "worst")
+"""What a statistic can be: ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +25,8 @@ class Statistic:
     """One statistic of one figure of merit.
 
     Attributes:
-        kind: ``mean``, ``median``, ``p95`` (95 % of the scenarios are no worse) or ``worst``.
-        metric: name in `simulation.loop.metrics.Metrics`.
+        kind: one of `KINDS`.
+        metric: one of `METRICS`.
     """
 
     kind: str
@@ -45,20 +48,22 @@ class Statistic:
         return self.metric in SMALL_IS_BAD
 
     def over(self, values: NDArray[np.float64]) -> float:
-        """The statistic over the scenarios that were completed, NaN left out; `UNMEASURED` without any."""
+        """The statistic over the figure of merit of some scenarios (n,), what is not finite left out; NaN without any.
+
+        A run that ended early measured something else: give the values of completed scenarios alone.
+        """
         values = values[np.isfinite(values)]
         if not len(values):
-            return -UNMEASURED if self.small_is_bad else UNMEASURED
+            return np.nan
         match self.kind:
             case "mean":
-                found = values.mean()
+                return float(values.mean())
             case "median":
-                found = np.median(values)
+                return float(np.median(values))
             case "p95":
-                found = np.quantile(values, 0.05 if self.small_is_bad else 0.95)
+                return float(np.quantile(values, 0.05 if self.small_is_bad else 0.95))
             case _:
-                found = values.min() if self.small_is_bad else values.max()
-        return float(np.clip(found, -UNMEASURED, UNMEASURED))
+                return float(values.min() if self.small_is_bad else values.max())
 
 
 def statistic_from(text: str) -> Statistic:

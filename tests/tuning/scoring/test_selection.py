@@ -1,0 +1,118 @@
+"""The choice of the best: in scenarios of their own, never worse than the start, scored in others never seen."""
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import pytest
+
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.prepared import Prepared, prepare
+from dualwinch.tuning.problem import HELD_OUT, SELECTION
+from dualwinch.tuning.scoring import selection
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.plan import Plan
+from dualwinch.tuning.scoring.selection import NOT_CHOSEN, RUNG, judge, rungs
+from dualwinch.tuning.storage.memory import Memory
+from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.study import search
+from tests.tuning.conftest import MakeProblem
+
+SMALL = Plan(finalists=6, draws=5, vertices=3, looked_at=8, last=2, last_draws=7, held_out=10)
+
+BETA = "controller.nftsm.beta"
+
+
+def studied(evaluator: Evaluator, trials: int) -> list[Evaluation]:
+    store = Memory(Budget(trials))
+    search("cmaes", optimiser("cmaes", evaluator.prepared, 0), store, evaluator)
+    return store.finished()
+
+
+def worse(prepared: Prepared) -> list[Candidate]:
+    """Candidates with more error than the start."""
+    start = prepared.problem.start
+    return [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in (0.2, 0.3, 0.5)]
+
+
+def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: MakeProblem) -> None:
+    prepared = prepare(make_problem(scenarios=2))
+    problem, evaluator = prepared.problem, Evaluator(prepared)
+    trials = studied(evaluator, 32)
+    before = evaluator.rollouts
+    verdict = judge(evaluator, trials, SMALL)
+    assert evaluator.rollouts - before <= SMALL.rollouts
+
+    def seeds(scenarios: Iterable[Experiment | Scenario]) -> set[object]:
+        return {each.draws["disturbance.seed"] for each in scenarios if isinstance(each, Scenario)}
+
+    assert problem.ensemble
+    ours = [
+        seeds((*prepared.scenarios, *prepared.stress)),
+        seeds(problem.ensemble.scenarios(12, problem.seed + SELECTION)),
+    ]
+    ours.append(seeds(problem.drawn(10, problem.seed + HELD_OUT)))
+    assert len(set.union(*ours)) == sum(map(len, ours))
+    assert verdict.improved
+    assert verdict.selection is not None
+    assert verdict.selection.scenarios == SMALL.last_draws
+    assert verdict.held_out
+    assert {name: score.evaluation.scenarios for name, score in verdict.scores.items()} == dict.fromkeys(
+        ("best", "start", "paper"), 10
+    )
+    assert verdict.shown == ("best", "start", "paper")
+    assert verdict.improvement("mean.mse") > 1
+    assert verdict.improvement("mean.mse", "start") > 1
+    assert verdict.within_authority.all()  # in 0.1 s nothing is asked for
+    assert verdict.improvement_within_authority() == pytest.approx(verdict.improvement("mean.mse"))
+
+
+@pytest.mark.parametrize("ensemble", ["sea", None])
+def test_gains_worse_than_the_start_are_never_the_best(ensemble: str | None, make_problem: MakeProblem) -> None:
+    words = {} if ensemble else {"case": 4}
+    prepared = prepare(make_problem(ensemble=ensemble, space=[BETA], constraints=[], **words))
+    evaluator = Evaluator(prepared, prune=False)
+    trials = evaluator.evaluate(worse(prepared))
+    start = evaluator.start()
+    assert min(trial.objectives for trial in trials) > start.objectives
+    verdict = judge(evaluator, trials, SMALL)
+    assert not verdict.improved
+    assert verdict.obstacle == NOT_CHOSEN
+    assert verdict.best == start
+    assert verdict.scores["best"] == verdict.scores["start"]
+    assert "start" not in verdict.shown
+
+
+def test_the_start_is_kept_where_it_is_better_in_the_held_out_scenarios(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared = prepare(make_problem(scenarios=2))
+    evaluator = Evaluator(prepared)
+    trials = studied(evaluator, 32)
+    beats = selection.beats
+    monkeypatch.setattr(selection, "beats", lambda ours, start: ours.scenarios != SMALL.held_out and beats(ours, start))
+    verdict = judge(evaluator, trials, SMALL)
+    assert "but not in the held-out scenarios" in verdict.obstacle
+    assert verdict.best.point == prepared.problem.start
+    assert verdict.selection is None
+    assert verdict.scored == verdict.scores["start"].evaluation
+
+
+def test_the_start_and_the_papers_gains_are_one_where_they_do_the_same(make_problem: MakeProblem) -> None:
+    settings = ["simulation.duration=0.1", "controller.estimator=none"]
+    prepared = prepare(make_problem(settings=settings, scenarios=2))
+    evaluator = Evaluator(prepared)
+    verdict = judge(evaluator, studied(evaluator, 32), SMALL)
+    assert verdict.start_is_papers
+    assert verdict.shown == ("best", "paper")
+
+
+def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
+    ordered = [Evaluation(Candidate({}, ""), (1.01**number,), {}, {}, {}, 1) for number in range(400)]
+    found = rungs(ordered, 16)
+    values = [ordered[index].objectives[0] for index in found]
+    assert len(found) == 16
+    assert found[0] == 0
+    assert all(after / before > RUNG for before, after in pairwise(values))

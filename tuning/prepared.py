@@ -1,0 +1,85 @@
+"""A problem made ready for evaluation: its scenarios drawn, the paper's gains and the start run, bounds as numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.constraint import Constraint
+from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.progress import DRAWING, REFERENCES, SILENT, Watch
+from dualwinch.tuning.scoring.runs import over, run_pairs
+from dualwinch.tuning.scoring.scenarios import Pick, pick
+
+STRESS = 16
+"""Number of the scenarios in which only the best candidates are tried."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A problem with all that evaluating a candidate takes.
+
+    Attributes:
+        problem: what is tuned.
+        scenarios: what every candidate is tried in, the same for all: draws and vertices of the ensemble, or the
+            experiment.
+        stress: further vertices, where the best of the candidates have to hold; none without an ensemble.
+        constraints: the problem's, every bound a number.
+        paper: the paper's controller in `scenarios`, one row.
+        start: the start in `scenarios`, one row.
+    """
+
+    problem: Problem
+    scenarios: tuple[Experiment | Scenario, ...]
+    stress: tuple[Experiment | Scenario, ...]
+    constraints: tuple[Constraint, ...]
+    paper: BatchResult
+    start: BatchResult
+
+
+def prepare(problem: Problem, threads: int | None = None, watch: Watch = SILENT) -> Prepared:
+    """Draw the scenarios of a problem, and run the paper's controller and the start in them.
+
+    What the search will call is compiled by then.
+
+    Args:
+        problem: what is tuned.
+        threads: default: one a core.
+        watch: told of both phases.
+
+    Raises:
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    watch.phase(DRAWING)
+    picks, more = _picks(problem)
+    scenarios = _drawn(problem, picks, problem.experiment)
+    watch.phase(REFERENCES)
+    paper = run_pairs([], [[]], _drawn(problem, picks, problem.paper_experiment), threads)
+    start = run_pairs(problem.space.keys, [problem.space.parameters(problem.start)], scenarios, threads)
+    return Prepared(
+        problem=problem,
+        scenarios=scenarios,
+        stress=_drawn(problem, more, problem.experiment) if more else (),
+        constraints=tuple(
+            constraint.given(over(constraint.statistic, paper, 0, scenarios)) for constraint in problem.constraints
+        ),
+        paper=paper,
+        start=start,
+    )
+
+
+def _picks(problem: Problem) -> tuple[list[Pick], list[Pick]]:
+    """Which scenarios candidates are tuned in, and in which further ones the best of them."""
+    if problem.ensemble is None:
+        return [], []
+    ensemble = replace(problem.ensemble, experiment=problem.experiment)
+    return pick(ensemble, problem.scenarios, STRESS, problem.seed)
+
+
+def _drawn(problem: Problem, picks: Sequence[Pick], experiment: Experiment) -> tuple[Experiment | Scenario, ...]:
+    if problem.ensemble is None:
+        return (experiment,)
+    ensemble = replace(problem.ensemble, experiment=experiment)
+    return tuple(chosen.drawn(ensemble, problem.seed) for chosen in picks)

@@ -1,0 +1,83 @@
+"""How many finalists meet in how many scenarios, and how many score the best: all there should be, or what time allows.
+
+The search has its time; choosing and scoring come on top of it, and must not take long beside a short search.
+"""
+
+from dataclasses import astuple, dataclass
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Numbers of the final choice and of the score.
+
+    Attributes:
+        finalists: of the first round, beside the start.
+        draws, vertices: of the ensemble, in which they meet.
+        looked_at: vertices among which those are chosen.
+        last: finalists of the second round, beside the start.
+        last_draws: further draws, in which they meet.
+        held_out: scenarios that score the best, the start and the paper's gains.
+    """
+
+    finalists: int = 16
+    draws: int = 96
+    vertices: int = 32
+    looked_at: int = 200
+    last: int = 4
+    last_draws: int = 192
+    held_out: int = 200
+
+    @property
+    def rollouts(self) -> int:
+        """Rollouts that it takes."""
+        first = (self.finalists + 1) * (self.draws + self.vertices)
+        return first + (self.last + 1) * self.last_draws + 3 * self.held_out
+
+    def scaled(self, share: float) -> "Plan":
+        """The plan with a share of all numbers, but no fewer than `LEAST`, or than this plan has."""
+        counts = zip(astuple(self), astuple(LEAST), strict=True)
+        return Plan(*(max(round(share * count), min(count, least)) for count, least in counts))
+
+
+FULL = Plan()
+"""What is made where nobody is in a hurry."""
+
+LEAST = Plan(finalists=4, draws=8, vertices=4, looked_at=16, last=2, last_draws=8, held_out=32)
+"""The fewest that are worth anything."""
+
+STEPS = 20
+"""Shares of a plan that are looked at."""
+
+BESIDE_SHARE, BESIDE_SECONDS = 0.15, 3.0
+"""What everything beside a search of some time may take: a share of it, or the time in s if that is longer."""
+
+LEFT_SECONDS = 1.0
+"""Time in s for choosing and scoring where preparing has taken what there was."""
+
+DEARER = 1.5
+"""What a rollout costs here beside one of the search, where many candidates share a scenario that is drawn once."""
+
+
+def time_for(search: float, spent: float) -> float:
+    """Time in s for choosing and scoring.
+
+    Args:
+        search: time in s that was asked for.
+        spent: what else takes time beside it, in s.
+    """
+    return max(max(BESIDE_SECONDS, BESIDE_SHARE * search) - spent, LEFT_SECONDS)
+
+
+def affordable(full: Plan, seconds: float, pace: float) -> Plan:
+    """The largest share of a plan that can be carried out in some time.
+
+    Args:
+        full: the plan.
+        seconds: time in s.
+        pace: time in s that a rollout takes in the search.
+    """
+    for step in range(STEPS, 0, -1):
+        plan = full.scaled(step / STEPS)
+        if DEARER * pace * plan.rollouts <= seconds:
+            return plan
+    return full.scaled(0.0)

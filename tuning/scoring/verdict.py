@@ -1,0 +1,95 @@
+"""What a study comes to: the best, whether it is better than the start, and what it is worth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.plan import Plan
+
+ALIKE = 1e-9
+"""Relative difference of all statistics below which the start does what the paper's controller does."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a controller came to where the best is scored.
+
+    Attributes:
+        evaluation: its statistics and violations there.
+        result: figures of merit of every scenario, one row.
+    """
+
+    evaluation: Evaluation
+    result: BatchResult
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The best of a study and its score.
+
+    Attributes:
+        best: as it was tuned; the start, where nothing is better.
+        obstacle: why the best is the start, in words; empty where it is better.
+        selection: the best in the selection scenarios; ``None`` without an ensemble.
+        scores: ``best``, ``start`` and ``paper`` → what each came to in the same scenarios, which neither the search
+            nor the choice of the best saw; without an ensemble in the only one there is.
+        held_out: whether those are such scenarios.
+        within_authority: (scenarios,) whether the motors can hold each.
+        plan: how many finalists met in how many scenarios.
+    """
+
+    best: Evaluation
+    obstacle: str
+    selection: Evaluation | None
+    scores: dict[str, Score]
+    held_out: bool
+    within_authority: NDArray[np.bool_]
+    plan: Plan
+
+    @property
+    def improved(self) -> bool:
+        """Whether the best is better than the start."""
+        return not self.obstacle
+
+    @property
+    def scored(self) -> Evaluation:
+        """The best where it is scored."""
+        return self.scores["best"].evaluation
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Which scores say something different: the best, the start and the paper's, each where it is another."""
+        start = () if self.start_is_papers or not self.improved else ("start",)
+        return "best", *start, *(() if self.start_is_papers and not self.improved else ("paper",))
+
+    @property
+    def start_is_papers(self) -> bool:
+        """Whether the start does what the paper's controller does."""
+        start, paper = (self.statistics(name) for name in ("start", "paper"))
+        return all(abs(value - paper[name]) <= ALIKE * abs(paper[name]) for name, value in start.items())
+
+    def statistics(self, name: str) -> dict[str, float]:
+        """Name of a statistic → its value for ``best``, ``start`` or ``paper``."""
+        return self.scores[name].evaluation.statistics
+
+    def improvement(self, statistic: str, over: str = "paper") -> float:
+        """How many times a statistic of the best is below that of the paper's gains or of the start."""
+        ours, theirs = self.statistics("best")[statistic], self.statistics(over)[statistic]
+        return theirs / ours if ours else np.inf
+
+    def improvement_within_authority(self) -> float:
+        """How many times the mean MSE is below the paper's over the scenarios that the motors can hold.
+
+        NaN without such a scenario that both ran to its end.
+        """
+        results = [self.scores[name].result for name in ("best", "paper")]
+        kept = self.within_authority.copy()
+        for result in results:
+            kept &= result.outcomes[0] == "completed"
+        if not kept.any():
+            return np.nan
+        best, paper = (result.metrics["mse"][0, kept].mean() for result in results)
+        return float(paper / best)

@@ -1,0 +1,51 @@
+"""What a storage keeps of a study beside its trials, and whether it is the study that is asked for."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.tuning.space import Space
+
+DEFINITION, BUDGET, OBJECTIVES = "dualwinch definition", "dualwinch budget", "objectives"
+"""User attributes of a study: what is tuned, how far, and what the values of a trial are."""
+
+
+def titles(objectives: Sequence[Statistic]) -> list[str]:
+    """What the values of a trial are, with units."""
+    return [f"{statistic.name} [{statistic.unit}]" for statistic in objectives]
+
+
+def check_definition(
+    study: str, ours: Mapping[str, Any], theirs: Mapping[str, Any] | None, spaces: tuple[Space, Space]
+) -> None:
+    """Refuse to mix two problems in one study.
+
+    Args:
+        study: the study's name.
+        ours: the definition asked for.
+        theirs: the definition in the storage; ``None``: it is not a study of this program.
+        spaces: both spaces.
+
+    Raises:
+        ConfigurationError: they differ; the message says in what.
+    """
+    if theirs is None:
+        raise ConfigurationError(f"--study {study}: exists, and is none of this program; choose another name")
+    difference = spaces[0].difference(spaces[1])
+    if difference:
+        raise ConfigurationError(f"--study {study}: has another space: {difference}; choose another name")
+    for key, value in ours.items():
+        if key != "space" and value != theirs.get(key):
+            shown = f": {value!r} here, {theirs.get(key)!r} there" if len(repr(value)) < 100 else ""
+            raise ConfigurationError(f"--study {study}: was begun with another {key}{shown}; choose another name")
+
+
+def check_resume(study: str, count: int, *, resume: bool) -> None:
+    """Refuse to go on with a study by accident.
+
+    Raises:
+        ConfigurationError: there are trials and nobody asked to go on.
+    """
+    if count and not resume:
+        raise ConfigurationError(f"--study {study}: has {count} trials; go on with --resume, or choose another name")

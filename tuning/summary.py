@@ -1,0 +1,162 @@
+"""A finished study in sentences, the same on the terminal and in the report."""
+
+import numpy as np
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.tuning.optimisers import default_method
+from dualwinch.tuning.plots.names import short
+from dualwinch.tuning.scoring import plan as plans
+from dualwinch.tuning.scoring.evaluate import EXEMPT
+from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.space import Interval
+from dualwinch.tuning.tune import Tuned
+
+FEW_PER_GAIN = 30
+"""Trials for each gain below which more of them are the first thing to try."""
+
+EDGE = 0.02
+"""Share of a range at either end in which a gain is said to lie at its bound."""
+
+LEADING = 3
+"""Trials that tell whether a gain lies at its bound."""
+
+NAMES = {"best": "best", "start": "start", "paper": "paper"}
+"""Name of a score in a verdict → what it is called."""
+
+
+def headings(tuned: Tuned) -> dict[str, str]:
+    """Name of each score that says something different → its heading in a table."""
+    verdict = tuned.verdict
+    names = {name: NAMES[name] for name in verdict.shown}
+    if not verdict.improved:
+        names["best"] = "start, kept" if "paper" in names else "start = paper, kept"
+    elif verdict.start_is_papers:
+        names["paper"] = "start = paper"
+    return names
+
+
+def where(tuned: Tuned) -> str:
+    """Where the best was scored; how many scenarios that were."""
+    if not tuned.verdict.held_out:
+        return "in the tuned experiment"
+    fewer = f" ({plans.FULL.held_out} with more time)" if tuned.verdict.plan.draws < plans.FULL.draws else ""
+    return f"in {tuned.verdict.scored.scenarios} held-out scenarios{fewer}"
+
+
+def headline(tuned: Tuned) -> str:
+    """Which trial is the best, or why the start is kept; and where that was scored."""
+    best, trials = tuned.verdict.best, len(tuned.trials)
+    count = f"{trials} trial{'s' * (trials != 1)}"
+    if tuned.verdict.improved:
+        return f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
+    return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
+
+
+def contenders(tuned: Tuned) -> list[str]:
+    """What the best is compared with: what stands under each heading."""
+    start = controller_in_words(tuned.problem.experiment.controller)
+    paper = controller_in_words(tuned.problem.paper_experiment.controller)
+    words = [f"paper: {paper} with the paper's gains"]
+    return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
+
+
+def endings(tuned: Tuned) -> str:
+    """How the best's runs ended where it is scored."""
+    scored = tuned.verdict.scored
+    if scored.scenarios == 1:
+        return next(iter(scored.outcomes)).replace("_", " ")
+    return ", ".join(
+        f"{count} of {scored.scenarios} {word.replace('_', ' ')}" for word, count in scored.outcomes.items()
+    )
+
+
+def controller_in_words(controller: Controller) -> str:
+    """Law, estimator and coordination of a controller."""
+    estimator = controller.estimator.kind
+    filtered = "no estimator" if estimator == "none" else f"estimator {estimator}"
+    return f"{controller.law.kind} ({filtered}, {controller.coordination.kind})"
+
+
+def comparison(tuned: Tuned) -> str:
+    """How the first objective of the best compares with the paper's, and with the start's."""
+    verdict, name = tuned.verdict, tuned.problem.objectives[0].name
+    words = [times(verdict.improvement(name), "the paper's")]
+    if "start" in verdict.shown:
+        words.append(times(verdict.improvement(name, "start"), "the start's"))
+    return f"{name} is {' and '.join(words)}"
+
+
+def times(ratio: float, whose: str) -> str:
+    """A ratio of theirs to ours in words: how many times ours is below or above."""
+    if not (ratio > 0 and np.isfinite(ratio)):
+        return f"not comparable with {whose}"
+    if f"{ratio:.3g}" == "1":
+        return f"as large as {whose}"
+    return f"{_digits(ratio)} times below {whose}" if ratio > 1 else f"{_digits(1 / ratio)} times above {whose}"
+
+
+def _digits(ratio: float) -> str:
+    """Three digits, without an exponent, thousands apart."""
+    rounded = float(f"{ratio:.3g}")
+    return f"{rounded:,.0f}".replace(",", " ") if rounded >= 100 else f"{rounded:.3g}"
+
+
+def authority(tuned: Tuned) -> str:
+    """How many of the scenarios no gains can hold, and what the best is worth in the others; empty for none."""
+    verdict = tuned.verdict
+    beyond = int((~verdict.within_authority).sum())
+    if not (beyond and verdict.held_out):
+        return ""
+    within = times(verdict.improvement_within_authority(), "the paper's")
+    return (
+        f"{beyond} of the scenarios are beyond the actuators' authority: they take more force than the motors can "
+        f"give; in the others the mean MSE is {within}"
+    )
+
+
+def advice(tuned: Tuned) -> list[str]:
+    """What would help where the start is kept or the best breaks a constraint; empty where there is no need."""
+    verdict, problem = tuned.verdict, tuned.problem
+    if verdict.improved and verdict.scored.feasible:
+        return []
+    found: list[str] = []
+    wanted = FEW_PER_GAIN * len(problem.space.dimensions)
+    if len(tuned.trials) < wanted:
+        found.append(f"more trials (--time, --trials, --resume): {wanted} or more for this many gains")
+    if hardest := _hardest(tuned):
+        found.append(f"a looser bound (--constraint): {hardest}")
+    if at_bounds := _at_bounds(tuned):
+        found.append(f"wider bounds (--space): the best trials lie at those of {', '.join(at_bounds)}")
+    if tuned.method != (usual := default_method(len(problem.objectives))):
+        found.append(f"another method (--method {usual})")
+    return found or ["another start (--set), another seed (--seed), or more gains (--space)"]
+
+
+def _hardest(tuned: Tuned) -> str:
+    """The constraint that most of the complete trials break, where hardly any keeps to all."""
+    whole = [trial for trial in tuned.trials if not trial.pruned]
+    if sum(trial.feasible for trial in whole) > len(whole) // 10:
+        return ""
+    counts = {
+        constraint.label: sum(trial.violations[constraint.label] > 0 for trial in whole)
+        for constraint in tuned.prepared.constraints
+    }
+    label = max(counts, key=lambda name: counts[name], default="")
+    return f"{counts[label]} of {len(whole)} complete trials break {label}" if label and counts[label] else ""
+
+
+def _at_bounds(tuned: Tuned) -> list[str]:
+    """Gains that lie at a bound in all of the best trials that the search has found; at 0 nothing can be wider."""
+    searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
+    points = [searched[index].point for index in best_first(searched)[:LEADING]]
+
+    def at_a_bound(dimension: Interval, share: float) -> bool:
+        return share >= 1 - EDGE or (share <= EDGE and dimension.lower != 0)
+
+    return [
+        short(dimension.name)
+        for dimension in tuned.problem.space.dimensions
+        if isinstance(dimension, Interval)
+        and len(points) == LEADING
+        and all(at_a_bound(dimension, dimension.encoded(point[dimension.name])) for point in points)
+    ]
