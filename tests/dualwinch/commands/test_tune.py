@@ -61,7 +61,7 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     study = json.loads((tmp_path / "out" / "study.json").read_text())
     best = load(tmp_path / "out" / "best.toml")
     assert {key: leaves(best)[key] for key in study["best"]["settings"]} == study["best"]["settings"]
-    assert best.controller.estimator == "calibrating-kalman"
+    assert best.controller.estimator.kind == "calibrating-kalman"
     header = (tmp_path / "out" / "best.toml").read_text()
     for word in ("code version: dualwinch", "seed: 5", "ensemble: sea", f"trial: {study['best']['trial']}", "date: "):
         assert word in header
@@ -115,7 +115,7 @@ def test_an_interrupt_keeps_the_best_so_far(
     assert dualwinch("tune", *SHORT, "--trials", 1000, "--out", tmp_path) == 1
     assert "interrupted; this is the best so far" in capsys.readouterr().err
     assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) == 32
-    assert load(tmp_path / "best.toml").controller.estimator == "calibrating-kalman"
+    assert load(tmp_path / "best.toml").controller.estimator.kind == "calibrating-kalman"
 
 
 def test_gains_no_better_than_the_start_are_not_called_best(

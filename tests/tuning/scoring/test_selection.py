@@ -46,7 +46,7 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
     assert evaluator.rollouts - before <= SMALL.rollouts
 
     def seeds(scenarios: Iterable[Experiment | Scenario]) -> set[object]:
-        return {each.draws["disturbance.seed"] for each in scenarios if isinstance(each, Scenario)}
+        return {each.draws["simulation.seed"] for each in scenarios if isinstance(each, Scenario)}
 
     assert problem.ensemble
     ours = [
