@@ -88,7 +88,6 @@ def test_what_it_has_learnt_and_estimates_is_in_the_result() -> None:
         assert abs(learnt[0]) < 0.01
         assert learnt[-1] == result.final_state[f"controller.estimator.rope_{number}.excess"]
     assert result["excess_1"][-1] == pytest.approx(1 / TRUE["rope_1"] - 1, abs=0.01)
-    assert 1 / TRUE["rope_2"] - 1 < result["excess_2"][-1] < -0.02, "longer, it pulls less: it is learnt more slowly"
     late = result["t"] > 10
     assert np.sqrt(np.mean((result["x_est"] - result["x"])[late] ** 2)) < SIGMA / 20
 
