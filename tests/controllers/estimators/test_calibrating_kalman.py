@@ -17,6 +17,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
 
 T, SIGMA = 1e-3, 6e-4
 SEA = Sensors(5e-4, 1e-3, 2e-3, 10.0, 4096)
@@ -42,8 +43,8 @@ def test_a_slack_rope_teaches_nothing_and_old_samples_fade() -> None:
     assert after.information == pytest.approx(1e4 * np.exp(-T / 2))
 
 
-def ran(estimator: str) -> tuple[np.ndarray, dict[str, float]]:
-    """Position errors in m of the estimate after 10 s of 25 s, and the final state; ropes are not the nominal ones."""
+def stretchy(estimator: str) -> tuple[Experiment, Plant]:
+    """25 s of Case 4 with ropes that are not those of the plant the controller was designed for."""
     experiment = replace(
         case(4),
         controller=Controller(estimator=ESTIMATORS[estimator]()),
@@ -51,9 +52,14 @@ def ran(estimator: str) -> tuple[np.ndarray, dict[str, float]]:
         simulation=Simulation(delay_samples=1, duration=25.0),
     )
     ropes = {name: replace(getattr(experiment.plant, name), modulus=80e9 * share) for name, share in TRUE.items()}
-    drawn: Experiment = replace(experiment, plant=replace(experiment.plant, **ropes))
+    return replace(experiment, plant=replace(experiment.plant, **ropes)), experiment.plant
+
+
+def ran(estimator: str) -> tuple[np.ndarray, dict[str, float]]:
+    """Position errors in m of the estimate after 10 s of 25 s, and the final state."""
+    drawn, nominal = stretchy(estimator)
     loop = closed_loop(structure_of(drawn))
-    run, parameters = engine(loop), np.array(list(parameters_of(drawn, experiment.plant).values()))
+    run, parameters = engine(loop), np.array(list(parameters_of(drawn, nominal).values()))
     state = np.array(list(initial_state_of(drawn).values()))
     prefix = "controller.estimator." + ("motion." if estimator == "calibrating-kalman" else "")
     estimate, truth = loop.states.index(prefix + "x"), loop.states.index("motion.plant.x")
@@ -69,6 +75,21 @@ def test_it_finds_the_ropes_and_with_them_the_position() -> None:
     calibrated, final = ran("calibrating-kalman")
     assert final["controller.estimator.rope_1.excess"] == pytest.approx(1 / TRUE["rope_1"] - 1, abs=0.01)
     assert np.mean(calibrated**2) < np.mean(plain**2) / 20
+
+
+def test_what_it_has_learnt_and_estimates_is_in_the_result() -> None:
+    drawn, nominal = stretchy("calibrating-kalman")
+    result = simulate(drawn, nominal=nominal)
+    names = ["x_est", "v_est", "d_est", "excess_1", "excess_2"]
+    assert list(result.columns)[-5:] == names
+    assert [result.units[name] for name in names] == ["m", "m/s", "m/s^2", "1", "1"]
+    for number in (1, 2):
+        learnt = result[f"excess_{number}"]
+        assert abs(learnt[0]) < 0.01
+        assert learnt[-1] == result.final_state[f"controller.estimator.rope_{number}.excess"]
+    assert result["excess_1"][-1] == pytest.approx(1 / TRUE["rope_1"] - 1, abs=0.01)
+    late = result["t"] > 10
+    assert np.sqrt(np.mean((result["x_est"] - result["x"])[late] ** 2)) < SIGMA / 20
 
 
 def test_a_plant_at_rest_with_nominal_ropes_holds_no_surprise() -> None:

@@ -124,14 +124,13 @@ def test_gain_has_derivatives() -> None:
 
 def test_the_gain_is_computed_once_a_run() -> None:
     """The step of the loop grows by the filter's few lines, not by the doubling steps."""
-    sizes = {
-        estimator.kind: [
-            function.n_instructions() for function in hoisted(closed_loop(structure_of(noisy(estimator))).step)
-        ]
-        for estimator in (Unfiltered(), Kalman())
-    }
-    assert sizes["kalman"][0] - sizes["none"][0] > 1000
-    assert sizes["kalman"][1] - sizes["none"][1] < 100
+
+    def sizes(estimator: Estimator) -> list[int]:
+        return [function.n_instructions() for function in hoisted(closed_loop(structure_of(noisy(estimator))).step)]
+
+    with_it, without = sizes(Kalman()), sizes(Unfiltered())
+    assert with_it[0] - without[0] > 1000
+    assert with_it[1] - without[1] < 100
 
 
 def measured_at(state: PlantState) -> Measurement:
@@ -213,3 +212,26 @@ def test_with_a_seas_sensors_it_beats_raw_and_lowpassed_speeds() -> None:
     assert runs["kalman"].chatter < 0.2 * runs["5 ms"].chatter
     assert runs["kalman"].chatter < 0.7 * runs["50 ms"].chatter
     assert runs["kalman"].mae < 0.3 * runs["50 ms"].mae
+
+
+def test_what_the_filter_estimates_is_in_the_result() -> None:
+    """Position and speed are those the law sees; the disturbance is whole, compensated or not."""
+    plain, half = (simulate(noisy(Kalman(KalmanGains(compensation=share)))) for share in (0.0, 0.5))
+    for result in (plain, half):
+        late = result["t"] > 5
+        assert {name: result.units[name] for name in ("x_est", "v_est", "d_est")} == {
+            "x_est": "m",
+            "v_est": "m/s",
+            "d_est": "m/s^2",
+        }
+        assert np.std((result["x_est"] - result["x"])[late]) < 0.2 * SEA.position_noise
+        assert np.std((result["v_est"] - result["v"])[late]) < 0.2 * SEA.speed_noise
+        assert np.corrcoef(result["d_est"][late], result["d_true"][late])[0, 1] > 0.9
+        law_sees = result["s"] - (result["x_est"] - result["x_ref"])
+        e2 = result["v_est"] - result["v_ref"] + 1e-5 * result["Z_a"]
+        assert law_sees == pytest.approx(e2 * (e2**2 + 1e-10) ** (1 / 3) / 0.05, abs=1e-12)
+
+
+def test_without_a_filter_there_are_no_such_columns() -> None:
+    columns = simulate(replace(noisy(LowPass()), simulation=Simulation(duration=0.01))).columns
+    assert not {"x_est", "v_est", "d_est", "excess_1"} & columns.keys()

@@ -2,9 +2,16 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.block import Block
-from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.signals import Measurement
+from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.tree import leaves
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import BLOCKS, block
@@ -88,6 +95,26 @@ def test_variables_know_unit_range_and_source() -> None:
     assert "controller.adrc.bandwidth" not in gains
     vortex = {variable.name: variable for variable in block("plant", case(4)).parameters}["disturbance.vortex"]
     assert (vortex.start, vortex.lower, vortex.upper, vortex.source) == (1.0, 0.0, 1.0, "configuration")
+
+
+@pytest.mark.parametrize("coordination", COORDINATIONS)
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_every_estimator_and_coordination_becomes_a_block(estimator: str, coordination: str) -> None:
+    """Its step is that of the controller, state by state; what the estimator knows is among the outputs."""
+    controller = Controller(ESTIMATORS[estimator](), coordination=COORDINATIONS[coordination]())
+    made, start = block("controller", Experiment(controller=controller)), initial_controller_state(controller)
+    assert names(made.states) == list(leaves(start))
+    assert flat(made.initial(values(made.parameters))).tolist() == list(leaves(start).values())
+    sensed = dict.fromkeys(describe(Measurement), 0.1) | {"F1": 1500.0, "F2": 900.0}
+    wanted = {"x_ref": 0.2, "v_ref": 0.3, "a_ref": 0.1}
+    point = Setpoint(*wanted.values())
+    state, output = controller_step(start, Measurement(**sensed), point, controller, Plant(), 1e-3)
+    given = [(sensed | wanted)[name] for name in names(made.inputs)]
+    following, told = made.step(values(made.states), given, values(made.parameters))
+    assert flat(following) == pytest.approx(np.array(list(leaves(state).values()), float), rel=1e-9, abs=1e-12)
+    found = dict(zip(names(made.outputs), flat(told), strict=True))
+    expected = leaves(output.winches) | {name: value for name, (value, _) in own_signals(output).items()}
+    assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", POSITION_LAWS)

@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
@@ -17,6 +19,7 @@ from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
 from dualwinch.model.rope import Track
+from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
@@ -89,6 +92,19 @@ def test_leaps_are_close_to_careful_moves_and_never_over_a_loose_rope() -> None:
 def test_trajectories_agree(kind: str) -> None:
     experiment = replace(case(3, kind), simulation=Simulation(duration=10.0))
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-9
+    assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-9)
+
+
+@pytest.mark.parametrize("coordination", COORDINATIONS)
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_trajectories_agree_with_every_estimator_and_coordination(estimator: str, coordination: str) -> None:
+    """With noisy sensors."""
+    controller = Controller(ESTIMATORS[estimator](), coordination=COORDINATIONS[coordination]())
+    sensors = Sensors(position_noise=5e-4, speed_noise=2e-3, tension_noise=10.0)
+    experiment = replace(case(4), controller=controller, sensors=sensors, simulation=Simulation(duration=2.0))
+    ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    assert list(ours.columns) == list(theirs.columns)
     assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-9
     assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-9)
 

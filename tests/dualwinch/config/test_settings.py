@@ -1,0 +1,159 @@
+"""Values by key: set where they belong, refused in one line where they do not."""
+
+from typing import Any
+
+import pytest
+
+from dualwinch.config.settings import describe_choices, known_keys, leaf_of, override, with_settings
+from dualwinch.config.toml_text import parse_assignment
+from dualwinch.controllers.coordinations.force_position import ForcePosition
+from dualwinch.controllers.coordinations.winch_pid import WinchGains
+from dualwinch.controllers.laws.adrc import Adrc
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
+from dualwinch.controllers.limits import Limits
+from dualwinch.model.description import describe, owners
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.tree import leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
+
+
+@pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        ("plant.vehicle.mas=3", "did you mean 'plant.vehicle.mass'"),
+        ("mass=3", "did you mean 'plant.vehicle.mass'"),
+        ("plant.vehicle=3", "plant.vehicle is a table"),
+        ("completely.different=1", "unknown key 'completely.different'; did you mean"),
+        ("plant.vehicle.mass=-1", "plant.vehicle.mass = -1: must be a finite number > 0 kg"),
+        ("plant.vehicle.mass=nan", "finite number > 0"),
+        ("plant.vehicle.mass=inf", "finite number > 0"),
+        ("plant.vehicle.mass=heavy", "finite number > 0"),
+        ("plant.vehicle.mass=true", "finite number > 0"),
+        ("plant.vehicle.mass=[1]", "finite number > 0"),
+        ("controller.nftsm.p=5.0", "whole number >= 3"),
+        ("simulation.sample_time=0", "> 0 and <= 0.1 s"),
+        ("simulation.duration=-3", "simulation.duration = -3: must be a finite number > 0 s"),
+        ("simulation.substeps=0", ">= 1 and <= 256"),
+        ("reference.kind=unform", '"uniform" or "profile"'),
+        ("controller.kind=pid", '"fando-nftsm" or "nftsm" or "pid-cascade"'),
+        ("disturbance.vortex=1", "true or false"),
+        ("just words", "key=value"),
+    ],
+)
+def test_wrong_input_is_one_line_that_helps(assignment: str, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        override(Experiment(), dict([parse_assignment(assignment)]))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_another_law_keeps_what_both_share() -> None:
+    """And has its own gains for the rest; back again, what was not shared is at its default."""
+    tuned = {"controller.nftsm.beta": 0.2, "controller.auxiliary.k_a": 3, "controller.observer.l0": 9}
+    fando = override(case(4), tuned | {"controller.coordination.preload": 3000})
+    plain = override(fando, {"controller.kind": "nftsm"})
+    assert plain.controller.law == Nftsm(NftsmGains(beta=0.2), AuxiliaryGains(k_a=3.0))
+    assert plain.controller.limits == Limits(preload=3000.0)
+    again = leaves(override(plain, {"controller.kind": "fando-nftsm"}))
+    assert (again["controller.nftsm.beta"], again["controller.observer.l0"]) == (0.2, 5.0)
+    assert override(fando, {"controller.kind": "adrc"}).controller.law == Adrc()
+
+
+def test_another_coordination_keeps_the_gains_of_the_winches() -> None:
+    tuned = override(case(4), {"controller.winch_1.kp": 1e-3, "controller.winch_2.kd": 1e-6})
+    changed = override(tuned, {"controller.coordination.kind": "force-position", "controller.force_position.band": 50})
+    assert changed.controller.coordination == ForcePosition(50.0, WinchGains(kp=1e-3), WinchGains(kd=1e-6))
+
+
+def test_another_estimator_keeps_the_filters_gains() -> None:
+    tuned = override(case(4), {"controller.estimator": "kalman", "controller.kalman.bandwidth": 33})
+    changed = override(tuned, {"controller.estimator": "calibrating-kalman"})
+    assert leaves(changed)["controller.kalman.bandwidth"] == 33
+    assert leaves(changed)["controller.calibration.memory"] == 60
+
+
+def test_a_part_and_its_gains_may_be_set_at_once_in_any_order() -> None:
+    values = {"controller.adrc.control_bandwidth": 7, "controller.kind": "adrc"}
+    for given in (values, dict(reversed(values.items()))):
+        assert override(case(4), given).controller.law == Adrc(7.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"controller.adrc.control_bandwidth": 7},
+            'controller.adrc.control_bandwidth: belongs to controller.kind = "adrc", here it is "fando-nftsm"',
+        ),
+        (
+            {"controller.kind": "adrc", "controller.nftsm.beta": 0.1},
+            'controller.nftsm.beta: belongs to controller.kind = "fando-nftsm" or "nftsm", here it is "adrc"',
+        ),
+        (
+            {"controller.kalman.bandwidth": 7},
+            (
+                'controller.kalman.bandwidth: belongs to controller.estimator = "kalman" or "calibrating-kalman", '
+                'here it is "lowpass"'
+            ),
+        ),
+        (
+            {"controller.coordination.kind": "master-slave", "controller.winch_1.kp": 1e-3},
+            (
+                'controller.winch_1.kp: belongs to controller.coordination.kind = "differential-tension" or '
+                '"force-position", here it is "master-slave"'
+            ),
+        ),
+    ],
+)
+def test_a_gain_of_a_part_that_is_not_chosen_is_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        override(case(4), values)
+    assert str(caught.value) == message
+
+
+def test_what_is_wrong_with_such_a_gain_is_said_first() -> None:
+    with pytest.raises(ConfigurationError, match=r"^controller\.adrc\.control_bandwidth = -7: must be a finite number"):
+        override(case(4), {"controller.adrc.control_bandwidth": -7})
+
+
+def test_gains_that_do_not_count_are_told() -> None:
+    values = {"controller.adrc.control_bandwidth": 7, "controller.nftsm.beta": 0.1}
+    experiment, idle = with_settings(case(4), values)
+    assert idle == ["controller.adrc.control_bandwidth"]
+    assert experiment == override(case(4), {"controller.nftsm.beta": 0.1})
+
+
+def test_all_keys_are_settable_where_they_count() -> None:
+    """With another value than the default where there is one: it arrives, and nothing else changes."""
+    for key, leaf in known_keys().items():
+        choice, kinds = owners(Experiment, key)
+        base = override(Experiment(), {choice: kinds[0]} if kinds else {})
+        for value in [*leaf.choices, True, False, 3, 7, 0.25, 0.05]:
+            if leaf.admits(value) and value != leaves(base)[key]:
+                changed = leaves(override(base, {key: value}))
+                assert changed[key] == value
+                if not leaf.choices:
+                    assert {name for name in changed if changed[name] != leaves(base)[name]} == {key}
+                break
+        else:
+            pytest.fail(f"{key}: nothing to set it to")
+
+
+def test_the_keys_that_choose_parts() -> None:
+    assert list(describe_choices(Experiment())) == [
+        "controller.estimator",
+        "controller.kind",
+        "controller.coordination.kind",
+    ]
+
+
+def test_what_a_key_is() -> None:
+    assert leaf_of("plant.vehicle.mass").quantity.unit == "kg"
+    assert (
+        leaf_of("controller.adrc.control_bandwidth", case(4))
+        == describe(Experiment)["controller.adrc.control_bandwidth"]
+    )
+    with pytest.raises(ConfigurationError, match=r"^controller\.adrc is a table; its keys are control_bandwidth, obs"):
+        leaf_of("controller.adrc")

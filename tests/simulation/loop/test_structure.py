@@ -1,0 +1,116 @@
+"""What shapes the compiled code, what is a number it takes, and what of that is zero for good."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dualwinch.codegen.errors import DualwinchError
+from dualwinch.config.settings import override
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.controllers.estimators.registry import ESTIMATORS
+from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.model.plant import Plant
+from dualwinch.model.vehicle import Vehicle
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.structure import (
+    described_parameters,
+    parameters_of,
+    shaping_keys,
+    structure_of,
+    template_of,
+    zeros_of,
+)
+from dualwinch.simulation.paper import case
+
+FILTER_TIME, NOISE = "controller.speed_filter_time", "sensors.speed_noise"
+
+
+def test_every_part_there_is_has_code_of_its_own() -> None:
+    controllers = [Controller(law=law()) for law in POSITION_LAWS.values()]
+    controllers += [Controller(estimator=estimator()) for estimator in ESTIMATORS.values()]
+    controllers += [Controller(coordination=coordination()) for coordination in COORDINATIONS.values()]
+    structures = {structure_of(Experiment(controller=controller)) for controller in controllers}
+    assert len(structures) == len(controllers) - 2, "the default is in all three lists"
+
+
+@pytest.mark.parametrize(
+    ("values", "shapes"),
+    [
+        ({"controller.nftsm.beta": 0.1, "plant.vehicle.mass": 9e3, "sensors.speed_noise": 1e-3}, False),
+        ({"controller.nominal.mass": 9e3}, False),
+        ({"disturbance.vortex": False, "disturbance.current_sigma": 0.1, "reference.kind": "uniform"}, False),
+        ({"simulation.duration": 3, "simulation.sample_time": 5e-4}, False),
+        ({"plant.rope_slack": False}, True),
+        ({"simulation.delay_samples": 2}, True),
+        ({"simulation.substeps": 7}, True),
+        ({"simulation.integrator": "rk4"}, True),
+        ({"controller.kind": "nftsm"}, True),
+    ],
+)
+def test_what_shapes_the_code(values: dict[str, Any], shapes: bool) -> None:
+    assert (structure_of(override(case(4), values)) != structure_of(case(4))) is shapes
+
+
+def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
+    assert shaping_keys(case(4)) == {
+        *("controller.kind", "controller.estimator", "controller.coordination.kind"),
+        *("plant.rope_slack", "simulation.delay_samples", "simulation.substeps", "simulation.integrator"),
+    }
+
+
+@pytest.mark.parametrize("coordination", COORDINATIONS)
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize("law", POSITION_LAWS)
+def test_all_experiments_of_a_structure_have_its_parameters(law: str, estimator: str, coordination: str) -> None:
+    controller = Controller(ESTIMATORS[estimator](), POSITION_LAWS[law](), coordination=COORDINATIONS[coordination]())
+    experiment = override(Experiment(controller=controller), {"controller.nominal.mass": 9e3})
+    structure = structure_of(experiment)
+    assert list(described_parameters(structure)) == list(parameters_of(experiment))
+    assert list(parameters_of(template_of(structure))) == list(parameters_of(experiment))
+    assert not [key for key in parameters_of(experiment) if key.startswith("controller.nominal.")]
+
+
+def test_what_the_controller_believes_is_the_nominal_plant() -> None:
+    designed = Plant(vehicle=Vehicle(mass=8e3, added_mass=1e3, drag_coefficient=0.5))
+    values = parameters_of(override(case(4), {"controller.nominal.mass": 7e3}), designed)
+    assert (values["nominal.vehicle.mass"], values["nominal.vehicle.added_mass"]) == (7e3, 0)
+    assert (values["nominal.vehicle.drag_coefficient"], values["plant.vehicle.drag_coefficient"]) == (0.5, 0.3)
+
+
+def test_numbers_of_another_structure_are_refused() -> None:
+    loop = closed_loop(structure_of(case(4)))
+    values = parameters_of(case(4))
+    assert np.array_equal(loop.vector(values), list(values.values()))
+    with pytest.raises(DualwinchError, match=r"not the parameters of this closed loop; what differs: .*observer\.kf"):
+        loop.vector(parameters_of(case(4, "nftsm")))
+    with pytest.raises(DualwinchError, match="what differs: their order"):
+        loop.vector(dict(reversed(values.items())))
+
+
+def test_zeros_are_those_that_all_have_and_that_are_often_zero() -> None:
+    structure, calm = structure_of(case(4)), parameters_of(case(4))
+    zeros = zeros_of(structure, calm)
+    assert {FILTER_TIME, NOISE, "controller.winch_1.kd", "controller.winch_2.kd"} <= zeros
+    assert "plant.vehicle.added_mass" in {key for key, value in calm.items() if not value}
+    assert {key for key in zeros if calm[key]} == set()
+    noisy = parameters_of(override(case(4), {NOISE: 1e-3}))
+    assert zeros_of(structure, calm, noisy) == zeros - {NOISE}
+    assert zeros_of(structure, calm, varying=[FILTER_TIME]) == zeros - {FILTER_TIME}
+    without_observer = override(case(4), {"controller.observer.l0": 0, "controller.nftsm.eta": 0})
+    assert zeros_of(structure, parameters_of(without_observer)) == zeros, "no mark, no code of their own"
+
+
+def test_what_is_zero_for_good_is_not_looked_at() -> None:
+    structure, values = structure_of(case(4)), parameters_of(case(4))
+    lean, whole = closed_loop(structure, frozenset({FILTER_TIME})), closed_loop(structure)
+    state, outside = np.linspace(0.1, 1, len(whole.states)), np.full(len(whole.exogenous), 0.3)
+
+    def following(loop: Any, filter_time: float) -> np.ndarray:
+        return np.array(loop.step(state, outside, loop.vector(values | {FILTER_TIME: filter_time}))[0]).ravel()
+
+    assert np.array_equal(following(lean, 0.2), following(lean, 0.0))
+    assert np.array_equal(following(lean, 0.2), following(whole, 0.0))
+    assert not np.array_equal(following(whole, 0.2), following(whole, 0.0))
