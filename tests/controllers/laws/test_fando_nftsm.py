@@ -50,3 +50,11 @@ def test_the_observer_is_told_of_the_saturated_force() -> None:
     assert (output.u_sat, output.u > 5800) == (5800, True)
     assert state.observer.a_previous == pytest.approx(0.58)
     assert state.nftsm.Z_a == pytest.approx(T * (output.u - 5800))
+
+
+@given(st.floats(-0.2, 0.2))
+def test_a_disturbance_that_the_estimator_knows_is_not_learnt_again(d: float) -> None:
+    """The vehicle is expected to follow the command and that disturbance."""
+    known = Estimate(0.001, 0.0, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0, d)
+    state, output = FandoNftsm().step(FandoNftsmState(), known, STILL, SMOOTH)
+    assert state.observer.a_previous == pytest.approx(output.u_sat / 1e4 + d, abs=1e-12)
