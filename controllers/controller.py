@@ -26,7 +26,7 @@ from dualwinch.controllers.signals import (
 )
 from dualwinch.model.description import describe, describe_parts
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.part import Choice
+from dualwinch.model.part import Choice, Part
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantity import Key, Quantity
 from dualwinch.model.reference import Setpoint
@@ -95,13 +95,26 @@ def controller_step(
 
     Returns:
         The next state and what the parts gave.
+
+    Raises:
+        ConfigurationError: a part gives a state of other elements than it was given.
     """
     context = Context(nominal, controller.limits, sample_time)
     estimator, estimate = controller.estimator.step(state.estimator, measurement, setpoint, context)
     law, position = controller.law.step(state.law, estimate, setpoint, context)
     force = position.u_sat if shared_force is None else shared_force
     coordination, winches = controller.coordination.step(state.coordination, force, estimate, setpoint, context)
+    _check_state(controller.estimator, state.estimator, estimator)
+    _check_state(controller.law, state.law, law)
+    _check_state(controller.coordination, state.coordination, coordination)
     return ControllerState(estimator, law, coordination), ControllerOutput(estimate, position, winches)
+
+
+def _check_state(part: Part, before: Any, after: Any) -> None:
+    odd = leaves(before).keys() ^ leaves(after).keys()
+    if odd:
+        names = ", ".join(sorted(odd))
+        raise ConfigurationError(f"{part.kind}: its step must give a state of the elements it was given, not {names}")
 
 
 def own_signals(output: ControllerOutput) -> dict[str, tuple[Scalar, Quantity]]:

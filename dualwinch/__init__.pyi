@@ -8,8 +8,29 @@ from .config.ensemble_file import load_ensemble as load_ensemble
 from .config.experiment_file import load as load
 from .config.experiment_file import to_toml as to_toml
 from .config.settings import override as override
+from .controllers.context import Context as Context
 from .controllers.controller import Controller as Controller
 from .controllers.controller import controller_function as controller_function
+from .controllers.coordinations.coordination import Coordination as Coordination
+from .controllers.coordinations.differential_tension import DifferentialTension as DifferentialTension
+from .controllers.coordinations.force_position import ForcePosition as ForcePosition
+from .controllers.coordinations.master_slave import MasterSlave as MasterSlave
+from .controllers.estimators.calibrating_kalman import CalibratingKalman as CalibratingKalman
+from .controllers.estimators.estimator import Estimator as Estimator
+from .controllers.estimators.kalman import Kalman as Kalman
+from .controllers.estimators.low_pass import LowPass as LowPass
+from .controllers.estimators.unfiltered import Unfiltered as Unfiltered
+from .controllers.laws.adrc import Adrc as Adrc
+from .controllers.laws.fando_nftsm import FandoNftsm as FandoNftsm
+from .controllers.laws.nftsm import Nftsm as Nftsm
+from .controllers.laws.pid_cascade import PidCascade as PidCascade
+from .controllers.laws.position_law import PositionLaw as PositionLaw
+from .controllers.laws.super_twisting import SuperTwisting as SuperTwisting
+from .controllers.limits import Limits as Limits
+from .controllers.signals import CoordinationOutput as CoordinationOutput
+from .controllers.signals import Estimate as Estimate
+from .controllers.signals import Measurement as Measurement
+from .controllers.signals import PositionOutput as PositionOutput
 from .model.disturbance import Disturbance as Disturbance
 from .model.errors import ConfigurationError as ConfigurationError
 from .model.linear.linearisation import linearise as linearise
@@ -18,7 +39,12 @@ from .model.linear.operating_point import operating_point as operating_point
 from .model.linear.system import LinearSystem as LinearSystem
 from .model.plant import Plant as Plant
 from .model.plant import plant as plant
+from .model.quantity import Mark as Mark
+from .model.quantity import Quantity as Quantity
+from .model.quantity import Rule as Rule
+from .model.quantity import Tunable as Tunable
 from .model.reference import Reference as Reference
+from .model.reference import Setpoint as Setpoint
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint
@@ -52,5 +78,3 @@ from .simulation.simulate import simulate as simulate
 from .simulation.storage import save as save
 from .tuning.tune import Tuned as Tuned
 from .tuning.tune import tune as tune
-
-__version__: str

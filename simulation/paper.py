@@ -8,6 +8,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
+from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
@@ -47,12 +48,13 @@ FIGURES = tuple(
 """Figures 5 to 20; Figure 21 compares two controllers."""
 
 
-def case(number: int, controller: str = "fando-nftsm") -> Experiment:
+def case(number: int, controller: str = FandoNftsm.kind, *, law: PositionLaw | None = None) -> Experiment:
     """The experiment of a case of the paper.
 
     Args:
         number: 1 to 4.
         controller: a `controller.kind`.
+        law: a position law with its gains, in place of `controller`; also one of your own.
 
     Raises:
         ConfigurationError: there is no such case or controller; the message names the nearest controller.
@@ -62,5 +64,5 @@ def case(number: int, controller: str = "fando-nftsm") -> Experiment:
     return Experiment(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
-        controller=Controller(law=POSITION_LAWS.find(controller)()),
+        controller=Controller(law=law or POSITION_LAWS.find(controller)()),
     )

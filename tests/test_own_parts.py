@@ -14,7 +14,7 @@ from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import Nominal
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.signals import Measurement, PositionOutput
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantity import Mark, Quantity
@@ -268,3 +268,30 @@ def test_a_part_without_a_step_is_none() -> None:
 
     with pytest.raises(TypeError, match=r"abstract method '?step"):
         Unfinished()  # pyright: ignore[reportAbstractUsage]
+
+
+@dataclass(frozen=True)
+class Growing:
+    """A state that has another shape after a step."""
+
+    z: Any
+
+
+@dataclass(frozen=True)
+class Shifty(PositionLaw):
+    """A law that does not keep to its state."""
+
+    kind: ClassVar = "shifty"
+
+    def initial_state(self) -> Growing:
+        return Growing(np.zeros(2))
+
+    def step(self, *_: Any) -> tuple[Growing, PositionOutput]:
+        return Growing(np.zeros(3)), PositionOutput(0.0, 0.0)
+
+
+def test_a_state_that_changes_its_shape_is_named() -> None:
+    with pytest.raises(
+        ConfigurationError, match=r"^shifty: its step must give a state of the elements it was given, not z\.2$"
+    ):
+        simulate(case(4, law=Shifty()))

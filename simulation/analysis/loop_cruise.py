@@ -112,13 +112,15 @@ def _solved(
     residual, left = np.inf, np.inf
     for _ in range(ITERATIONS):
         change, slope_state, slope_reference = (np.array(value) for value in evaluate(state, exogenous, parameters, v))
-        kept, last = change.ravel()[rows], residual
-        residual = float(np.max(np.abs(kept) / np.maximum(np.abs(state[rows]), 1.0)))
+        # a state that nothing depends on may grow for ever; one that nothing moves, such as an integral without a gain,
+        # is where it began
+        counted = rows & slope_state[rows].any(axis=0)
+        moved = unknown & counted & slope_state[:, rows].any(axis=1)
+        kept, last = change.ravel()[counted], residual
+        residual = float(np.max(np.abs(kept) / np.maximum(np.abs(state[counted]), 1.0)))
         if not np.isfinite(residual):
             break
-        # a state that nothing moves, such as an integral without a gain, is where it began
-        moved = unknown & slope_state[:, rows].any(axis=1)
-        matrix = np.column_stack([slope_state[np.ix_(rows, moved)], slope_reference[rows, index]])
+        matrix = np.column_stack([slope_state[np.ix_(counted, moved)], slope_reference[counted, index]])
         step = _least_step(matrix, kept)
         left = float(np.max(np.abs(step) / np.maximum(np.abs([*state[moved], exogenous[index]]), 1.0)))
         if last < RESIDUAL and residual >= last / 2 and left < STEP:
