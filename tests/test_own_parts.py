@@ -274,7 +274,7 @@ def test_a_part_without_a_step_is_none() -> None:
 class Growing:
     """A state that has another shape after a step."""
 
-    z: Any
+    z: Annotated[Any, Quantity("m", "what changes its shape")]
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ class Shifty(PositionLaw):
     def initial_state(self) -> Growing:
         return Growing(np.zeros(2))
 
-    def step(self, *_: Any) -> tuple[Growing, PositionOutput]:
+    def step(self, state: Any, estimate: Any, setpoint: Any, context: Any) -> tuple[Growing, PositionOutput]:  # noqa: ARG002
         return Growing(np.zeros(3)), PositionOutput(0.0, 0.0)
 
 
