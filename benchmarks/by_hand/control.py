@@ -168,7 +168,7 @@ def control(
         integral_1,
         integral_2,
     )
-    seen = Sums(
+    summed = Sums(
         sums.sum_abs + size,
         max(sums.max_abs, size),
         sums.sum_square + square,
@@ -190,4 +190,4 @@ def control(
         tau_1,
         tau_2,
     )
-    return tau_1, tau_2, following, seen
+    return tau_1, tau_2, following, summed

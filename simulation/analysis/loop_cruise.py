@@ -225,12 +225,12 @@ def _residual_function(structure: Structure) -> ca.Function:
     moving = loop.marked(Mark.POSITION)
     before, after = forces(symbols["state"]), forces(following)
     changes = []
-    for place, name in enumerate(loop.states):
-        change = following[place] - symbols["state"][place]
+    for index, name in enumerate(loop.states):
+        change = following[index] - symbols["state"][index]
         if name in {"motion.plant.theta_1", "motion.plant.theta_2"}:
             rope = int(name[-1]) - 1
             change = (after[rope] - before[rope]) * 1e-3
-        elif moving[place]:
+        elif moving[index]:
             change = (change - v * values["simulation.sample_time"]) * 1e3
         changes.append(change)
     change = ca.vertcat(*changes)

@@ -199,7 +199,7 @@ class Oscillator:
         return (g + ramp / 2 - gained) / self.mobility
 
     @cached_property
-    def _held(self) -> tuple[Scalar, Scalar]:
+    def _without_acceleration(self) -> tuple[Scalar, Scalar]:
         """Stretch and rate at the end if the rope stays taut and a is zero."""
         return self._swing.carried(self.stretch, self.rate, self.drive)
 
@@ -210,7 +210,7 @@ class Oscillator:
 
     def mean_pull(self) -> tuple[Scalar, Scalar]:
         """Mean tension as (at a = 0, slope over a and the sign), if the rope stays as it is."""
-        fixed = self._mean_pull(self.drive, 0.0, *self._held)
+        fixed = self._mean_pull(self.drive, 0.0, *self._without_acceleration)
         stretch, rate = self._slopes
         slope = (1 + self.drag / 2 - rate - self.drag * stretch) / self.mobility
         if not self.slack:
@@ -219,7 +219,7 @@ class Oscillator:
 
     def end(self, a: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Stretch, its rate and the mean tension at the end, with the vehicle's acceleration a."""
-        (stretch, rate), (stretch_slope, rate_slope) = self._held, self._slopes
+        (stretch, rate), (stretch_slope, rate_slope) = self._without_acceleration, self._slopes
         stretch, rate = stretch + self.sign * (stretch_slope * a), rate + self.sign * (rate_slope * a)
         g, ramp = self._driven(a)
         if self.slack:
