@@ -97,7 +97,15 @@ def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
     row = dict(zip(loop.columns, np.array(loop.step(state, exogenous, parameters)[1]).ravel().tolist(), strict=True))
     _check_solution(calm, row, max(residual / RESIDUAL, left / STEP), v)
     row |= {"x": x, "v": v}  # as asked for, without round-off
-    return LoopCruise(loop, calm, state, exogenous, parameters, row, residual)
+    return LoopCruise(
+        loop=loop,
+        experiment=calm,
+        state=state,
+        exogenous=exogenous,
+        parameters=parameters,
+        row=row,
+        residual=residual,
+    )
 
 
 def _solved(

@@ -166,7 +166,16 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         return problem_of(hold, sample_time, plant, disturbance)
 
     environment = problem(hold).environment_at(hold.t, plant_state.v, state.motion.phase)
-    row = row_of(hold.t, plant_state, forces, exogenous.reference, output, environment, plant, nominal)
+    row = row_of(
+        t=hold.t,
+        state=plant_state,
+        forces=forces,
+        reference=exogenous.reference,
+        output=output,
+        environment=environment,
+        plant=plant,
+        nominal=nominal,
+    )
     power_1 = plant.winch_1.gear_ratio * hold.torques.tau_1 * plant_state.omega_1
     power_2 = plant.winch_2.gear_ratio * hold.torques.tau_2 * plant_state.omega_2
     sample = Sample(
