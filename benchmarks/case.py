@@ -64,8 +64,8 @@ class Case:
     @cached_property
     def reference(self) -> NDArray[np.float64]:
         """The part of `exogenous` that is not zero in this case, (samples, 4): columns `REFERENCE`."""
-        places = [self.loop.exogenous.index(name) for name in REFERENCE]
-        return np.ascontiguousarray(self.exogenous[:, places])
+        columns = [self.loop.exogenous.index(name) for name in REFERENCE]
+        return np.ascontiguousarray(self.exogenous[:, columns])
 
     @cached_property
     def start(self) -> NDArray[np.float64]:

@@ -164,13 +164,13 @@ static inline double winch_torque(double command, double tension, double alpha, 
   return torque;
 }
 
-/* What the controller and the figures of merit see of the plant at a sample; bend is tanh(v/friction velocity). */
-struct seen {
+/* What is measured of the plant at a sample, for controller and figures of merit; bend is tanh(v/friction velocity). */
+struct measurement {
   double x, v, omega_1, omega_2, F1, F2, bend;
 };
 
 /* One sample of the controller and of the figures of merit. */
-static inline void control(long n, const struct seen *y, const struct sample *r, const struct law *g,
+static inline void control(long n, const struct measurement *y, const struct sample *r, const struct law *g,
                            const struct winch *w1, const struct winch *w2, struct controller *s, struct sums *m,
                            double *tau_1, double *tau_2) {
   const double Ts = g->sample_time, v = y->v, F1 = y->F1, F2 = y->F2;

@@ -77,10 +77,10 @@ void hand_loop(const struct parameters *p, const struct sample *reference, long 
   m.least = 1e300;
   for (long n = 0; n < samples; ++n) {
     const double t = n * p->sample_time;
-    struct seen seen = {y.x, y.v, y.omega_1, y.omega_2, 0, 0, tanh(y.v * c.per_friction_velocity)};
+    struct measurement measured = {y.x, y.v, y.omega_1, y.omega_2, 0, 0, tanh(y.v * c.per_friction_velocity)};
     double tau_1, tau_2;
-    tensions(&y, &c, &seen.F1, &seen.F2);
-    control(n, &seen, &reference[n], &g, &w1, &w2, &s, &m, &tau_1, &tau_2);
+    tensions(&y, &c, &measured.F1, &measured.F2);
+    control(n, &measured, &reference[n], &g, &w1, &w2, &s, &m, &tau_1, &tau_2);
     for (long i = 0; i < substeps; ++i) y = rk4(t + i * h, y, tau_1, tau_2, h, &c);
     if (positions) positions[n] = y.x;
   }

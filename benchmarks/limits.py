@@ -29,12 +29,12 @@ def rows(timings: list[Timing], cores: int) -> list[list[str]]:
         ("sea-1", "batch-1", 0.6),
     ]
     found = []
-    for key, other, least in asked:
-        if key == other or key not in by_key or other not in by_key:
+    for key, yardstick, least in asked:
+        if key == yardstick or key not in by_key or yardstick not in by_key:
             continue
-        ratio = by_key[other].middle / by_key[key].middle
+        ratio = by_key[yardstick].middle / by_key[key].middle
         holds = "" if least is None else "yes" if ratio >= least else "no"
         limit = f"none for {platform.machine()}" if least is None else f"{least:.2g} ×"
         apart = f"{by_key[key].deviation:.1e}"
-        found.append([by_key[key].peer.title, by_key[other].peer.title, f"{ratio:.2f} ×", limit, holds, apart])
+        found.append([by_key[key].peer.title, by_key[yardstick].peer.title, f"{ratio:.2f} ×", limit, holds, apart])
     return found

@@ -60,8 +60,8 @@ def difference(answer: Answer, expected: Answer) -> float:
         raise DisagreementError(f"positions differ by {apart:.2e} m, allowed are {TOLERANCE:g} m")
     allowed = _allowed(expected)
     if not abs(answer.metrics.mse - expected.metrics.mse) <= allowed:
-        said, right = answer.metrics.mse, expected.metrics.mse
-        raise DisagreementError(f"mean square error {said:.6g} instead of {right:.6g} m^2")
+        found, right = answer.metrics.mse, expected.metrics.mse
+        raise DisagreementError(f"mean square error {found:.6g} instead of {right:.6g} m^2")
     return apart
 
 
@@ -97,7 +97,7 @@ def measure(
     Args:
         peers: who takes part; one of them is dualwinch.
         rounds: how many rounds.
-        slow_rounds: in how many of them a slow peer takes part, spread over the rounds.
+        slow_rounds: in how many of them a slow peer takes part, evenly spaced.
         say: told what is being done.
 
     Raises:
@@ -124,7 +124,7 @@ def measure(
         if _timed(run) > SLOW:
             slow.add(peer.key)
         runs[peer.key] = run
-    with_slow = {round(place) for place in np.linspace(0, rounds - 1, min(slow_rounds, rounds))}
+    with_slow = {round(number) for number in np.linspace(0, rounds - 1, min(slow_rounds, rounds))}
     for number in range(rounds):
         say(f"round {number + 1} of {rounds}")
         for timing in timings:

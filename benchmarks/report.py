@@ -79,10 +79,10 @@ def _headings_and_rows(timings: list[Timing]) -> tuple[list[str], list[list[str]
         if not timing.seconds:
             rows.append([f"{timing.peer.title}: {timing.missing}"])
             continue
-        spread = f"{_duration(min(timing.seconds))} – {_duration(max(timing.seconds))}"
+        extent = f"{_duration(min(timing.seconds))} – {_duration(max(timing.seconds))}"
         ratios = [f"{timing.middle / yardstick:.3g}" for yardstick in yardsticks.values()]
-        rows.append([timing.peer.title, _duration(timing.middle), spread, str(len(timing.seconds)), *ratios])
-    return ["peer", "median", "spread", "n", *(f"time over {name}" for name in yardsticks)], rows
+        rows.append([timing.peer.title, _duration(timing.middle), extent, str(len(timing.seconds)), *ratios])
+    return ["peer", "median", "range", "n", *(f"time over {name}" for name in yardsticks)], rows
 
 
 def write_markdown(file: Path, timings: list[Timing]) -> None:
@@ -102,7 +102,7 @@ def show(timings: list[Timing], duration: float) -> None:
     table = Table(
         title=f"One rollout of Case 4: FANDO-NFTSM, {duration:g} s at 1 kHz; RK4 × 4 where no other is named",
         caption=(
-            "median over n interleaved rounds; spread from fastest to slowest; "
+            "median over n interleaved rounds; range from fastest to slowest; "
             f"every peer's positions equal dualwinch's within {TOLERANCE:g} m over the whole run"
         ),
     )

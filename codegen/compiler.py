@@ -131,10 +131,10 @@ def vector_features() -> tuple[str, ...]:
 
 def _ask_version(command: tuple[str, ...]) -> str | None:
     try:
-        said = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=30, check=False)
+        answer = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return said.stdout.splitlines()[0].strip() if said.returncode == 0 and said.stdout else None
+    return answer.stdout.splitlines()[0].strip() if answer.returncode == 0 and answer.stdout else None
 
 
 def _zig() -> Compiler | None:
@@ -166,16 +166,17 @@ def find_compiler(wanted: str | None = None) -> Compiler:
 def _find(wanted: str | None, path: str) -> Compiler:
     if wanted:
         command = tuple(shlex.split(wanted))
-        said = None if wanted == "zig" else _ask_version(command)
-        found = _zig() if wanted == "zig" else Compiler(Path(command[0]).stem, command, said) if said else None
+        version_line = None if wanted == "zig" else _ask_version(command)
+        named = Compiler(Path(command[0]).stem, command, version_line) if version_line else None
+        found = _zig() if wanted == "zig" else named
         if found is None:
             raise CompilerNotFoundError(f"{wanted!r} is no working C compiler (DUALWINCH_CC or CC); {NO_COMPILER}")
         return found
     for name in ("gcc", "clang", "cc"):
         where = shutil.which(name, path=path)
-        said = _ask_version((where,)) if where else None
-        if where and said:
-            return Compiler(name, (where,), said)
+        version_line = _ask_version((where,)) if where else None
+        if where and version_line:
+            return Compiler(name, (where,), version_line)
     zig = _zig()
     if zig is None:
         raise CompilerNotFoundError(NO_COMPILER)

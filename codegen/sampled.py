@@ -13,27 +13,27 @@ class Sampled:
     All functions are of dense SX expressions.
 
     Attributes:
-        sample: ``sample(state, exogenous, parameters) -> (discrete, held)``: the discrete state at the next sample,
-            and what is held until then.
+        sample: ``sample(state, exogenous, parameters) -> (discrete, hold)``: the discrete state at the next sample,
+            and the zero-order hold: what stays constant until then.
         observe: ``observe(state, exogenous, parameters) -> row``: what a result keeps of a sample.
-        move: ``move(motion, held, part, parameters) -> (next_motion, margin)``: the motion over one of `parts` equal
+        move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``: the motion over one of `parts` equal
             parts of the time until the next sample, number 0 to parts − 1; a run ends where the last one's `margin`
             is negative.
         parts: number of these parts.
-        leap: ``leap(motion, held, parameters) -> (next_motion, margin, valid)``: cheaper than all parts, with the
-            same result wherever ``valid > 0``; or None.
+        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)``: the motion over all that time
+            at once, cheaper than all parts and to be taken wherever ``valid > 0``; or None.
     """
 
     sample: ca.Function
     observe: ca.Function
     move: ca.Function
     parts: int
-    leap: ca.Function | None
+    one_step: ca.Function | None
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All functions there are."""
-        return (self.sample, self.observe, self.move, *((self.leap,) if self.leap else ()))
+        return (self.sample, self.observe, self.move, *((self.one_step,) if self.one_step else ()))
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -44,8 +44,8 @@ class Sampled:
             "MOTION": moving,
             "EXOGENOUS": self.sample.numel_in("exogenous"),
             "PARAMETERS": self.sample.numel_in("parameters"),
-            "HELD": self.sample.numel_out("held"),
+            "HOLD": self.sample.numel_out("hold"),
             "COLUMNS": self.observe.numel_out("row"),
             "PARTS": self.parts,
-            "HAS_LEAP": int(self.leap is not None),
+            "HAS_ONE_STEP": int(self.one_step is not None),
         }

@@ -149,45 +149,62 @@ def control(
     alpha_1, alpha_2 = a_ref / p.drum_radius_1, -a_ref / p.drum_radius_2
     swing_1, swing_2 = p.inertia_1 / p.gear_ratio_1, p.inertia_2 / p.gear_ratio_2
     tau_1, integral_1, limited_1 = winch(
-        command_1, F1, alpha_1, to_torque_1, swing_1, p.kp_1, p.ki_1, memory.integral_1, p
+        command=command_1,
+        tension=F1,
+        alpha=alpha_1,
+        to_torque=to_torque_1,
+        swing=swing_1,
+        kp=p.kp_1,
+        ki=p.ki_1,
+        integral=memory.integral_1,
+        p=p,
     )
     tau_2, integral_2, limited_2 = winch(
-        command_2, F2, alpha_2, to_torque_2, swing_2, p.kp_2, p.ki_2, memory.integral_2, p
+        command=command_2,
+        tension=F2,
+        alpha=alpha_2,
+        to_torque=to_torque_2,
+        swing=swing_2,
+        kp=p.kp_2,
+        ki=p.ki_2,
+        integral=memory.integral_2,
+        p=p,
     )
 
     size, square = abs(e1), e1 * e1
+    saturated, slack = 1.0 if u_sat != u else 0.0, 1.0 if F1 <= 0 or F2 <= 0 else 0.0
     jump = abs(F1 - sums.F1_previous) + abs(F2 - sums.F2_previous) if k > 0 else 0.0
     turn = abs(tau_1 - sums.tau_1_previous) + abs(tau_2 - sums.tau_2_previous) if k > 0 else 0.0
     power = abs(p.gear_ratio_1 * tau_1 * motion[3]) + abs(p.gear_ratio_2 * tau_2 * motion[5])
     following = Memory(
-        memory.Z_a + p.sample_time * (-p.k_a * memory.Z_a + (u - u_sat)),
-        d_hat,
-        filtered,
-        e2,
-        (u_sat - resistance) / mass - a_ref,
-        integral_1,
-        integral_2,
+        Z_a=memory.Z_a + p.sample_time * (-p.k_a * memory.Z_a + (u - u_sat)),
+        d_hat=d_hat,
+        filtered=filtered,
+        e2_previous=e2,
+        a_previous=(u_sat - resistance) / mass - a_ref,
+        integral_1=integral_1,
+        integral_2=integral_2,
     )
-    seen = Sums(
-        sums.sum_abs + size,
-        max(sums.max_abs, size),
-        sums.sum_square + square,
-        sums.steady_samples + steady,
-        sums.steady_sum_abs + steady * size,
-        max(sums.steady_max_abs, steady * size),
-        sums.steady_sum_square + steady * square,
-        sums.saturated + (1.0 if u_sat != u else 0.0),
-        sums.torque_saturated + max(limited_1, limited_2),
-        sums.slack + (1.0 if F1 <= 0 or F2 <= 0 else 0.0),
-        max(sums.peak, F1, F2),
-        min(sums.least, F1, F2),
-        sums.sum_change + jump,
-        F1,
-        F2,
-        sums.work + p.sample_time * power,
-        sums.sum_torque_rate + turn / p.sample_time,
-        sums.sum_torque_square + tau_1 * tau_1 + tau_2 * tau_2,
-        tau_1,
-        tau_2,
+    summed = Sums(
+        sum_abs=sums.sum_abs + size,
+        max_abs=max(sums.max_abs, size),
+        sum_square=sums.sum_square + square,
+        steady_samples=sums.steady_samples + steady,
+        steady_sum_abs=sums.steady_sum_abs + steady * size,
+        steady_max_abs=max(sums.steady_max_abs, steady * size),
+        steady_sum_square=sums.steady_sum_square + steady * square,
+        saturated=sums.saturated + saturated,
+        torque_saturated=sums.torque_saturated + max(limited_1, limited_2),
+        slack=sums.slack + slack,
+        peak=max(sums.peak, F1, F2),
+        least=min(sums.least, F1, F2),
+        sum_change=sums.sum_change + jump,
+        F1_previous=F1,
+        F2_previous=F2,
+        work=sums.work + p.sample_time * power,
+        sum_torque_rate=sums.sum_torque_rate + turn / p.sample_time,
+        sum_torque_square=sums.sum_torque_square + tau_1 * tau_1 + tau_2 * tau_2,
+        tau_1_previous=tau_1,
+        tau_2_previous=tau_2,
     )
-    return tau_1, tau_2, following, seen
+    return tau_1, tau_2, following, summed

@@ -116,7 +116,10 @@ def measure(
         table = raw[3:].reshape(len(inputs), outputs + 1)
         used = re.findall(r":(\w+)\t(\d+)\t", (folder / f"{name}.su").read_text())
         frames = {function: int(size) for function, size in used}
-        step, inner = frames[f"{name}_step"], (size for one, size in frames.items() if not one.startswith(name))
+        step, inner = (
+            frames[f"{name}_step"],
+            (size for function, size in frames.items() if not function.startswith(name)),
+        )
         return Measurement(
             outputs=table[:, :-1].copy().view(np.float32),
             instructions=np.rint((table[:, -1].astype(float) - raw[0]) / TICKS).astype(np.int64),

@@ -119,17 +119,17 @@ def _accuracy(
         "| output | unit | Cortex-M from host, both float | float on Cortex-M from double | largest value |",
         "|---|---|--:|--:|--:|",
     ]
-    for place, variable in enumerate(controller.outputs):
+    for index, variable in enumerate(controller.outputs):
         exact = result.columns.get(variable.name)
         if exact is None:
             continue
-        emulated = [got.outputs[: len(run), place].astype(float) for got in measurements]
-        apart = max(np.abs(one - host[:, place]).max() for one in emulated[:2])
-        off = max(np.abs(one - exact).max() for one in emulated)
+        emulated = [got.outputs[: len(run), index].astype(float) for got in measurements]
+        apart = max(np.abs(output - host[:, index]).max() for output in emulated[:2])
+        off = max(np.abs(output - exact).max() for output in emulated)
         lines.append(f"| `{variable.name}` | {variable.unit} | {apart:.2g} | {off:.2g} | {np.abs(exact).max():.4g} |")
     return lines
 
 
 def _version(command: str) -> str:
-    said = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
-    return said.stdout.splitlines()[0]
+    answer = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    return answer.stdout.splitlines()[0]

@@ -27,7 +27,7 @@ def slopes(folder: Path, version: int) -> float:
     made = block("plant", case(4))
     if made.derivative is None:
         raise RuntimeError("the plant has no derivative")
-    parameters, given = ([one.start for one in part] for part in (made.parameters, made.inputs))
+    parameters, given = ([variable.start for variable in group] for group in (made.parameters, made.inputs))
     state = np.array(made.initial(parameters)).ravel() + np.array([1.0, 0.5, 0.1, 0.2, -0.1, 0.1, 0.3, 100, 0.0])
     unpacked = str(fmpy.extract(str(folder / f"plant{version}.fmu")))
     continuous = len(made.continuous)
@@ -39,20 +39,20 @@ def slopes(folder: Path, version: int) -> float:
 
 def answers(folder: Path, version: int, reference: Floats, expected: Floats) -> dict[str, str]:
     """What every importer finds of one version of FMI, in words; each runs in a process of its own."""
-    said: dict[str, str] = {}
+    findings: dict[str, str] = {}
     for name in IMPORTERS:
         with ProcessPoolExecutor(1, get_context("spawn")) as process:
             try:
                 found = process.submit(error, name, folder, version, reference, expected).result()
-                said[name] = f"{found:.1e} m in position"
+                findings[name] = f"{found:.1e} m in position"
             except ImportError:
-                said[name] = "not installed"
+                findings[name] = "not installed"
             except BrokenProcessPool:
-                said[name] = "its process crashes"
+                findings[name] = "its process crashes"
             except Exception as problem:  # noqa: BLE001  # whatever a foreign importer says is the answer
-                said[name] = f"refuses: {str(problem).splitlines()[0]}"
-    said["CasADi, plant"] = f"{slopes(folder, version):.1e} relative in the Jacobian"
-    return said
+                findings[name] = f"refuses: {str(problem).splitlines()[0]}"
+    findings["CasADi, plant"] = f"{slopes(folder, version):.1e} relative in the Jacobian"
+    return findings
 
 
 def main() -> int:
@@ -62,11 +62,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as made, Console(stderr=True).status("running"):
         folder = Path(made)
         for version in (2, 3):
-            for what in BLOCKS:
-                export_fmu(case(4), what, folder / f"{what}{version}.fmu", version, None, None)
+            for name in BLOCKS:
+                export_fmu(case(4), name, folder / f"{name}{version}.fmu", version, None, None)
         both = [answers(folder, version, reference, expected) for version in (2, 3)]
     for name in both[0]:
-        table.add_row(name, *(said[name] for said in both))
+        table.add_row(name, *(findings[name] for findings in both))
     Console(width=120).print(table)
     return 0
 

@@ -17,7 +17,7 @@ SENSED, WANTED, TORQUES = ("x", "v", "F1", "F2"), ("x_ref", "v_ref", "a_ref"), (
 
 def fmpy_two_fmus(folder: Path, version: int, reference: Floats) -> Floats:
     """Plant and controller, connected by a loop here: plant's outputs, controller's step, plant's step."""
-    plant, controller = (Instance(folder / f"{what}{version}.fmu") for what in ("plant", "controller"))
+    plant, controller = (Instance(folder / f"{name}{version}.fmu") for name in ("plant", "controller"))
     x = np.empty(len(reference))
     for sample, wanted in enumerate(reference):
         sensed = plant.get(*SENSED)
@@ -51,13 +51,13 @@ def libcosim(folder: Path, version: int, reference: Floats) -> Floats:
     observer = import_module("libcosimpy.CosimObserver").CosimObserver.create_last_value()
     execution.add_manipulator(manipulator)
     execution.add_observer(observer)
-    place = {one.name.decode(): one.reference for one in execution.slave_variables(index)}
+    references = {variable.name.decode(): variable.reference for variable in execution.slave_variables(index)}
     x = np.zeros(len(reference))
     for sample, wanted in enumerate(reference[:-1]):
-        manipulator.slave_real_values(index, [place[name] for name in REFERENCE], list(wanted))
+        manipulator.slave_real_values(index, [references[name] for name in REFERENCE], list(wanted))
         if not execution.step():
             raise RuntimeError(f"stopped at sample {sample}")
-        x[sample + 1] = observer.last_real_values(index, [place["x"]])[0]
+        x[sample + 1] = observer.last_real_values(index, [references["x"]])[0]
     return x
 
 

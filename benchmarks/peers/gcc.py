@@ -27,8 +27,8 @@ def find() -> str:
 @cache
 def version() -> str:
     """The first line gcc says of itself."""
-    said = subprocess.run([find(), "--version"], capture_output=True, text=True, check=True)
-    return said.stdout.splitlines()[0]
+    answer = subprocess.run([find(), "--version"], capture_output=True, text=True, check=True)
+    return answer.stdout.splitlines()[0]
 
 
 @cache

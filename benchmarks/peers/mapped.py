@@ -57,7 +57,7 @@ def prepare_with(threads: int) -> Callable[[Case], Run]:
                     positions.append(np.array(x)[0, :samples])
             final = np.array(state)
             named = [dict(zip(case.loop.states, column.tolist(), strict=True)) for column in final.T]
-            errors = np.array([metrics_of(one).mse for one in named])
+            errors = np.array([metrics_of(state).mse for state in named])
             own = closed_loop_answer(case, final[:, 0], np.concatenate(positions) if keep else None)
             return Answer(own.x, own.metrics, own.positions, errors)
 

@@ -28,12 +28,12 @@ def _batch(candidates: Any, reference: Any, substeps: int, start: Any, sums: Any
         for k in range(len(reference)):
             t = k * p.sample_time
             tau_1, tau_2, memory, so_far = control(k, motion, reference[k], memory, so_far, p, c)
-            for index in range(substeps):
-                motion = rk4(t + index * h, motion, tau_1, tau_2, h, c)
+            for part in range(substeps):
+                motion = rk4(t + part * h, motion, tau_1, tau_2, h, c)
             if i == 0 and len(positions):
                 positions[k] = motion[0]
-        for place, value in enumerate(so_far):
-            sums[i, place] = value
+        for index, value in enumerate(so_far):
+            sums[i, index] = value
 
 
 def prepare_with(threads: int) -> Callable[[Case], Run]:
@@ -58,7 +58,7 @@ def prepare_with(threads: int) -> Callable[[Case], Run]:
             batch(candidates, reference, case.substeps, start, sums, positions)
             set_num_threads(before)
             metrics = [finish(Sums(*row)._asdict(), len(reference)) for row in sums.tolist()]
-            errors = np.array([one.mse for one in metrics])
+            errors = np.array([each.mse for each in metrics])
             return Answer(float(positions[-1]) if keep else np.nan, metrics[0], positions if keep else None, errors)
 
         batch(candidates, reference[:1], case.substeps, start, np.empty((len(values), len(NOTHING))), np.empty(0))

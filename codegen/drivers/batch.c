@@ -23,46 +23,46 @@ IN_LANES observe_lanes(const double *restrict state, const double *restrict exog
   EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
 }
 
-IN_LANES move_lanes(const double *restrict motion, const double *restrict held, const double *restrict part,
+IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
                     const double *restrict p, const double *restrict derived, double *restrict next,
                     double *restrict margin) {
-  EACH_CALL move(motion + l, held + l, part, p + l, derived + l, next + l, margin + l);
+  EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
 }
 
 /* All parts of the time until the next sample; `between` is room for another motion. */
-static void move_on(const double *now, const double *held, const double *p, const double *derived, double *between,
+static void move_on(const double *now, const double *hold, const double *p, const double *derived, double *between,
                     double *next, double *margin) {
   const double *from = now;
   for (int part = 0; part < PARTS; ++part) {
     const double number = part;
     double *to = (PARTS - part) % 2 ? next : between;
-    move_lanes(from, held, &number, p, derived, to, margin);
+    move_lanes(from, hold, &number, p, derived, to, margin);
     from = to;
   }
 }
 
-#if !HAS_LEAP
+#if !HAS_ONE_STEP
 IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                      const double *restrict derived, double *restrict discrete, double *restrict held) {
-  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, held + l);
+                      const double *restrict derived, double *restrict discrete, double *restrict hold) {
+  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
 }
 #else
-IN_LANES derive_leap_lanes(const double *restrict p, double *restrict for_leap) {
-  EACH_CALL derive_leap(p + l, for_leap + l);
+IN_LANES derive_one_step_lanes(const double *restrict p, double *restrict for_one_step) {
+  EACH_CALL derive_one_step(p + l, for_one_step + l);
 }
 
-/* A sample and the leap to the next, in one loop: the leap need not wait for what only the next sample reads. */
-IN_LANES sample_and_leap_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                               const double *restrict for_sample, const double *restrict for_leap,
-                               double *restrict discrete, double *restrict held, double *restrict next,
+/* A sample and the one-step update to the next, in one loop: the update need not wait for what only the next sample reads. */
+IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                               const double *restrict for_sample, const double *restrict for_one_step,
+                               double *restrict discrete, double *restrict hold, double *restrict next,
                                double *restrict margin, double *restrict valid) {
   EACH_CALL {
-    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, held + l);
-    leap(state + l, held + l, p + l, for_leap + l, next + l, margin + l, valid + l);
+    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, hold + l);
+    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
   }
 }
 
-/* Takes the lanes over where the leap is not valid. */
+/* Takes the lanes over where the one-step update is not valid. */
 IN_LANES take_over(const double *restrict valid, double *restrict into, const double *restrict from, int count) {
   for (int i = 0; i < count; ++i)
     EACH_LANE into[i * LANES + l] = valid[l] > 0 ? into[i * LANES + l] : from[i * LANES + l];
@@ -100,11 +100,11 @@ IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
 /* What is read and written at every sample, close together and at the same places of the cache in every call. */
 typedef struct {
   __attribute__((aligned(4096))) double first[STATES * LANES];
-  double second[STATES * LANES], held[HELD * LANES], w[(EXOGENOUS + 1) * LANES];
+  double second[STATES * LANES], hold[HOLD * LANES], w[(EXOGENOUS + 1) * LANES];
   double p[sizeof((int[])USED_PARAMETERS) / sizeof(int) * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];
   double margin[LANES];
-#if HAS_LEAP
-  double for_leap[(LEAP_DERIVED + 1) * LANES], valid[LANES];
+#if HAS_ONE_STEP
+  double for_one_step[(ONE_STEP_DERIVED + 1) * LANES], valid[LANES];
 #endif
 } Often;
 
@@ -122,7 +122,7 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
   Often often;
   LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
   LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES];
-#if HAS_LEAP
+#if HAS_ONE_STEP
   LANE_ARRAY moved[MOTION * LANES], moved_margin[LANES];
 #endif
   LANE_ARRAY kept_state[STATES * LANES], between[MOTION * LANES];
@@ -141,8 +141,8 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
   }
   memcpy(kept_state, now, sizeof kept_state);
   derive_lanes(p, often.for_sample, for_observe, for_move);
-#if HAS_LEAP
-  derive_leap_lanes(p, often.for_leap);
+#if HAS_ONE_STEP
+  derive_one_step_lanes(p, often.for_one_step);
 #endif
   for (int64_t k = 0; k < samples && running > 0; ++k) {
     if (shared) share(exogenous[0] + k * EXOGENOUS, often.w);
@@ -153,22 +153,22 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
     }
-#if HAS_LEAP
-    sample_and_leap_lanes(now, often.w, often.p, often.for_sample, often.for_leap, next + MOTION * LANES, often.held,
+#if HAS_ONE_STEP
+    sample_and_one_step_lanes(now, often.w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
                           next, often.margin, often.valid);
     int doubtful = any_at_most_zero(often.valid, often.margin);
     if (doubtful) {
       int missing = 0;
       EACH_LANE missing += !(often.valid[l] > 0) && done[l] == samples;
       if (missing) {
-        move_on(now, often.held, p, for_move, between, moved, moved_margin);
+        move_on(now, often.hold, p, for_move, between, moved, moved_margin);
         take_over(often.valid, next, moved, MOTION);
         take_over(often.valid, often.margin, moved_margin, 1);
       }
     }
 #else
-    sample_lanes(now, often.w, often.p, often.for_sample, next + MOTION * LANES, often.held);
-    move_on(now, often.held, p, for_move, between, next, often.margin);
+    sample_lanes(now, often.w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
+    move_on(now, often.hold, p, for_move, between, next, often.margin);
     int doubtful = any_at_most_zero(often.margin, often.margin);
 #endif
     int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;

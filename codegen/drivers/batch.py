@@ -20,7 +20,7 @@ from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 
 Floats = NDArray[np.float64]
 
-EVERY_SAMPLE = ("sample", "leap")
+EVERY_SAMPLE = ("sample", "one_step")
 """Functions that are called at every sample; they take only the parameters they use, which then lie close together."""
 
 

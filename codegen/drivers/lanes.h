@@ -1,4 +1,4 @@
-/* How work is spread over LANES vector lanes. Each loop over the lanes stands in a function of its own (IN_LANES) with
+/* How work is laid out over LANES vector lanes. Each loop over the lanes stands in a function of its own (IN_LANES) with
    restrict pointers, or compilers do not see that lanes do not mix. EACH_CALL is for functions by codegen/source/lanes.py. */
 
 #define LANE_ARRAY __attribute__((aligned(64))) double /* a vector in no more than one cache line */

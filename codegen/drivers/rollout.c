@@ -8,16 +8,16 @@
 EXPORT int rollout(const double *parameters, const double *exogenous, double *state,
                    int64_t samples, int64_t stride, double *rows, int64_t *done) {
   double for_sample[SAMPLE_DERIVED + 1], for_observe[OBSERVE_DERIVED + 1], for_move[MOVE_DERIVED + 1];
-  double held[HELD], buffer[STATES], moved[MOTION], margin = 0;
+  double hold[HOLD], buffer[STATES], moved[MOTION], margin = 0;
   double *now = state, *next = buffer;
   int outcome = COMPLETED;
   int64_t k = 0, until_row = 0;
   derive_sample(parameters, for_sample);
   derive_observe(parameters, for_observe);
   derive_move(parameters, for_move);
-#if HAS_LEAP
-  double for_leap[LEAP_DERIVED + 1], valid = 0;
-  derive_leap(parameters, for_leap);
+#if HAS_ONE_STEP
+  double for_one_step[ONE_STEP_DERIVED + 1], valid = 0;
+  derive_one_step(parameters, for_one_step);
 #endif
   while (k < samples && outcome == COMPLETED) {
     if (rows && until_row-- == 0) {
@@ -25,9 +25,9 @@ EXPORT int rollout(const double *parameters, const double *exogenous, double *st
       rows += COLUMNS;
       until_row = stride - 1;
     }
-    sample(now, exogenous, parameters, for_sample, next + MOTION, held);
-#if HAS_LEAP
-    leap(now, held, parameters, for_leap, next, &margin, &valid);
+    sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
+#if HAS_ONE_STEP
+    one_step(now, hold, parameters, for_one_step, next, &margin, &valid);
     if (!(valid > 0))
 #endif
     {
@@ -35,7 +35,7 @@ EXPORT int rollout(const double *parameters, const double *exogenous, double *st
       for (int part = 0; part < PARTS; ++part) {
         const double number = part;
         double *to = (PARTS - part) % 2 ? next : moved;
-        move(from, held, &number, parameters, for_move, to, &margin);
+        move(from, hold, &number, parameters, for_move, to, &margin);
         from = to;
       }
     }

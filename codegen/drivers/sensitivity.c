@@ -4,19 +4,20 @@
    Comes after driver.h, elementary.h, the sizes and the functions of codegen/drivers/sensitivity.py: those of
    codegen/sampled.py, each with its derive_NAME(parameters, derived), and over arrays whose elements lie LANES apart
      sample_slopes(state, exogenous, parameters, derived, slopes)
-     leap_slopes(motion, held, parameters, derived, slopes)
+     one_step_slopes(motion, hold, parameters, derived, slopes)
    and with tangents whose elements lie DIRECTIONS apart
-     along_move(motion, held, part, parameters, motion_tangent, held_tangent, next_motion_tangent).
-   SPREAD_SAMPLE and SPREAD_LEAP are the statements of codegen/drivers/tangents.py for one lane. */
+     along_move(motion, hold, part, parameters, motion_tangent, hold_tangent, next_motion_tangent).
+   SAMPLE_PRODUCT and ONE_STEP_PRODUCT are the statements of codegen/drivers/tangents.py for one lane: tangents of the
+   outputs from slopes and tangents of the inputs. */
 
 /* LANES samples of the run: what their slopes depend on. Element i of sample t is at [i * LANES + t]. */
 typedef struct {
-  LANE_ARRAY state[STATES * LANES], exogenous[(EXOGENOUS + 1) * LANES], held[HELD * LANES];
+  LANE_ARRAY state[STATES * LANES], exogenous[(EXOGENOUS + 1) * LANES], hold[HOLD * LANES];
   LANE_ARRAY sample_slopes[(SAMPLE_SLOPES + 1) * LANES];
-#if HAS_LEAP
-  LANE_ARRAY leap_slopes[(LEAP_SLOPES + 1) * LANES];
+#if HAS_ONE_STEP
+  LANE_ARRAY one_step_slopes[(ONE_STEP_SLOPES + 1) * LANES];
 #endif
-  int leapt[LANES];
+  int in_one_step[LANES]; /* whether the one-step update was valid */
 } Stretch;
 
 static inline void put(double *to, const double *values, int count) {
@@ -32,50 +33,50 @@ IN_LANES sample_slopes_lanes(const double *restrict state, const double *restric
   EACH_CALL sample_slopes(state + l, exogenous + l, p, derived, slopes + l);
 }
 
-IN_LANES spread_sample(const double *restrict slopes, const double *restrict states, const double *restrict directions,
-                       double *restrict discretes, double *restrict helds) {
+IN_LANES sample_product(const double *restrict slopes, const double *restrict states, const double *restrict directions,
+                       double *restrict discretes, double *restrict holds) {
   EACH_OF(DIRECTIONS) {
     const double *restrict state_tangent = states + l, *restrict direction = directions + l;
-    double *restrict discrete_tangent = discretes + l, *restrict held_tangent = helds + l;
-    SPREAD_SAMPLE
+    double *restrict discrete_tangent = discretes + l, *restrict hold_tangent = holds + l;
+    SAMPLE_PRODUCT
   }
 }
 
-#if HAS_LEAP
-IN_LANES leap_slopes_lanes(const double *restrict motion, const double *restrict held, const double *restrict p,
+#if HAS_ONE_STEP
+IN_LANES one_step_slopes_lanes(const double *restrict motion, const double *restrict hold, const double *restrict p,
                            const double *restrict derived, double *restrict slopes) {
-  EACH_CALL leap_slopes(motion + l, held + l, p, derived, slopes + l);
+  EACH_CALL one_step_slopes(motion + l, hold + l, p, derived, slopes + l);
 }
 
-IN_LANES spread_leap(const double *restrict slopes, const double *restrict motions, const double *restrict helds,
+IN_LANES one_step_product(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
                      double *restrict nexts) {
   EACH_OF(DIRECTIONS) {
-    const double *restrict motion_tangent = motions + l, *restrict held_tangent = helds + l;
+    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
     double *restrict next_motion_tangent = nexts + l;
-    SPREAD_LEAP
+    ONE_STEP_PRODUCT
   }
 }
 #endif
 
-IN_LANES along_move_lanes(const double *restrict motion, const double *restrict held, const double *restrict part,
+IN_LANES along_move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
                           const double *restrict p, const double *restrict motion_tangent,
-                          const double *restrict held_tangent, double *restrict next) {
-  EACH_CALL_OF(DIRECTIONS) along_move(motion, held, part, p, motion_tangent + l, held_tangent + l, next + l);
+                          const double *restrict hold_tangent, double *restrict next) {
+  EACH_CALL_OF(DIRECTIONS) along_move(motion, hold, part, p, motion_tangent + l, hold_tangent + l, next + l);
 }
 
 /* One rollout with its sensitivities.
-   for_sample_slopes and for_leap_slopes hold what the slopes take that depends on the parameters alone.
+   for_sample_slopes and for_one_step_slopes hold what the slopes take that depends on the parameters alone.
    direction (GAINS, DIRECTIONS) holds the directions; state (STATES) and its tangent (STATES, DIRECTIONS) those at the start,
    and then at the end. Every stride-th sample writes state TRACKED to values and its tangent to tangents (kept, DIRECTIONS);
    both may be null. Returns the outcome as in rollout.c; *done is the number of samples stepped. A tangent that is not
    finite makes no outcome. */
-EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes, const double *for_leap_slopes,
+EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes, const double *for_one_step_slopes,
                        const double *direction, const double *exogenous, double *state, double *tangent,
                        int64_t samples, int64_t stride, double *values, double *tangents, int64_t *done) {
   double for_sample[SAMPLE_DERIVED + 1], for_move[MOVE_DERIVED + 1];
-  double held[HELD], now[STATES], next[STATES], moved[MOTION], margin = 0;
+  double hold[HOLD], now[STATES], next[STATES], moved[MOTION], margin = 0;
   LANE_ARRAY seeds[GAINS * DIRECTIONS], ours[STATES * DIRECTIONS], theirs[STATES * DIRECTIONS];
-  LANE_ARRAY held_tangent[HELD * DIRECTIONS];
+  LANE_ARRAY hold_tangent[HOLD * DIRECTIONS];
   Stretch of;
   double *now_tangent = ours, *next_tangent = theirs;
   int outcome = COMPLETED;
@@ -86,27 +87,27 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
   memcpy(now_tangent, tangent, sizeof ours);
   derive_sample(parameters, for_sample);
   derive_move(parameters, for_move);
-  (void)for_leap_slopes;
-#if HAS_LEAP
-  double for_leap[LEAP_DERIVED + 1], valid = 0;
-  derive_leap(parameters, for_leap);
+  (void)for_one_step_slopes;
+#if HAS_ONE_STEP
+  double for_one_step[ONE_STEP_DERIVED + 1], valid = 0;
+  derive_one_step(parameters, for_one_step);
 #endif
   while (k < samples && outcome == COMPLETED) {
     int stepped = 0;
     for (; stepped < LANES && k + stepped < samples && outcome == COMPLETED; ++stepped, exogenous += EXOGENOUS) {
       put(of.state + stepped, now, STATES);
       put(of.exogenous + stepped, exogenous, EXOGENOUS);
-      sample(now, exogenous, parameters, for_sample, next + MOTION, held);
-      put(of.held + stepped, held, HELD);
-      of.leapt[stepped] = 0;
-#if HAS_LEAP
-      leap(now, held, parameters, for_leap, next, &margin, &valid);
-      of.leapt[stepped] = valid > 0;
-      if (!of.leapt[stepped])
+      sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
+      put(of.hold + stepped, hold, HOLD);
+      of.in_one_step[stepped] = 0;
+#if HAS_ONE_STEP
+      one_step(now, hold, parameters, for_one_step, next, &margin, &valid);
+      of.in_one_step[stepped] = valid > 0;
+      if (!of.in_one_step[stepped])
 #endif
         for (int part = 0; part < PARTS; ++part) {
           const double number = part;
-          move(part ? moved : now, held, &number, parameters, for_move, next, &margin);
+          move(part ? moved : now, hold, &number, parameters, for_move, next, &margin);
           memcpy(moved, next, sizeof moved);
         }
       if (!all_finite(next, STATES)) outcome = DIVERGED;
@@ -114,8 +115,8 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
       memcpy(now, next, sizeof now);
     }
     sample_slopes_lanes(of.state, of.exogenous, parameters, for_sample_slopes, of.sample_slopes);
-#if HAS_LEAP
-    leap_slopes_lanes(of.state, of.held, parameters, for_leap_slopes, of.leap_slopes);
+#if HAS_ONE_STEP
+    one_step_slopes_lanes(of.state, of.hold, parameters, for_one_step_slopes, of.one_step_slopes);
 #endif
     for (int t = 0; t < stepped; ++t, ++k) {
       if (values && k % stride == 0) {
@@ -123,19 +124,19 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
         memcpy(tangents, now_tangent + TRACKED * DIRECTIONS, DIRECTIONS * sizeof *tangents);
         tangents += DIRECTIONS;
       }
-      spread_sample(of.sample_slopes + t, now_tangent, seeds, next_tangent + MOTION * DIRECTIONS, held_tangent);
-#if HAS_LEAP
-      if (of.leapt[t]) spread_leap(of.leap_slopes + t, now_tangent, held_tangent, next_tangent);
+      sample_product(of.sample_slopes + t, now_tangent, seeds, next_tangent + MOTION * DIRECTIONS, hold_tangent);
+#if HAS_ONE_STEP
+      if (of.in_one_step[t]) one_step_product(of.one_step_slopes + t, now_tangent, hold_tangent, next_tangent);
       else
 #endif
       {
         take(moved, of.state + t, MOTION);
-        take(held, of.held + t, HELD);
+        take(hold, of.hold + t, HOLD);
         for (int part = 0; part < PARTS; ++part) { /* each starts from `moved`, `now_tangent` */
           const double number = part;
-          along_move_lanes(moved, held, &number, parameters, now_tangent, held_tangent, next_tangent);
+          along_move_lanes(moved, hold, &number, parameters, now_tangent, hold_tangent, next_tangent);
           if (part == PARTS - 1) break;
-          move(moved, held, &number, parameters, for_move, next, &margin);
+          move(moved, hold, &number, parameters, for_move, next, &margin);
           memcpy(moved, next, sizeof moved);
           memcpy(now_tangent, next_tangent, MOTION * DIRECTIONS * sizeof *now_tangent);
         }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.tangents import Spread, Tangents, spread
+from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
@@ -28,46 +28,50 @@ def directions_for(gains: tuple[int, ...]) -> int:
 
 
 def _along(move: ca.Function) -> ca.Function:
-    """``along_move(motion, held, part, parameters, motion_tangent, held_tangent) -> next_motion_tangent``."""
+    """``along_move(motion, hold, part, parameters, motion_tangent, hold_tangent) -> next_motion_tangent``."""
     inputs = {name: ca.SX.sym(name, move.size1_in(name)) for name in move.name_in()}
-    seeds = {f"{name}_tangent": ca.SX.sym(f"{name}_tangent", inputs[name].numel()) for name in ("motion", "held")}
+    seeds = {f"{name}_tangent": ca.SX.sym(f"{name}_tangent", inputs[name].numel()) for name in ("motion", "hold")}
     moved = move.call(inputs)["next_motion"]
-    tangent = ca.jtimes(moved, ca.vertcat(inputs["motion"], inputs["held"]), ca.vertcat(*seeds.values()))
+    tangent = ca.jtimes(moved, ca.vertcat(inputs["motion"], inputs["hold"]), ca.vertcat(*seeds.values()))
     inputs |= seeds
     outputs = [ca.densify(tangent)]
     return ca.Function("along_move", [*inputs.values()], outputs, [*inputs], ["next_motion_tangent"], {"cse": True})
 
 
-def spreads_of(smooth: Sampled, gains: tuple[int, ...]) -> dict[str, Spread]:
-    """The derivatives of a system's functions: of ``sample``, and of ``leap`` where it has one."""
+def jacobian_products(smooth: Sampled, gains: tuple[int, ...]) -> dict[str, JacobianProduct]:
+    """Macro → product with the Jacobian of ``sample``, and of ``one_step`` where the system has one."""
     by_gains = {"state": Tangents("state_tangent"), "parameters": Tangents("direction", gains)}
-    found = {"SPREAD_SAMPLE": spread(smooth.sample, by_gains, ["discrete", "held"])}
-    if smooth.leap:
-        still = found["SPREAD_SAMPLE"].still
-        moving = [element for element in range(smooth.leap.size1_in("held")) if ("held", element) not in still]
-        between = {"motion": Tangents("motion_tangent"), "held": Tangents("held_tangent", moving)}
-        found["SPREAD_LEAP"] = spread(smooth.leap, between, ["next_motion"])
+    found = {"SAMPLE_PRODUCT": jacobian_product(smooth.sample, by_gains, ["discrete", "hold"])}
+    if smooth.one_step:
+        still = found["SAMPLE_PRODUCT"].still
+        moving = [element for element in range(smooth.one_step.size1_in("hold")) if ("hold", element) not in still]
+        between = {"motion": Tangents("motion_tangent"), "hold": Tangents("hold_tangent", moving)}
+        found["ONE_STEP_PRODUCT"] = jacobian_product(smooth.one_step, between, ["next_motion"])
     return found
 
 
 def sensitivity_source(
-    system: Sampled, smooth: Sampled, spreads: Mapping[str, Spread], gains: tuple[int, ...], compiler: Compiler
+    system: Sampled,
+    smooth: Sampled,
+    products: Mapping[str, JacobianProduct],
+    gains: tuple[int, ...],
+    compiler: Compiler,
 ) -> str:
     """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`.
 
     What slopes take that depends on the parameters alone is left to the caller: long code for once a run.
     """
-    run = hoisted_all((system.sample, system.move, *((system.leap,) if system.leap else ())))
-    sloped, along = [hoisted(split.slopes)[1] for split in spreads.values()], _along(smooth.move)
+    run = hoisted_all((system.sample, system.move, *((system.one_step,) if system.one_step else ())))
+    sloped, along = [hoisted(product.slopes)[1] for product in products.values()], _along(smooth.move)
     paired = not compiler.is_clang
     lanes = {slopes.name(): Lanes(paired, shared=("parameters", "derived")) for slopes in sloped}
     lanes[along.name()] = Lanes(paired, shared=smooth.move.name_in(), apart="DIRECTIONS")
     definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
-    products = [f"#define {name} {' '.join(split.statements)}" for name, split in spreads.items()]
+    defines = [f"#define {name} {' '.join(product.statements)}" for name, product in products.items()]
     sizes = system.sizes | lane_sizes(compiler)
     sizes |= {"GAINS": len(gains), "DIRECTIONS": directions_for(gains), "TRACKED": 0}
     sizes |= {slopes.name().upper(): slopes.numel_out("slopes") for slopes in sloped}
-    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join(products) + "\n", "sensitivity.c")
+    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join(defines) + "\n", "sensitivity.c")
 
 
 @dataclass(frozen=True)
@@ -108,11 +112,11 @@ class Sensitivity:
         kept = -(-samples // stride) if stride else 0
         values, tangents, done = np.empty(kept), np.empty((kept, self.directions)), ctypes.c_int64()
         derived = [np.array(derive(parameters), order="C") for derive in self._derive]
-        for_sample, for_leap = (*derived, None) if len(derived) == 1 else derived
+        for_sample, for_one_step = (*derived, None) if len(derived) == 1 else derived
         outcome = self._call(
             parameters.ctypes.data,
             for_sample.ctypes.data,
-            None if for_leap is None else for_leap.ctypes.data,
+            None if for_one_step is None else for_one_step.ctypes.data,
             directions.ctypes.data,
             exogenous.ctypes.data,
             state.ctypes.data,
@@ -144,10 +148,10 @@ def compile_sensitivity(
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    spreads = spreads_of(smooth, gains)
-    path = library(sensitivity_source(system, smooth, spreads, gains, chosen), chosen, lane_flags(chosen))
+    products = jacobian_products(smooth, gains)
+    path = library(sensitivity_source(system, smooth, products, gains, chosen), chosen, lane_flags(chosen))
     call = ctypes.CDLL(str(path)).sensitivity
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer] * 7 + [count, count, pointer, pointer, ctypes.POINTER(count)]
-    return Sensitivity(directions_for(gains), tuple(hoisted(split.slopes)[0] for split in spreads.values()), call)
+    return Sensitivity(directions_for(gains), tuple(hoisted(product.slopes)[0] for product in products.values()), call)

@@ -17,8 +17,8 @@ class Tangents:
 
 
 @dataclass(frozen=True)
-class Spread:
-    """The derivative of a function, in two parts.
+class JacobianProduct:
+    """The product of a function's Jacobian with tangents, in two parts.
 
     Attributes:
         slopes: ``NAME_slopes(...) -> slopes``: of the function's inputs, the partial derivatives that are not constant.
@@ -32,8 +32,8 @@ class Spread:
     still: frozenset[Vertex]
 
 
-def spread(function: ca.Function, along: Mapping[str, Tangents], outputs: Sequence[str]) -> Spread:
-    """Split the derivative of a function into its slopes and products with them.
+def jacobian_product(function: ca.Function, along: Mapping[str, Tangents], outputs: Sequence[str]) -> JacobianProduct:
+    """The Jacobian-vector product of a function: its slopes, and statements that multiply tangents with them.
 
     Args:
         function: of dense SX expressions.
@@ -70,7 +70,7 @@ def spread(function: ca.Function, along: Mapping[str, Tangents], outputs: Sequen
                 terms.append(f"slopes[{len(slopes)}*LANES] * {sources[source]}")
                 slopes.append(slope)
         statements.append(f"{target} = {' + '.join(terms) or '0.0'};")
-    return Spread(
+    return JacobianProduct(
         slopes=ca.Function(
             f"{function.name()}_slopes",
             list(symbols.values()),

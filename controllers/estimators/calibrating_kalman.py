@@ -30,7 +30,7 @@ from dualwinch.model.scalar import Scalar, clip, exp, where
 class CalibrationGains:
     """What is believed of the ropes before the run, and how long a sample counts."""
 
-    spread: Annotated[
+    deviation: Annotated[
         float,
         at.Gt(0),
         Quantity("1", "believed standard deviation of the ropes' compliance, as a share", "assumption"),
@@ -88,7 +88,7 @@ def learn(
     weight = where(taut, stretch / position_noise**2, 0.0)
     information = exp(-sample_time / gains.memory) * known.information + weight * stretch
     surprise = seen - (1 + known.excess) * stretch
-    excess = known.excess + weight * surprise / (information + 1 / gains.spread**2)
+    excess = known.excess + weight * surprise / (information + 1 / gains.deviation**2)
     return RopeKnowledge(clip(excess, -LARGEST, LARGEST), information)
 
 

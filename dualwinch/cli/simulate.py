@@ -66,4 +66,13 @@ def simulate(
         raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set simulation.seed=N")
     from dualwinch.commands.simulate import simulate as run
 
-    run(case, config, controller, set_ or [], out, plot, stride, engine)
+    run(
+        case=case,
+        config=config,
+        controller=controller,
+        assignments=set_ or [],
+        out=out,
+        plot=plot,
+        stride=stride,
+        engine=engine,
+    )

@@ -126,7 +126,7 @@ def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
         "certified": certificate.certified,
         "certified_with_ropes": certificate.certified_with_ropes,
         "conditions": [asdict(condition) for condition in certificate.conditions],
-        "bounds": {basis: asdict(seen) for basis, seen in certificate.bounds.items()},
+        "bounds": {basis: asdict(bounds) for basis, bounds in certificate.bounds.items()},
         "decreasing_share": certificate.decreasing,
         "within_claim_share": certificate.within_claim,
         "curves": {name: values[::stride].tolist() for name, values in curves.items()}

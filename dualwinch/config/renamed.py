@@ -1,6 +1,6 @@
 """Keys that had another name: files and commands that say the old one are understood."""
 
-RENAMED = {"disturbance.seed": "simulation.seed"}
+RENAMED = {"controller.calibration.spread": "controller.calibration.deviation", "disturbance.seed": "simulation.seed"}
 """Old key → what it is called now."""
 
 

@@ -1,4 +1,4 @@
-"""The theorem held against one experiment: its conditions, and its Lyapunov function along the run."""
+"""The theorem checked on one experiment: its conditions, and its Lyapunov function along the run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Certificate:
 
     Attributes:
         result: the run, every sample kept.
-        bounds: basis → bounds seen in the run.
+        bounds: basis → bounds found in the run.
         conditions: every condition with both sides.
         terms: the terms of V at every sample (samples,).
         rate: mean dV/dt within every sample, (V at its end − V at its beginning)/Ts (samples − 1,).

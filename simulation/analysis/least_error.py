@@ -48,7 +48,7 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False) -> float:
     numbers = ca.vertcat(ca.vec(ca.DM(outside)), parameters)
     until = 2 if anticipating else max(2, int(beyond.argmax()) + 1)  # position and speed at the start
     bounds = [*[0.0] * until, *[np.inf] * (instants - until)]
-    found = solver(x0=0.0, p=numbers, lbx=[-one for one in bounds], ubx=bounds, lbg=-limit, ubg=limit)
+    found = solver(x0=0.0, p=numbers, lbx=[-bound for bound in bounds], ubx=bounds, lbg=-limit, ubg=limit)
     if not solver.stats()["success"]:
         raise DualwinchError(f"least_mse: IPOPT stopped with {solver.stats()['return_status']}")
     return float(found["f"]) / MILLIMETRES**2

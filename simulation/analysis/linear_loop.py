@@ -110,7 +110,7 @@ def _jacobians(structure: Structure, cut: str) -> ca.Function:
     symbols = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
     following, row, _ = step(*symbols)
     state, outside = symbols[0], symbols[3] if cut else symbols[1]
-    wanted = [ca.jacobian(what, by) for what in (following, row) for by in (state, outside)]
+    wanted = [ca.jacobian(value, by) for value in (following, row) for by in (state, outside)]
     return ca.Function("jacobians", symbols, wanted)
 
 
@@ -125,12 +125,13 @@ def _named(
     names, state_units = state_names(cruise)
     return LinearSystem(
         *matrices,
-        cruise.experiment.simulation.sample_time,
-        tuple(names),
-        inputs,
-        outputs,
-        units | state_units,
-        cruise.row | {"preload": cruise.experiment.controller.limits.preload, "residual": cruise.residual},
+        dt=cruise.experiment.simulation.sample_time,
+        states=tuple(names),
+        inputs=inputs,
+        outputs=outputs,
+        units=units | state_units,
+        operating_point=cruise.row
+        | {"preload": cruise.experiment.controller.limits.preload, "residual": cruise.residual},
     )
 
 

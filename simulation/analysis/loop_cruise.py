@@ -97,7 +97,15 @@ def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
     row = dict(zip(loop.columns, np.array(loop.step(state, exogenous, parameters)[1]).ravel().tolist(), strict=True))
     _check_solution(calm, row, max(residual / RESIDUAL, left / STEP), v)
     row |= {"x": x, "v": v}  # as asked for, without round-off
-    return LoopCruise(loop, calm, state, exogenous, parameters, row, residual)
+    return LoopCruise(
+        loop=loop,
+        experiment=calm,
+        state=state,
+        exogenous=exogenous,
+        parameters=parameters,
+        row=row,
+        residual=residual,
+    )
 
 
 def _solved(
@@ -227,12 +235,12 @@ def _residual_function(structure: Structure) -> ca.Function:
     moving = loop.marked(Mark.POSITION)
     before, after = forces(symbols["state"]), forces(following)
     changes = []
-    for place, name in enumerate(loop.states):
-        change = following[place] - symbols["state"][place]
+    for index, name in enumerate(loop.states):
+        change = following[index] - symbols["state"][index]
         if name in {"motion.plant.theta_1", "motion.plant.theta_2"}:
             rope = int(name[-1]) - 1
             change = (after[rope] - before[rope]) * 1e-3
-        elif moving[place]:
+        elif moving[index]:
             change = (change - v * values["simulation.sample_time"]) * 1e3
         changes.append(change)
     change = ca.vertcat(*changes)

@@ -118,15 +118,15 @@ def _crossings(omega: Floats, values: Floats, function: Callable[[float], float]
     from scipy import optimize
 
     root: Any = optimize.brentq  # its stub knows neither plain floats nor the plain answer
-    places = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return [float(root(function, omega[k], omega[k + 1], xtol=1e-13, rtol=1e-13)) for k in places]
+    intervals = np.flatnonzero(values[:-1] * values[1:] < 0)
+    return [float(root(function, omega[k], omega[k + 1], xtol=1e-13, rtol=1e-13)) for k in intervals]
 
 
 def _largest(omega: Floats, values: Floats, function: Callable[[float], float]) -> float:
     """The frequency at which a function is largest."""
     from scipy.optimize import minimize_scalar
 
-    place = int(np.argmax(values))
-    between = omega[max(place - 1, 0)], omega[min(place + 1, len(omega) - 1)]
+    highest = int(np.argmax(values))
+    between = omega[max(highest - 1, 0)], omega[min(highest + 1, len(omega) - 1)]
     found = minimize_scalar(lambda w: -function(w), bounds=between, method="bounded", options={"xatol": 1e-10})
-    return float(found.x) if -found.fun > values[place] else float(omega[place])
+    return float(found.x) if -found.fun > values[highest] else float(omega[highest])

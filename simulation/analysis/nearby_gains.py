@@ -76,14 +76,14 @@ def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None
 
 def _raised(certificate: Certificate, k_a: float) -> Experiment:
     """The experiment with this k_a, and every gain that falls short set to what the certificate's run asks for."""
-    experiment, seen = certificate.result.experiment, certificate.bounds[IDEAL]
+    experiment, bounds = certificate.result.experiment, certificate.bounds[IDEAL]
     weight = auxiliary_weight_needed(experiment.controller.limits.tension_max, k_a)
     wanted = {"auxiliary.k_a": k_a, "auxiliary.gamma": weight, "auxiliary.gamma_force": weight}
     for condition in certificate.conditions:
         if condition.name == "switching gain" and condition.basis == IDEAL and not condition.holds:
             wanted["nftsm.k"] = HEADROOM * condition.right
-    if seen.observer_gain < seen.disturbance_rate:
-        wanted["observer.l0"] = HEADROOM * seen.disturbance_rate
+    if bounds.observer_gain < bounds.disturbance_rate:
+        wanted["observer.l0"] = HEADROOM * bounds.disturbance_rate
     before = leaves(experiment.controller)
     rising = {key: max(before[key], value) for key, value in wanted.items()}
     return replace(experiment, controller=with_leaves(experiment.controller, rising))

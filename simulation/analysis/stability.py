@@ -176,14 +176,14 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
     def at_least(name: str, statement: str, left: float, right: float, unit: str, basis: str = "") -> None:
         found.append(Condition(name, statement, left, right, unit, basis, left >= right))
 
-    for basis, seen in known.items():
-        needed = switching_gain_needed(seen.disturbance, seen.speed_error, gains.p / gains.q, gains.beta, gains.eta)
+    for basis, bounds in known.items():
+        needed = switching_gain_needed(bounds.disturbance, bounds.speed_error, gains.p / gains.q, gains.beta, gains.eta)
         statement = "k >= 2 p D/(q beta M) max|e2 + gamma Z_a|^(p/q-1) + eta"
         at_least("switching gain", statement, gains.k, needed, units["nftsm.k"], basis)
-    for basis, seen in known.items():
+    for basis, bounds in known.items():
         if isinstance(law, FandoNftsm):
             statement = "L(t) >= Delta, bound of |dd/dt|"
-            at_least("observer gain", statement, seen.observer_gain, seen.disturbance_rate, "1/s", basis)
+            at_least("observer gain", statement, bounds.observer_gain, bounds.disturbance_rate, "1/s", basis)
     decays = auxiliary.k_a > 0
     found.append(Condition("decay of Z_a", "k_a > 0", auxiliary.k_a, 0.0, units["auxiliary.k_a"], "", decays))
     needed = auxiliary_weight_needed(experiment.controller.limits.tension_max, auxiliary.k_a)

@@ -37,15 +37,15 @@ class Pairs:
                 together.
         """
         self.names, self.values = tuple(names), np.asarray(parameters, float)
-        self.experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
+        self.experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
         check_batch(self.names, self.values, scenarios)
-        believed = [one.nominal if isinstance(one, Scenario) else None for one in scenarios]
-        numbers = [parameters_of(one, nominal) for one, nominal in zip(self.experiments, believed, strict=True)]
-        drawn = {key for one in scenarios if isinstance(one, Scenario) for key in one.draws}
+        believed = [given.nominal if isinstance(given, Scenario) else None for given in scenarios]
+        numbers = [parameters_of(*pair) for pair in zip(self.experiments, believed, strict=True)]
+        drawn = {key for given in scenarios if isinstance(given, Scenario) for key in given.draws}
         self.structure = structure_of(self.experiments[0])
         self.zeros = zeros_of(self.structure, *numbers, varying=[*names, *drawn])
         self.loop = closed_loop(self.structure, self.zeros)
-        self.places = [self.loop.parameters.index(name) for name in names]
+        self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
         self._vectors = np.array([self.loop.vector(values) for values in numbers])
         # tables in use: to ask `signals` for one takes a hash of the whole experiment, in every lane of every block
@@ -70,7 +70,7 @@ class Pairs:
         """All parameters of some pairs as the loop takes them, (pairs, parameters)."""
         sets, scenarios = indices.T
         vectors = self._vectors[scenarios]
-        vectors[:, self.places] = self.values[sets]
+        vectors[:, self.columns] = self.values[sets]
         return vectors
 
     def starts(self, vectors: Floats) -> Floats:

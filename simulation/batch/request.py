@@ -25,7 +25,7 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
     """Raise `ConfigurationError` where a batch cannot be run as asked; see `simulation.batch.rollout.rollout`."""
     if not scenarios:
         raise ConfigurationError("scenarios: must be at least one experiment")
-    experiments = [one.experiment if isinstance(one, Scenario) else one for one in scenarios]
+    experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
     first = experiments[0]
     described = described_parameters(structure_of(first))
     known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
@@ -83,11 +83,11 @@ def _check_together(
 ) -> None:
     """Rules between values: rows that break one are shown to `check`, which has the words for it."""
     whole_plant = any(name.startswith("plant.") for name in columns)
-    seen: set[Controller] = set()
+    checked: set[Controller] = set()
     for number, experiment in enumerate(experiments):
-        if experiment.controller in seen and not whole_plant:
+        if experiment.controller in checked and not whole_plant:
             continue
-        seen.add(experiment.controller)
+        checked.add(experiment.controller)
         suspect = np.full(len(next(iter(columns.values()))), whole_plant) if columns else np.zeros(0, bool)
         varied = with_leaves(experiment.controller, columns, "controller.")
         for _, group, rule in rules(varied):

@@ -78,7 +78,7 @@ def rollout(
     outcomes, end_times = np.full(shape, NOT_RUN, dtype="U10"), np.full(shape, np.nan)
     columns = {name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {}
     final = np.full((len(FINAL), *shape), np.nan)
-    places = [loop.states.index(name) for name in FINAL]
+    summed = [loop.states.index(name) for name in FINAL]
 
     def block(chosen: NDArray[np.int64]) -> None:
         filled = np.resize(chosen, (LANES, 2))  # idle lanes repeat the block's pairs
@@ -87,9 +87,9 @@ def rollout(
         tables = [pairs.signals(j) for j in filled[:, 1].tolist()]
         outcome, done, rows = run(vectors, tables, state, stride)
         busy, (sets, scenes) = slice(len(chosen)), chosen.T
-        final[:, sets, scenes] = state[busy, places].T
-        for place, name in enumerate(columns):
-            columns[name][sets, scenes] = rows[busy, :, place]
+        final[:, sets, scenes] = state[busy, summed].T
+        for index, name in enumerate(columns):
+            columns[name][sets, scenes] = rows[busy, :, index]
         end_times[sets, scenes] = done[busy] * pairs.sample_time
         outcomes[sets, scenes] = np.array(OUTCOMES)[outcome[busy]]
 

@@ -82,7 +82,7 @@ def sensitivities(
     pairs = Pairs(names, parameters, scenarios)
     _check_names(pairs.names)
     smooth = closed_loop(pairs.structure, pairs.zeros | steps(pairs.structure))
-    run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.places))
+    run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.columns))
     shape, p = pairs.shape, len(pairs.names)
     kept = -(-pairs.samples // stride) if stride else 0
     result = Sensitivities(
@@ -139,7 +139,7 @@ def _run(
     directions[list(gains), range(len(gains))] = 1.0
     vectors = pairs.vectors(np.array([[i, j]]))
     (vector,), (state,) = vectors, pairs.starts(vectors)
-    by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.places]
+    by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.columns]
     tangent = np.ascontiguousarray(by_parameters @ directions)
     outcome, _, x, slopes = run(vector, directions, pairs.signals(j), state, tangent, stride)
     return outcome, state, tangent, x, slopes

@@ -24,28 +24,29 @@ class Integrator:
         substep: ``(problem, motion, t, h) -> motion`` after a step of length h in s from the time t in s.
         order: halving the sub-step divides the error by 2**order on smooth stretches.
         reach: largest `swing_rate` times sub-step in rad it is made for.
-        leap: ``(problem, motion) -> (motion, valid)``, cheaper, with the same result wherever valid > 0.
+        one_step: ``(problem, motion) -> (motion, valid)``, the one-step update over the whole sample, cheaper
+            and to be taken wherever valid > 0.
     """
 
     substep: Callable[[Problem, Motion, Scalar, Scalar], Motion]
     order: int
     reach: float
-    leap: Callable[[Problem, Motion], tuple[Motion, Scalar]] | None = None
+    one_step: Callable[[Problem, Motion], tuple[Motion, Scalar]] | None = None
 
     def advance(self, problem: Problem, motion: Motion, substeps: int) -> Motion:
-        """Motion at the end of the sample: by a leap where that is valid, else in equal sub-steps."""
+        """Motion at the end of the sample: by the one-step update where that is valid, else in equal sub-steps."""
         h, careful = problem.duration / substeps, motion
         for part in range(substeps):
             careful = self.substep(problem, careful, problem.t + part * h, h)
-        if self.leap is None:
+        if self.one_step is None:
             return careful
-        quick, valid = self.leap(problem, motion)
+        quick, valid = self.one_step(problem, motion)
         values, chosen = leaves(careful), leaves(quick)
         return with_leaves(quick, {key: where(valid > 0, chosen[key], values[key]) for key in chosen})
 
 
 INTEGRATORS = {
-    "adaptive": Integrator(exponential, order=2, reach=2 * math.pi, leap=taut_step),
+    "adaptive": Integrator(exponential, order=2, reach=2 * math.pi, one_step=taut_step),
     "exponential": Integrator(exponential, order=2, reach=2 * math.pi),
     "rk4": Integrator(rk4, order=4, reach=2.78),
 }

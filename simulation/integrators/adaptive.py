@@ -1,7 +1,8 @@
 """The exponential integrator in one step, and where that is good enough.
 
 It is where neither rope can go slack within the sample and no dry friction bends. That is most of the
-time; start-up, slack and the first centimetres of a hard start get the careful steps.
+time; start-up, slack and the first centimetres of a hard start get the careful steps. Equations are those of
+docs/exponential-integrator.md.
 """
 
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
@@ -19,7 +20,7 @@ RAIL_STEP, WINCH_STEP = 0.02, 0.2
 def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
     """Motion at the end of the sample in one step, and a number that is positive where that is good enough.
 
-    It is where both ropes surely stay taut and no dry friction bends, on the rail or in a winch.
+    It is where both ropes surely stay taut (Eq. 27) and no dry friction bends, on the rail or in a winch (Eq. 28).
     """
     moved, clearance = exponential_step(problem, motion, problem.t, problem.duration, slack=False)
     before, after, plant = motion.plant, moved.plant, problem.plant
@@ -34,7 +35,7 @@ def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
 
 
 def _straightness(start: Scalar, end: Scalar, scale: Scalar, step: float) -> Scalar:
-    """Positive where tanh(speed/scale) does not bend on the way: too fast to change, or hardly a change of speed."""
+    """Positive where tanh(speed/scale) does not bend on the way: too fast, or hardly a change of speed (Eq. 28)."""
     least = where(start * end > 0, minimum(absolute(start), absolute(end)), 0.0)
     fast = least / scale - FRICTION_REACH
     steady = step - absolute(end - start) / scale

@@ -6,6 +6,8 @@ known in closed form, however fast it swings; a slack one flies freely. The impu
 mean acceleration, which follows from the vehicle's momentum balance. Where a rope goes slack or tight within a
 sub-step, that moment is located and the rest of the sub-step follows the other law.
 
+Every formula is derived in docs/exponential-integrator.md and named here by its number there.
+
 Second order in the sub-step, through slack too. Accurate while a sub-step holds less than a third of an oscillation
 (without slack: one), and stable up to two. Not to be confused with a general exponential Runge–Kutta method: it knows
 the Kelvin–Voigt rope.
@@ -32,7 +34,7 @@ def _slow_acceleration(problem: Problem, t: Scalar, v: Scalar, phase: Scalar) ->
 
 
 def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, slack: bool) -> tuple[Motion, Scalar]:
-    """The motion after one step, and a number that is positive only if taut ropes stay taut all through it.
+    """The motion after one step (Eq. 16–19), and a number that is positive only if taut ropes stay taut (Eq. 27).
 
     The speed at mid-step, where the slow acceleration is taken, follows from that of the last step.
 
@@ -52,17 +54,17 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     by_ropes, share = (fixed_1 - fixed_2) * yielding, mass * yielding
 
     def mean_acceleration(slow: Scalar) -> Scalar:
-        """In m a step², from the vehicle's momentum balance: mass a = mass slow + mean_pull_1(a) − mean_pull_2(a)."""
+        """In m a step², by the momentum balance mass a = mass slow + mean_pull_1(a) − mean_pull_2(a) (Eq. 16)."""
         return by_ropes + share * slow
 
-    middle_v = state.v + 1 / (2 * h) * mean_acceleration(motion.slow)
+    middle_v = state.v + 1 / (2 * h) * mean_acceleration(motion.slow)  # Eq. 17
     frequency = vortex_frequency(middle_v, problem.disturbance, plant.vehicle)
     slow = _slow_acceleration(problem, t + h / 2, middle_v, motion.phase + h / 2 * frequency)
     a = mean_acceleration(slow)
     stretch_1, rate_1, pull_1 = rope_1.end(a)
     stretch_2, rate_2, pull_2 = rope_2.end(a)
 
-    late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # where a rope went slack or tight
+    late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # Eq. 19: where a rope went slack or tight
     steps = h * state.v + a  # speed at the end in m a step, without the above
     x = state.x + h * state.v + a / 2
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
@@ -79,44 +81,45 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
 
 
 def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) -> tuple[Oscillator, Oscillator]:
-    """Both ropes with their drums, the rope lengths at mid-step."""
+    """Both ropes with their drums (Eq. 1–4), the rope lengths at mid-step."""
     plant, torques = problem.plant, problem.torques
     travel = h * state.v
     length_1, length_2 = rope_lengths(state.x + travel / 2, plant.track)
     closeness_1, closeness_2 = reciprocals(length_1, length_2)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     rope_1 = _oscillator(
-        radius_1 * state.theta_1 - state.x,
-        radius_1 * h * state.omega_1 - travel,
-        -1.0,
-        state.omega_1,
-        torques.tau_1,
-        length_1,
-        closeness_1,
-        -travel,
-        plant.rope_1,
-        plant.winch_1,
-        slack,
-        h,
+        stretch=radius_1 * state.theta_1 - state.x,
+        rate=radius_1 * h * state.omega_1 - travel,
+        sign=-1.0,
+        omega=state.omega_1,
+        torque=torques.tau_1,
+        length=length_1,
+        closeness=closeness_1,
+        lengthening=-travel,
+        rope=plant.rope_1,
+        winch=plant.winch_1,
+        slack=slack,
+        h=h,
     )
     rope_2 = _oscillator(
-        radius_2 * state.theta_2 + state.x,
-        radius_2 * h * state.omega_2 + travel,
-        1.0,
-        state.omega_2,
-        torques.tau_2,
-        length_2,
-        closeness_2,
-        travel,
-        plant.rope_2,
-        plant.winch_2,
-        slack,
-        h,
+        stretch=radius_2 * state.theta_2 + state.x,
+        rate=radius_2 * h * state.omega_2 + travel,
+        sign=1.0,
+        omega=state.omega_2,
+        torque=torques.tau_2,
+        length=length_2,
+        closeness=closeness_2,
+        lengthening=travel,
+        rope=plant.rope_2,
+        winch=plant.winch_2,
+        slack=slack,
+        h=h,
     )
     return rope_1, rope_2
 
 
 def _oscillator(
+    *,
     stretch: Scalar,
     rate: Scalar,
     sign: float,
@@ -130,7 +133,7 @@ def _oscillator(
     slack: bool,
     h: Scalar,
 ) -> Oscillator:
-    """One rope and its drum, all with the sub-step h in s as the unit of time.
+    """One rope and its drum (Eq. 2–4), all with the sub-step h in s as the unit of time.
 
     `sign` is that of the vehicle's position in the stretch, `closeness` 1/length in 1/m; `rate` and `lengthening` are
     in m a step.

@@ -1,151 +1,33 @@
-"""One rope and its drum over a sub-step: a damped oscillator while taut, free flight while slack.
+"""One rope and its drum over a step: a damped oscillator while taut, free flight while slack.
 
-Time is counted in sub-steps here, which spares products with their length: rates are in m a step, and so on.
+Equations are those of docs/exponential-integrator.md. Time is counted in steps here, which spares products with their
+length: rates are in m a step, and so on.
 """
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from dualwinch.model.scalar import Scalar, absolute, clip, exp, maximum, minimum, reciprocals, sqrt, where
-
-SERIES_ORDER = 8
-"""Order of the power series that carries a taut rope over a part of a sub-step."""
-
-DOUBLINGS = 3
-"""Doublings of the angle behind `twice_cosine_and_sine`; it then errs by 8e-9 at one oscillation, by 3e-5 at two."""
-
-ANGLE_ORDER = 5
-"""Terms of that series beyond the first."""
-
-TINY = 1e-100
-"""Floor under square roots and divisors on branches not taken; small, yet its square and its slope are numbers."""
-
-
-def twice_cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
-    """2 cos(r) and 2 sin(r)/r from r², which may be negative (then cosh and sinh); made of products only."""
-    part = -square / 4**DOUBLINGS
-    cosine, sine = 0.0, 0.0
-    for order in range(ANGLE_ORDER, -1, -1):
-        cosine = cosine * part + 2 / math.factorial(2 * order)
-        sine = sine * part + 2 / 2**DOUBLINGS / math.factorial(2 * order + 1)
-    for _ in range(DOUBLINGS):
-        cosine, sine = cosine**2 - 2, sine * cosine
-    return cosine, sine
-
-
-def slow_growth(z: Scalar) -> Scalar:
-    """exp(z) to the second order, for the little by which a rope's stiffness changes in a step."""
-    return 1 + z * (1 + z / 2)
-
-
-def crossing(start: Scalar, slope: Scalar, end: Scalar) -> Scalar:
-    """Time in [0, 1] at which the parabola with this start, slope at the start and end changes its sign."""
-    bend = 2 * (end - start - slope)
-    root = sqrt(maximum(slope**2 - 2 * bend * start, TINY))
-    towards_zero = where(start > 0, -slope, slope)
-    return clip(2 * absolute(start) / maximum(towards_zero + root, TINY), 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Swing:
-    """A taut rope and its drum: s'' = g + ramp t − kappa r s − damping s', with r = 1 + stiffening (t − 1/2).
-
-    The rope gets stiffer or softer as it gets shorter or longer. The variable that swings is r s, the spring's force
-    over its stiffness at mid-step: its equilibrium stays where it is.
-
-    Attributes:
-        kappa: square of the frequency of r s.
-        force_force, force_rate, rate_rate: flow of r s and its rate; what r s gives to the rate is −kappa force_rate.
-        to_drive, to_ramp: what a unit of g and of the ramp add to r s; `force_rate` and `to_drive` add to its rate.
-        start, end: r at the beginning, 1/r at the end.
-        stiffening: relative rate of the stiffness.
-    """
-
-    kappa: Scalar
-    force_force: Scalar
-    force_rate: Scalar
-    rate_rate: Scalar
-    to_drive: Scalar
-    to_ramp: Scalar
-    start: Scalar
-    end: Scalar
-    stiffening: Scalar
-
-    def carried(self, stretch: Scalar, rate: Scalar, g: Scalar) -> tuple[Scalar, Scalar]:
-        """Stretch and rate at the end, from those at the beginning and a constant drive g."""
-        force, force_rate = self.start * stretch, self.start * rate + self.stiffening * stretch
-        return self._from_force(
-            self.force_force * force + self.force_rate * force_rate + self.to_drive * g,
-            self.rate_rate * force_rate + self.force_rate * (g - self.kappa * force),
-        )
-
-    def driven(self, growth: Scalar) -> tuple[Scalar, Scalar]:
-        """Stretch and rate at the end, from rest and a drive 1 + growth t."""
-        return self._from_force(self.to_drive + growth * self.to_ramp, self.force_rate + growth * self.to_drive)
-
-    def _from_force(self, force: Scalar, force_rate: Scalar) -> tuple[Scalar, Scalar]:
-        stretch = force * self.end
-        return stretch, (force_rate - self.stiffening * stretch) * self.end
-
-
-def swing(kappa: Scalar, damping: Scalar, stiffening: Scalar) -> Swing:
-    """The swing of a taut rope over a step.
-
-    Args:
-        kappa: square of the frequency at mid-step.
-        damping: by rope and winch friction.
-        stiffening: relative rate of the stiffness.
-    """
-    cosine, sine = twice_cosine_and_sine(kappa - damping**2 / 4 - stiffening**2)
-    kappa = kappa - damping * stiffening
-    delta = damping / 2 - stiffening
-    half_decay = exp(-damping / 2) / 2 * slow_growth(stiffening)  # exp(-delta)/2
-    even, odd = half_decay * cosine, half_decay * sine
-    skew = delta * odd
-    inverse, end = reciprocals(kappa, 1 + stiffening / 2)
-    to_drive = (1 - (even + skew)) * inverse
-    return Swing(
-        kappa=kappa,
-        force_force=even + skew,
-        force_rate=odd,
-        rate_rate=even - skew,
-        to_drive=to_drive,
-        to_ramp=(1 - odd - 2 * delta * to_drive) * inverse,
-        start=1 - stiffening / 2,
-        end=end,
-        stiffening=stiffening,
-    )
-
-
-def free_flight(
-    stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar, drag: Scalar, t: Scalar
-) -> tuple[Scalar, Scalar]:
-    """Stretch and rate at the time t of s'' = g + ramp t − drag s', with the (2, 3) Padé form of exp(−drag t)."""
-    z = drag * t
-    scale = 1 / (60 + z * (36 + z * (9 + z)))
-    once = t * (60 + z * (6 + z)) * scale
-    twice = t**2 * (30 + z * (8 + z)) * scale
-    thrice = t**3 * (10 + z * (3.5 + 0.5 * z)) * scale
-    kept = (60 + z * (3 * z - 24)) * scale
-    return stretch + once * rate + twice * g + thrice * ramp, kept * rate + once * g + twice * ramp
+from dualwinch.model.scalar import Scalar, absolute, clip, maximum, minimum, where
+from dualwinch.simulation.integrators.swing import Swing, swing
+from dualwinch.simulation.integrators.switching import TINY, crossing, free_flight, taut_series
 
 
 @dataclass(frozen=True)
 class Oscillator:
-    """stretch'' = drive + sign a (1 + drag t) − mobility F − drag stretch', F = spring stretch + damper stretch'.
+    """stretch'' = drive + sign a (1 + drag t) − mobility F − drag stretch' (Eq. 3).
 
-    The winch friction brakes the drum, not the stretch: under the vehicle's acceleration a its share grows in time.
+    F = spring stretch + damper stretch' is the tension. The winch friction brakes the drum, not the stretch: under the
+    vehicle's acceleration a its share grows in time.
 
     Lengths are in m, forces in N, times in steps.
 
     Attributes:
         stretch, rate: stretch and its rate at the beginning.
-        drive: acceleration by motor and friction.
+        drive: acceleration by motor and friction, g without a (Eq. 4).
         sign: of the vehicle's position in the stretch.
         spring, damper: of the rope at mid-step.
         compliance: 1/spring.
-        stiffening: relative rate of the spring.
+        stiffening: relative rate of the spring (Eq. 2).
         mobility: radius²/inertia of the drum.
         drag: slope of the winch friction over the inertia.
         slack: whether the rope can go slack; a slack rope has F = 0.
@@ -164,29 +46,38 @@ class Oscillator:
     slack: bool
 
     @cached_property
+    def _kappa(self) -> Scalar:
+        return self.mobility * self.spring
+
+    @cached_property
+    def _damping(self) -> Scalar:
+        return self.mobility * self.damper + self.drag
+
+    @cached_property
     def _swing(self) -> Swing:
-        damping = self.mobility * self.damper + self.drag
-        return swing(self.mobility * self.spring, damping, self.stiffening)
+        return swing(self._kappa, self._damping, self.stiffening)
 
     def _driven(self, a: Scalar) -> tuple[Scalar, Scalar]:
+        """Drive and its growth under the vehicle's acceleration a (Eq. 4)."""
         return self.drive + self.sign * a, self.drag * self.sign * a
 
     def _pull(self, stretch: Scalar, rate: Scalar) -> Scalar:
+        """Tension of a taut rope (Eq. 5, with the spring of mid-step)."""
         return self.spring * stretch + self.damper * rate
 
     @cached_property
     def _taut(self) -> Scalar:
+        """Whether the rope is taut at the beginning (Eq. 5)."""
         return minimum(self.stretch, self._pull(self.stretch, self.rate)) > 0
 
     def clearance(self, a: Scalar) -> Scalar:
-        """Positive only if a taut rope stays taut all through the sub-step, with the vehicle's acceleration a.
+        """Positive only if a taut rope stays taut all through the step, with the vehicle's acceleration a (Eq. 27).
 
         The oscillation about the equilibrium never swings further than it would without damping, so that
         spring (equilibrium − amplitude) > damper √kappa amplitude is enough. Written without divisions and roots,
-        times kappa/spring: (x + y)² is at most (1 + m) x² + (1 + 1/m) y² for any m > 0. It is never positive where the
-        equilibrium is not.
+        times kappa/spring. It is never positive where the equilibrium is not.
         """
-        kappa = self.mobility * self.spring
+        kappa = self._kappa
         g, ramp = self._driven(a)
         amplitude_square = (kappa * self.stretch - g) ** 2 + kappa * self.rate**2
         amplitude_square += 10.0 * ramp**2  # times 1.1
@@ -194,23 +85,23 @@ class Oscillator:
         return g * absolute(g) - (1.375 + 5.5 * share) * amplitude_square
 
     def _mean_pull(self, g: Scalar, ramp: Scalar, stretch: Scalar, rate: Scalar) -> Scalar:
-        """Mean tension, from stretch and rate at the end."""
+        """Mean tension, from stretch and rate at the end (Eq. 15)."""
         gained = rate - self.rate + self.drag * (stretch - self.stretch)
         return (g + ramp / 2 - gained) / self.mobility
 
     @cached_property
-    def _held(self) -> tuple[Scalar, Scalar]:
-        """Stretch and rate at the end if the rope stays taut and a is zero."""
+    def _unaccelerated(self) -> tuple[Scalar, Scalar]:
+        """Stretch and rate at the end if the rope stays taut and a is zero (Eq. 14)."""
         return self._swing.carried(self.stretch, self.rate, self.drive)
 
     @cached_property
     def _slopes(self) -> tuple[Scalar, Scalar]:
-        """Slopes of stretch and rate at the end over a and the sign, if the rope stays taut."""
+        """Slopes of stretch and rate at the end over a and the sign, if the rope stays taut (Eq. 14)."""
         return self._swing.driven(self.drag)
 
     def mean_pull(self) -> tuple[Scalar, Scalar]:
-        """Mean tension as (at a = 0, slope over a and the sign), if the rope stays as it is."""
-        fixed = self._mean_pull(self.drive, 0.0, *self._held)
+        """Mean tension as (at a = 0, slope over a and the sign), if the rope stays as it is (Eq. 15)."""
+        fixed = self._mean_pull(self.drive, 0.0, *self._unaccelerated)
         stretch, rate = self._slopes
         slope = (1 + self.drag / 2 - rate - self.drag * stretch) / self.mobility
         if not self.slack:
@@ -218,8 +109,8 @@ class Oscillator:
         return where(self._taut, fixed, 0.0), where(self._taut, slope, 0.0)
 
     def end(self, a: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-        """Stretch, its rate and the mean tension at the end, with the vehicle's acceleration a."""
-        (stretch, rate), (stretch_slope, rate_slope) = self._held, self._slopes
+        """Stretch, its rate and the mean tension at the end, with the vehicle's acceleration a (Eq. 14, 15)."""
+        (stretch, rate), (stretch_slope, rate_slope) = self._unaccelerated, self._slopes
         stretch, rate = stretch + self.sign * (stretch_slope * a), rate + self.sign * (rate_slope * a)
         g, ramp = self._driven(a)
         if self.slack:
@@ -227,6 +118,7 @@ class Oscillator:
         return stretch, rate, self._mean_pull(g, ramp, stretch, rate)
 
     def _with_slack(self, g: Scalar, ramp: Scalar, taut_stretch: Scalar, taut_rate: Scalar) -> tuple[Scalar, Scalar]:
+        """Stretch and rate at the end, from those of a rope that stays taut: by Eq. 5 taut, slack, or switched."""
         taut = self._taut
         free_stretch, free_rate = free_flight(self.stretch, self.rate, g, ramp, self.drag, 1.0)
         stretch, rate = where(taut, taut_stretch, free_stretch), where(taut, taut_rate, free_rate)
@@ -244,6 +136,7 @@ class Oscillator:
             stretch: that at the end, if the rope stayed as it was.
             rate: likewise.
         """
+        # when (Eq. 22)
         taut = self._taut
         pull = self._pull(self.stretch, self.rate)
         acceleration = g - self.drag * self.rate - where(taut, self.mobility * pull, 0.0)
@@ -253,13 +146,13 @@ class Oscillator:
         tightens = maximum(where(self.stretch > 0, 0.0, when_stretch), where(pull > 0, 0.0, when_pull))
         when = where(taut, when_pull, tightens)
 
-        # the taut part: first if the rope goes slack, last if it tightens
+        # the taut part: first if the rope goes slack, last if it tightens (Eq. 23)
         flown = free_flight(self.stretch, self.rate, g, ramp, self.drag, when)
         start = where(taut, self.stretch, flown[0]), where(taut, self.rate, flown[1])
         g_start, lasts = where(taut, g, g + ramp * when), where(taut, when, 1.0 - when)
-        stretch, rate = self._taut_series(*start, g_start, ramp, lasts)
+        stretch, rate = taut_series(*start, g_start, ramp, self._kappa, self._damping, lasts)
 
-        # going slack: move the moment to where the pull is zero, then fly
+        # going slack: move the moment to where the pull is zero, then fly (Eq. 24)
         curve = g + ramp * when - self.mobility * self._pull(stretch, rate) - self.drag * rate
         fall = self.spring * rate + self.damper * curve
         missed = clip(-self._pull(stretch, rate) / where(fall < 0, fall, -1 / TINY), -when, 1.0 - when)
@@ -267,14 +160,3 @@ class Oscillator:
         leaves = when + missed
         landed = free_flight(late_stretch, rate + missed * curve, g + ramp * leaves, ramp, self.drag, 1.0 - leaves)
         return where(taut, landed[0], stretch), where(taut, landed[1], rate)
-
-    def _taut_series(self, stretch: Scalar, rate: Scalar, g: Scalar, ramp: Scalar, t: Scalar) -> tuple[Scalar, Scalar]:
-        kappa, delta = self.mobility * self.spring, self.mobility * self.damper + self.drag
-        first, second = rate, g - kappa * stretch - delta * rate
-        moved_stretch, moved_rate, power = stretch + t * rate, rate, t
-        for order in range(2, SERIES_ORDER + 1):
-            moved_rate = moved_rate + second * power
-            power = power * t / order
-            moved_stretch = moved_stretch + second * power
-            first, second = second, (ramp if order == 2 else 0.0) - kappa * first - delta * second
-        return moved_stretch, moved_rate

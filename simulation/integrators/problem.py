@@ -1,4 +1,4 @@
-"""What an integrator has to solve: the plant between two samples, torques and environment held."""
+"""What an integrator has to solve: the plant between two samples, torques and environment in a zero-order hold."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -25,8 +25,8 @@ class Problem:
     Attributes:
         t: time of the sample's beginning in s.
         duration: length of the sample in s.
-        torques: motor torques, held.
-        environment: current and rail load, held; its force is added to the vortex force.
+        torques: motor torques, constant over the sample (zero-order hold).
+        environment: current and rail load, likewise constant; its force is added to the vortex force.
         disturbance: the vortex shedding.
         plant: parameters.
     """

@@ -1,4 +1,4 @@
-"""What happens between two samples: the plant moves on, under what is held."""
+"""What happens between two samples: the plant moves on under a zero-order hold."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from dualwinch.simulation.loop.structure import Structure
 
 
 @dataclass(frozen=True)
-class Held:
-    """What acts on the plant between two samples: it is held."""
+class ZeroOrderHold:
+    """What acts on the plant from one sample to the next, constant in between."""
 
     t: Annotated[Scalar, Quantity("s", "time of the sample's beginning")]
     torques: Torques
@@ -26,54 +26,55 @@ class Held:
     normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")]
 
 
-def problem_of(held: Held, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
+def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
     """What an integrator has to solve from one sample to the next, `duration` s later."""
     return Problem(
-        t=held.t,
+        t=hold.t,
         duration=duration,
-        torques=held.torques,
-        environment=Environment(current=held.current, normal_force_variation=held.normal_force_variation),
+        torques=hold.torques,
+        environment=Environment(current=hold.current, normal_force_variation=hold.normal_force_variation),
         disturbance=disturbance,
         plant=plant,
     )
 
 
-NOTHING_MOVES = Motion(PlantState(*[0.0] * 6))
-NOTHING_HELD = Held(0.0, Torques(0.0, 0.0), 0.0, 0.0)
+MOTION_TEMPLATE = Motion(PlantState(*[0.0] * 6))
+HOLD_TEMPLATE = ZeroOrderHold(t=0.0, torques=Torques(0.0, 0.0), current=0.0, normal_force_variation=0.0)
+"""What names the elements of the vectors between two samples; its numbers mean nothing."""
 
 
 def between_samples(
-    structure: Structure, problem: Callable[[Held], Problem], parameters: ca.SX
+    structure: Structure, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
 ) -> tuple[ca.Function, ca.Function | None]:
-    """The functions ``move`` and ``leap`` of `codegen.sampled.Sampled`; no leap where the integrator has none.
+    """The functions ``move`` and ``one_step`` of `codegen.sampled.Sampled`, the latter None where there is none.
 
     Their `margin` in m is the distance of the next position to the nearer end of the track, with the overrun.
 
     Args:
         structure: integrator and number of sub-steps.
-        problem: gives what is solved, from what is held.
+        problem: gives what is solved, from the zero-order hold.
         parameters: symbols in it that are parameters.
     """
-    motion, given = ca.SX.sym("motion", len(leaves(NOTHING_MOVES))), ca.SX.sym("held", len(leaves(NOTHING_HELD)))
+    motion, hold = ca.SX.sym("motion", len(leaves(MOTION_TEMPLATE))), ca.SX.sym("hold", len(leaves(HOLD_TEMPLATE)))
     part = ca.SX.sym("part")
-    start = _with_elements(NOTHING_MOVES, motion)
-    solved = problem(_with_elements(NOTHING_HELD, given))
+    start = _with_elements(MOTION_TEMPLATE, motion)
+    solved = problem(_with_elements(HOLD_TEMPLATE, hold))
     track, overrun = solved.plant.track, solved.plant.track.rope_offset / 2
 
     def function(name: str, inputs: dict[str, ca.SX], moved: Motion, **more: ca.SX) -> ca.Function:
         x = moved.plant.x
         margin = minimum(x + overrun, track.length + overrun - x)
         outputs = {"next_motion": ca.vertcat(*leaves(moved).values()), "margin": margin} | more
-        inputs = {"motion": motion, "held": given} | inputs
+        inputs = {"motion": motion, "hold": hold} | inputs
         return named_function(name, inputs, outputs)
 
     integrator, h = INTEGRATORS[structure.integrator], solved.duration / structure.substeps
     careful = integrator.substep(solved, start, solved.t + part * h, h)
     move = function("move", {"part": part, "parameters": parameters}, careful)
-    if not integrator.leap:
+    if not integrator.one_step:
         return move, None
-    quick, valid = integrator.leap(solved, start)
-    return move, function("leap", {"parameters": parameters}, quick, valid=valid)
+    quick, valid = integrator.one_step(solved, start)
+    return move, function("one_step", {"parameters": parameters}, quick, valid=valid)
 
 
 def _with_elements(group: Any, vector: ca.SX) -> Any:

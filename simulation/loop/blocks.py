@@ -29,7 +29,7 @@ BlockName: TypeAlias = Literal["controller", "plant", "closed-loop"]
 BLOCKS: tuple[BlockName, ...] = get_args(BlockName)
 
 
-def block(what: str, experiment: Experiment | None = None, nominal: Plant | None = None) -> Block:
+def block(name: str, experiment: Experiment | None = None, nominal: Plant | None = None) -> Block:
     """A part of an experiment as a block, with the experiment's values as its parameters' own.
 
     * ``controller``: sensor values and reference in, motor torques and inner signals out.
@@ -39,16 +39,16 @@ def block(what: str, experiment: Experiment | None = None, nominal: Plant | None
     * ``closed-loop``: reference, sensor noise and sea in; a row of a result out. Figures of merit are left out.
 
     Args:
-        what: one of these.
+        name: one of these.
         experiment: structure and values (default: the paper's Case 2).
         nominal: the plant the controller was designed for; default: the simulated one.
 
     Raises:
-        ConfigurationError: an unknown `what`, or values that do not fit together.
+        ConfigurationError: an unknown `name`, or values that do not fit together.
     """
-    if what not in BLOCKS:
+    if name not in BLOCKS:
         raise ConfigurationError(
-            f"unknown block '{what}': must be {', '.join(BLOCKS)}; did you mean '{nearest(what, BLOCKS)}'?"
+            f"unknown block '{name}': must be {', '.join(BLOCKS)}; did you mean '{nearest(name, BLOCKS)}'?"
         )
     experiment = experiment or Experiment()
     check(experiment)
@@ -60,8 +60,8 @@ def block(what: str, experiment: Experiment | None = None, nominal: Plant | None
         "controller": (controller_equations, f"Controller of a vehicle between two winches ({law})"),
         "plant": (plant_equations, "Vehicle between two winches"),
         "closed-loop": (closed_loop_equations, f"Vehicle between two winches in closed loop ({law})"),
-    }[what]
-    return _assemble(what.replace("-", "_"), description, build(experiment, symbols), symbols, values, experiment)
+    }[name]
+    return _assemble(name.replace("-", "_"), description, build(experiment, symbols), symbols, values, experiment)
 
 
 def _assemble(
@@ -82,7 +82,7 @@ def _assemble(
 
     def function(kind: str) -> ca.Function:
         expressions = [_column(part) for part in results[kind].values() if part]
-        columns = [_column(vectors[one]) for one in given[kind]]
+        columns = [_column(vectors[name]) for name in given[kind]]
         return ca.Function(kind, columns, expressions, [*given[kind]], [*results[kind]], {"cse": True})
 
     step, initial = function("step"), function("initial")
@@ -100,7 +100,8 @@ def _assemble(
         step=step,
         initial=initial,
         states=tuple(
-            replace(one, nominal=law.nominal.get(one.name, 1.0)) for one in _variables(law.state, state, of_state)
+            replace(variable, nominal=law.nominal.get(variable.name, 1.0))
+            for variable in _variables(law.state, state, of_state)
         ),
         inputs=_variables(inputs, start, of_input),
         outputs=_variables(law.output, np.array(first).ravel(), of_output),
@@ -121,7 +122,7 @@ def _used(symbols: Scalars, expressions: ca.SX) -> Scalars:
 
 
 def _at_rest(experiment: Experiment) -> dict[str, float]:
-    """What sensors and motors say at rest before the first sample, by the names of inputs."""
+    """Sensor values and motor torques at rest before the first sample, by the names of inputs."""
     preload, plant = experiment.controller.limits.preload, experiment.plant
     rest = resting_state(preload, plant)
     forces = dict(zip(("F1", "F2"), tensions(rest, plant), strict=True))
@@ -148,5 +149,5 @@ def _parameter(key: str, value: float, leaf: Leaf) -> Variable:
         lower=leaf.bounds[0],
         upper=leaf.bounds[1],
         source=leaf.quantity.source if value == leaf.default else "configuration",
-        exclusive=any(isinstance(one, at.Gt) for one in leaf.constraints),
+        exclusive=any(isinstance(constraint, at.Gt) for constraint in leaf.constraints),
     )

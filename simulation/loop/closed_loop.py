@@ -17,7 +17,7 @@ from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.exogenous.sensors import EncoderState, Noise, Sensors, measure, read_encoders
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.between import Held, between_samples, named_function, problem_of
+from dualwinch.simulation.loop.between import ZeroOrderHold, between_samples, named_function, problem_of
 from dualwinch.simulation.loop.metrics import Accumulators, Sample, accumulate
 from dualwinch.simulation.loop.row import row_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, template_of
@@ -68,7 +68,7 @@ def _sums() -> dict[str, Leaf]:
 
 
 def _queue_names(delay_samples: int) -> list[str]:
-    return [f"queue.{place}.{name}" for place in range(delay_samples) for name in ("tau_1", "tau_2")]
+    return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
 def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay_samples: int = 0) -> dict[str, Scalar]:
@@ -81,8 +81,8 @@ def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay
         delay_samples: samples a torque is late at the motor.
     """
     start = initial_loop_state(controller, plant, sensors)
-    held = leaves(holding_torques(controller.limits.preload, plant))
-    queue = {name: held[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
+    holding = leaves(holding_torques(controller.limits.preload, plant))
+    queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
     return leaves(start) | queue | leaves(Accumulators(), "metrics.")
 
 
@@ -154,7 +154,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     winches = output.winches
     sent = injected.get("tau_1", winches.tau_1), injected.get("tau_2", winches.tau_2)
     queue = [*(of_state[name] for name in queued), *sent]
-    held = Held(
+    hold = ZeroOrderHold(
         t=state.sample * sample_time,
         torques=Torques(queue[0], queue[1]),
         current=exogenous.current,
@@ -162,20 +162,29 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     )
     disturbance = with_leaves(template.disturbance, values, "disturbance.")
 
-    def problem(held: Held) -> Problem:
-        return problem_of(held, sample_time, plant, disturbance)
+    def problem(hold: ZeroOrderHold) -> Problem:
+        return problem_of(hold, sample_time, plant, disturbance)
 
-    environment = problem(held).environment_at(held.t, plant_state.v, state.motion.phase)
-    row = row_of(held.t, plant_state, forces, exogenous.reference, output, environment, plant, nominal)
-    power_1 = plant.winch_1.gear_ratio * held.torques.tau_1 * plant_state.omega_1
-    power_2 = plant.winch_2.gear_ratio * held.torques.tau_2 * plant_state.omega_2
+    environment = problem(hold).environment_at(hold.t, plant_state.v, state.motion.phase)
+    row = row_of(
+        t=hold.t,
+        state=plant_state,
+        forces=forces,
+        reference=exogenous.reference,
+        output=output,
+        environment=environment,
+        plant=plant,
+        nominal=nominal,
+    )
+    power_1 = plant.winch_1.gear_ratio * hold.torques.tau_1 * plant_state.omega_1
+    power_2 = plant.winch_2.gear_ratio * hold.torques.tau_2 * plant_state.omega_2
     sample = Sample(
         number=state.sample,
         error=row["e"][0],
         F1=forces[0],
         F2=forces[1],
-        tau_1=held.torques.tau_1,
-        tau_2=held.torques.tau_2,
+        tau_1=hold.torques.tau_1,
+        tau_2=hold.torques.tau_2,
         power=absolute(power_1) + absolute(power_2),
         saturated=output.saturated,
         torque_saturated=winches.torque_saturated,
@@ -185,17 +194,17 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     following = leaves(LoopState(state.motion, controller_state, encoders, state.sample + 1))
     following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
-    at_sample = {"discrete": ca.vertcat(*discrete), "held": ca.vertcat(*leaves(held).values())}
+    at_sample = {"discrete": ca.vertcat(*discrete), "hold": ca.vertcat(*leaves(hold).values())}
     if cuts:
         returned = pulls | {"u": output.position.u_sat, "tau_1": winches.tau_1, "tau_2": winches.tau_2}
         at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
-    move, leap = between_samples(structure, problem, symbols["parameters"])
+    move, one_step = between_samples(structure, problem, symbols["parameters"])
     return ClosedLoop(
         sample=named_function("sample", symbols, at_sample),
         observe=named_function("observe", symbols, {"row": ca.vertcat(*(value for value, _ in row.values()))}),
         move=move,
         parts=structure.substeps,
-        leap=leap,
+        one_step=one_step,
         states=vectors["state"],
         exogenous=vectors["exogenous"],
         parameters=vectors["parameters"],

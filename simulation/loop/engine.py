@@ -29,29 +29,29 @@ class _Stepper:
         self.exogenous, self.row = np.empty(system.sample.numel_in("exogenous")), np.empty(system.sizes["COLUMNS"])
         self._following, self._margin, self._valid = np.empty_like(state), np.empty(1), np.zeros(1)
         moving = system.sizes["MOTION"]
-        motion, held = self.state[:moving], np.empty(system.sizes["HELD"])
+        motion, hold = self.state[:moving], np.empty(system.sizes["HOLD"])
         moved, discrete = self._following[:moving], self._following[moving:]
         self.observe = self._prepared(system.observe, [self.state, self.exogenous], [self.row])
-        self._sample = self._prepared(system.sample, [self.state, self.exogenous], [discrete, held])
+        self._sample = self._prepared(system.sample, [self.state, self.exogenous], [discrete, hold])
         source, between = motion, np.empty(moving)
         self._parts: list[Callable[[], None]] = []
         for part in range(system.parts):
             target = moved if (system.parts - part) % 2 else between
             number = np.array([float(part)])
-            self._parts.append(self._prepared(system.move, [source, held, number], [target, self._margin]))
+            self._parts.append(self._prepared(system.move, [source, hold, number], [target, self._margin]))
             source = target
-        self._leap = lambda: None
-        if system.leap:
-            self._leap = self._prepared(system.leap, [motion, held], [moved, self._margin, self._valid])
+        self._one_step = lambda: None
+        if system.one_step:
+            self._one_step = self._prepared(system.one_step, [motion, hold], [moved, self._margin, self._valid])
 
     def _prepared(self, function: ca.Function, inputs: list[Floats], outputs: list[Floats]) -> Callable[[], None]:
         derive, lean = hoisted(function)
         inputs = [*inputs, self._parameters, np.array(derive(self._parameters)).ravel()]
         buffer, evaluate = lean.buffer()
-        for place, array in enumerate(inputs):
-            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]  # the stub names C's arguments
-        for place, array in enumerate(outputs):
-            buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
+        for index, array in enumerate(inputs):
+            buffer.set_arg(index, array.data)  # pyright: ignore[reportCallIssue]  # the stub names C's arguments
+        for index, array in enumerate(outputs):
+            buffer.set_res(index, array.data)  # pyright: ignore[reportCallIssue]
 
         def call(_alive: tuple = (buffer, *inputs, *outputs)) -> None:
             evaluate()
@@ -61,7 +61,7 @@ class _Stepper:
     def step(self) -> int:
         """Step on by a sample; its outcome."""
         self._sample()
-        self._leap()
+        self._one_step()
         if not self._valid[0] > 0:
             for move in self._parts:
                 move()

@@ -12,7 +12,10 @@ from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
 
 @dataclass(frozen=True)
 class Metrics:
-    """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure."""
+    """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure.
+
+    Chatter is what a switching control does to the ropes: their tensions jump to and fro from sample to sample.
+    """
 
     mae: Annotated[float, Quantity("m", "mean |e|, whole run")]
     max_abs_error: Annotated[float, Quantity("m", "largest |e|, whole run")]
@@ -79,7 +82,7 @@ class Sample:
 def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Accumulators:
     """The accumulators with one sample more; `sample_time` in s."""
     size, square = absolute(sample.error), sample.error**2
-    seen = sample.number > 0
+    has_previous = sample.number > 0
     least = minimum(sample.F1, sample.F2)
     change = absolute(sample.F1 - so_far.F1_previous) + absolute(sample.F2 - so_far.F2_previous)
     torque_change = absolute(sample.tau_1 - so_far.tau_1_previous) + absolute(sample.tau_2 - so_far.tau_2_previous)
@@ -96,11 +99,11 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
         slack=so_far.slack + (least <= 0),
         peak=maximum(so_far.peak, maximum(sample.F1, sample.F2)),
         least=minimum(so_far.least, least),
-        sum_change=so_far.sum_change + where(seen, change, 0.0),
+        sum_change=so_far.sum_change + where(has_previous, change, 0.0),
         F1_previous=sample.F1,
         F2_previous=sample.F2,
         work=so_far.work + sample_time * sample.power,
-        sum_torque_rate=so_far.sum_torque_rate + where(seen, torque_change, 0.0) / sample_time,
+        sum_torque_rate=so_far.sum_torque_rate + where(has_previous, torque_change, 0.0) / sample_time,
         sum_torque_square=so_far.sum_torque_square + sample.tau_1**2 + sample.tau_2**2,
         tau_1_previous=sample.tau_1,
         tau_2_previous=sample.tau_2,

@@ -56,15 +56,15 @@ class ClosedLoop(Sampled):
     def step(self) -> ca.Function:
         """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
         arguments = [ca.SX.sym(name, self.sample.size1_in(name)) for name in self.sample.name_in()]
-        discrete, held, *_ = self.sample(*arguments)
+        discrete, hold, *_ = self.sample(*arguments)
         start = arguments[0][: self.move.numel_in("motion")]
         motion, margin = start, ca.SX(0)
         for part in range(self.parts):
-            motion, margin = self.move(motion, held, part, arguments[2])
-        if self.leap:
-            leapt, leapt_margin, valid = self.leap(start, held, arguments[2])
-            motion = ca.if_else(valid > 0, leapt, motion)
-            margin = ca.if_else(valid > 0, leapt_margin, margin)
+            motion, margin = self.move(motion, hold, part, arguments[2])
+        if self.one_step:
+            moved, moved_margin, valid = self.one_step(start, hold, arguments[2])
+            motion = ca.if_else(valid > 0, moved, motion)
+            margin = ca.if_else(valid > 0, moved_margin, margin)
         outputs = [ca.vertcat(motion, discrete), self.observe(*arguments), margin]
         return ca.Function(
             "step", arguments, outputs, self.sample.name_in(), ["next_state", "row", "margin"], {"cse": True}

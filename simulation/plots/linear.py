@@ -34,11 +34,11 @@ def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: Given
     """Bode diagram of each winch's tension and of the vehicle's speed, from the torques.
 
     Args:
-        systems: of the plant: one, or a sweep (of a long one, `MOST_CURVES` evenly spread).
+        systems: of the plant: one, or a sweep (of a long one, `MOST_CURVES` evenly spaced).
         swept: name of what differs between them.
         ax: axes for gain and phase of each of the `CHANNELS`; default: a figure of its own.
     """
-    chosen = spread(systems)
+    chosen = evenly_spaced(systems)
     colours = shades(len(chosen)) if len(chosen) > 1 else [BLUE]
     title = "Bode diagram of the open plant" if swept is None else f"Bode diagrams of the open plant, along {swept}"
     draw = [partial(panel, channel=channel) for channel in CHANNELS for panel in (_gain, _phase)]
@@ -125,8 +125,8 @@ def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
     axes.set_title(words, loc="right", fontsize=7.5, color=GREY)
 
 
-def spread(systems: Sequence[LinearSystem]) -> list[LinearSystem]:
-    """At most `MOST_CURVES` systems, evenly spread, the first and the last among them."""
+def evenly_spaced(systems: Sequence[LinearSystem]) -> list[LinearSystem]:
+    """At most `MOST_CURVES` systems, evenly spaced, the first and the last among them."""
     chosen = np.unique(np.linspace(0, len(systems) - 1, MOST_CURVES).round().astype(int))
     return [systems[index] for index in chosen]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.simulation.analysis.describing_function import AmplitudePoint
 from dualwinch.simulation.analysis.margins import Margins
-from dualwinch.simulation.plots.linear import curve_handles, point_in_words, shades, spread
+from dualwinch.simulation.plots.linear import curve_handles, evenly_spaced, point_in_words, shades
 from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import (
     BLUE,
@@ -42,7 +42,7 @@ def loop_bode(
         swept: name of what differs between them.
         ax: axes for gain and phase; default: a figure of its own.
     """
-    chosen = spread(systems)
+    chosen = evenly_spaced(systems)
     colours = shades(len(chosen)) if len(chosen) > 1 else [BLUE]
     title = f"Loop cut at {systems[0].inputs[0].removesuffix('_in')}"
     margins = found[0] if len(chosen) == 1 else None
@@ -111,7 +111,7 @@ def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None,
         swept: name of what differs between them.
         ax: axes for the eigenvalues and for the rates; default: a figure of its own.
     """
-    chosen = spread(systems)
+    chosen = evenly_spaced(systems)
     colours = shades(len(chosen)) if len(chosen) > 1 else [BLUE]
     with house_style():
         page = Page(ax, 4.2, "Poles of the closed loop", point_in_words(systems[0], swept))

@@ -30,15 +30,15 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Sources that were compiled, in order."""
-    seen: list[str] = []
+    compiled: list[str] = []
     build = Compiler.build
 
     def noted(self: Compiler, source: str, target: Path, flags: tuple[str, ...]) -> None:
-        seen.append(source)
+        compiled.append(source)
         build(self, source, target, flags)
 
     monkeypatch.setattr(Compiler, "build", noted)
-    return seen
+    return compiled
 
 
 def test_a_second_look_compiles_nothing(builds: list[str]) -> None:
@@ -105,8 +105,8 @@ def test_two_processes_at_once_both_end_well() -> None:
         f"print(ctypes.CDLL(str(library({answering(10)!r}, find_compiler()))).answer())"
     )
     running = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(4)]
-    said = [process.communicate()[0].strip() for process in running]
-    assert said == ["10"] * 4
+    answers = [process.communicate()[0].strip() for process in running]
+    assert answers == ["10"] * 4
     assert answer(library(answering(10), find_compiler())) == 10
 
 

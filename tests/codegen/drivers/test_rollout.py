@@ -65,11 +65,11 @@ def test_a_non_finite_number_ends_the_run(poison: float) -> None:
     assert (outcome, done, len(rows)) == (DIVERGED, 42, 42)
 
 
-def test_a_leap_is_taken_only_where_it_is_valid() -> None:
-    with_leap, without = (compile_rollout(oscillator(leaps=True)), compile_rollout(oscillator()))
+def test_the_one_step_update_is_taken_only_where_it_is_valid() -> None:
+    with_one_step, without = (compile_rollout(oscillator(one_step=True)), compile_rollout(oscillator()))
     states = np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
     force = 10 * np.sin(np.arange(300.0))[:, None]
-    results = [run(PARAMETERS, force, state) for run, state in zip((with_leap, without), states, strict=True)]
+    results = [run(PARAMETERS, force, state) for run, state in zip((with_one_step, without), states, strict=True)]
     np.testing.assert_allclose(results[0][2], results[1][2], rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(*states, rtol=1e-12)
 

@@ -18,14 +18,14 @@ TANH = 1e-8
 PARAMETERS = np.array([40.0, 0.5, 0.01, 2.0, 0.7])
 
 
-def controlled(*, leaps: bool) -> Sampled:
+def controlled(*, one_step: bool) -> Sampled:
     """The oscillator under a proportional force with a limit, on the measured position; its gains are p[3], p[4]."""
-    plant = oscillator(leaps=leaps)
+    plant = oscillator(one_step=one_step)
     state, exogenous, parameters = ca.SX.sym("state", 3), ca.SX.sym("exogenous", 1), ca.SX.sym("parameters", 5)
     at_sample = {"state": state, "exogenous": exogenous, "parameters": parameters}
     wanted = parameters[3] * ca.tanh(exogenous - parameters[4] * state[0])
-    outputs = {"discrete": state[2] + wanted**2, "held": 3 * wanted}
-    between = {"motion": ca.SX.sym("m", 2), "held": ca.SX.sym("h"), "part": ca.SX.sym("i"), "parameters": parameters}
+    outputs = {"discrete": state[2] + wanted**2, "hold": 3 * wanted}
+    between = {"motion": ca.SX.sym("m", 2), "hold": ca.SX.sym("h"), "part": ca.SX.sym("i"), "parameters": parameters}
 
     def plain(function: ca.Function) -> ca.Function:
         given = [between[name] if name != "parameters" else parameters[:3] for name in function.name_in()]
@@ -37,7 +37,7 @@ def controlled(*, leaps: bool) -> Sampled:
         sample=ca.Function("sample", list(at_sample.values()), list(outputs.values()), list(at_sample), list(outputs)),
         observe=ca.Function("observe", list(at_sample.values()), [state[:2]], list(at_sample), ["row"]),
         move=plain(plant.move),
-        leap=plain(plant.leap) if plant.leap else None,
+        one_step=plain(plant.one_step) if plant.one_step else None,
     )
 
 
@@ -47,17 +47,17 @@ def by_casadi(system: Sampled, exogenous: np.ndarray, start: np.ndarray) -> tupl
     parameters = ca.vertcat(ca.DM(PARAMETERS[:3]), gains)
     state = ca.SX(start)
     for outside in exogenous:
-        discrete, held = system.sample(state, outside, parameters)
-        state = ca.vertcat(system.move(state[:2], held, 0, parameters)[0], discrete)
+        discrete, hold = system.sample(state, outside, parameters)
+        state = ca.vertcat(system.move(state[:2], hold, 0, parameters)[0], discrete)
     whole = ca.Function("whole", [gains], [state, ca.jacobian(state, gains)])
     final, slopes = whole(PARAMETERS[3:])
     return np.array(final).ravel(), np.array(slopes)
 
 
-@pytest.mark.parametrize("leaps", [False, True])
+@pytest.mark.parametrize("one_step", [False, True])
 @pytest.mark.parametrize("samples", [SAMPLES, LANES, 1])
-def test_tangents_are_those_of_the_whole_loop(*, leaps: bool, samples: int) -> None:
-    system = controlled(leaps=leaps)
+def test_tangents_are_those_of_the_whole_loop(*, one_step: bool, samples: int) -> None:
+    system = controlled(one_step=one_step)
     run = compile_sensitivity(system, system, GAINS)
     exogenous, start = np.sin(np.arange(samples))[:, None], np.array([0.3, 0.0, 0.0])
     directions, state, tangent = np.zeros((2, run.directions)), start.copy(), np.zeros((3, run.directions))
@@ -80,7 +80,7 @@ def test_more_gains_take_more_directions() -> None:
 
 
 def test_a_tangent_may_overflow_and_the_run_goes_on() -> None:
-    system = controlled(leaps=False)
+    system = controlled(one_step=False)
     run = compile_sensitivity(system, system, GAINS)
     directions, tangent = np.full((2, run.directions), 1e308), np.full((3, run.directions), 1e308)
     outcome, done, _, _ = run(PARAMETERS, directions, np.zeros((20, 1)), np.array([0.3, 0.0, 0.0]), tangent, 0)

@@ -1,4 +1,4 @@
-"""The split derivative of a function, carried out as its C statements say, against CasADi's Jacobian."""
+"""Products with the Jacobian of a function, carried out as their C statements say, against CasADi's Jacobian."""
 
 import casadi as ca
 import numpy as np
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.codegen.drivers.linearised_graph import LinearisedGraph
-from dualwinch.codegen.drivers.tangents import Spread, Tangents, spread
+from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 
 ALONG = {"state": Tangents("state_tangent"), "gains": Tangents("direction", (0, 2))}
 numbers = st.floats(0.1, 2.0)
@@ -21,16 +21,18 @@ def function() -> ca.Function:
     return ca.Function("law", [state, gains], [following, state[1]], ["state", "gains"], ["following", "unused"])
 
 
-def carried_out(split: Spread, state: np.ndarray, gains: np.ndarray, along: np.ndarray, seeds: np.ndarray) -> list:
+def carried_out(
+    product: JacobianProduct, state: np.ndarray, gains: np.ndarray, along: np.ndarray, seeds: np.ndarray
+) -> list:
     names = {
         "DIRECTIONS": 1,
         "LANES": 1,
-        "slopes": np.array(split.slopes(state, gains)).ravel(),
+        "slopes": np.array(product.slopes(state, gains)).ravel(),
         "state_tangent": along,
         "direction": seeds,
         "following_tangent": [0.0] * 4,
     }
-    for statement in split.statements:
+    for statement in product.statements:
         exec(statement.removeprefix("const double ").rstrip(";"), names)  # noqa: S102 - what was just generated
     return names["following_tangent"]
 
@@ -43,20 +45,20 @@ def test_the_statements_are_the_jacobian(drawn: list[float]) -> None:
     following = law.call(symbols)[0]
     by = ca.vertcat(symbols[0], symbols[1][0], symbols[1][2])
     jacobian = np.array(ca.Function("jacobian", symbols, [ca.jacobian(following, by)])(state, gains))
-    moved = carried_out(spread(law, ALONG, ["following"]), state, gains, along, seeds)
+    moved = carried_out(jacobian_product(law, ALONG, ["following"]), state, gains, along, seeds)
     assert moved == pytest.approx(jacobian @ np.concatenate([along, seeds]), rel=1e-11, abs=1e-14)
 
 
 def test_a_bottleneck_stays_and_saves_products() -> None:
-    split = spread(function(), ALONG, ["following"])
-    assert split.statements[0].startswith("const double joint_0 = ")
-    assert sum(line.count(" * ") for line in split.statements) < 5 + 3 + 3  # the joint's inputs, then the outputs'
+    product = jacobian_product(function(), ALONG, ["following"])
+    assert product.statements[0].startswith("const double joint_0 = ")
+    assert sum(line.count(" * ") for line in product.statements) < 5 + 3 + 3  # the joint's inputs, then the outputs'
 
 
 def test_what_does_not_move_is_named() -> None:
-    split = spread(function(), ALONG, ["following"])
-    assert split.still == {("following", 3)}
-    assert split.statements[-1] == "following_tangent[3*DIRECTIONS] = 0.0;"
+    product = jacobian_product(function(), ALONG, ["following"])
+    assert product.still == {("following", 3)}
+    assert product.statements[-1] == "following_tangent[3*DIRECTIONS] = 0.0;"
 
 
 def test_elimination_leaves_no_more_edges() -> None:

@@ -177,8 +177,8 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
         build(folder, files, made.name, compiler.command, *PRECISE)
         command = [*compiler.command, *STRICT, *PRECISE, "-O2", "main.c", f"{made.name}.c", "-lm", "-o", "example"]
         subprocess.run(command, cwd=folder, check=True)
-        said = subprocess.run(folder / "example", capture_output=True, text=True, check=True).stdout
-        assert said.startswith("status 0 after 1000 samples")
+        printed = subprocess.run(folder / "example", capture_output=True, text=True, check=True).stdout
+        assert printed.startswith("status 0 after 1000 samples")
         subprocess.run([*compiler.command, *STRICT, "-O1", "-c", f"{made.name}.c"], cwd=folder, check=True)
         if name == "zig" or lister is None:
             continue
@@ -249,8 +249,8 @@ def test_cmake_builds_the_package(tmp_path: Path) -> None:
         (tmp_path / file).write_text(text)
     for command in (["cmake", "-B", "build", "-S", "."], ["cmake", "--build", "build"]):
         subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
-    said = subprocess.run(tmp_path / "build" / "controller_example", capture_output=True, text=True, check=True)
-    assert "tau_1                      22.22222 N m" in said.stdout
+    example = subprocess.run(tmp_path / "build" / "controller_example", capture_output=True, text=True, check=True)
+    assert "tau_1                      22.22222 N m" in example.stdout
 
 
 CHOICES = [

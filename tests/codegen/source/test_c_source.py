@@ -35,7 +35,7 @@ def test_closed_loop_compiles_without_a_warning(kind: str, tmp_path: Path) -> No
 def test_arguments_keep_their_names() -> None:
     source = c_source([oscillator().move])
     assert "static inline void move(" in source
-    assert "const double *restrict held" in source
+    assert "const double *restrict hold" in source
     assert "next_motion[1]=" in source
 
 

@@ -26,13 +26,13 @@ TRUE = {"rope_1": 0.92, "rope_2": 1.07}
 
 
 def test_the_excess_is_that_of_regularised_least_squares() -> None:
-    random, gains = np.random.default_rng(1), CalibrationGains(spread=0.06, memory=1e12)
+    random, gains = np.random.default_rng(1), CalibrationGains(deviation=0.06, memory=1e12)
     stretch = random.uniform(1e-3, 4e-3, 500)
     seen = 1.08 * stretch + SIGMA * random.standard_normal(500)
     known = RopeKnowledge()
     for nominal, shown in zip(stretch, seen, strict=True):
         known = learn(known, nominal, shown, 1.0, SIGMA, gains, T)
-    batch = (stretch @ (seen - stretch)) / (stretch @ stretch + SIGMA**2 / gains.spread**2)
+    batch = (stretch @ (seen - stretch)) / (stretch @ stretch + SIGMA**2 / gains.deviation**2)
     assert known.excess == pytest.approx(batch, rel=1e-9)
 
 

@@ -76,7 +76,7 @@ def test_gradients_are_those_of_central_differences(name: str, whole: Sensitivit
 
 
 def test_gradients_in_the_paper_s_case() -> None:
-    """With leaps, limited torques and the vortex, over all of Case 4."""
+    """With one-step updates, limited torques and the vortex, over all of Case 4."""
     names, values = NAMES[:7], VALUES[:, :7]
     ours = sensitivities(names, values, [case(4)], stride=0)
     moved = [values * (1 + sign * 1e-4 * np.eye(7)[k]) for k in range(7) for sign in (1, -1)]

@@ -67,25 +67,25 @@ def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
     assert (np.abs(ours - theirs) <= 1e-11 * np.array(scales)).all()
 
 
-def test_leaps_are_close_to_careful_moves_and_never_over_a_loose_rope() -> None:
-    """Nearly all samples are leapt over; not the first milliseconds, while rope 2 hangs loose."""
+def test_one_step_updates_are_close_to_careful_moves_and_never_over_a_loose_rope() -> None:
+    """Nearly all samples are one step; not the first milliseconds, while rope 2 hangs loose."""
     loop, parameters, exogenous, state = vectors(case(3))
-    assert loop.leap is not None
-    leapt, moving = 0, loop.move.numel_in("motion")
+    assert loop.one_step is not None
+    updates, moving = 0, loop.move.numel_in("motion")
     for sample in range(300):
-        discrete, held = loop.sample(state, exogenous[sample], parameters)
+        discrete, hold = loop.sample(state, exogenous[sample], parameters)
         row = np.array(loop.observe(state, exogenous[sample], parameters)).ravel()
         moved = state[:moving]
         for part in range(loop.parts):
-            moved = np.array(loop.move(moved, held, part, parameters)[0]).ravel()
-        quick, _, valid = (np.array(output).ravel() for output in loop.leap(state[:moving], held, parameters))
+            moved = np.array(loop.move(moved, hold, part, parameters)[0]).ravel()
+        quick, _, valid = (np.array(output).ravel() for output in loop.one_step(state[:moving], hold, parameters))
         if valid[0] > 0:
-            leapt += 1
+            updates += 1
             assert np.abs(quick - moved)[:2].max() < 1e-6, f"at sample {sample}"
         loose = row[loop.columns.index("F2")] == 0
         assert not (loose and valid[0] > 0), f"at sample {sample}"
         state = np.concatenate([quick if valid[0] > 0 else moved, np.array(discrete).ravel()])
-    assert 200 < leapt < 295
+    assert 200 < updates < 295
 
 
 @pytest.mark.parametrize("kind", POSITION_LAWS)

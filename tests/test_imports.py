@@ -1,0 +1,156 @@
+"""What may import what, read from the sources: files do not import in a circle, and folders import downwards only.
+
+All imports count, also those inside functions and for type checkers alone. Not read is the stub of `dualwinch` itself,
+the list of all floors' names for users.
+"""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FLOORS = ("codegen", "model", "controllers", "simulation", "tuning")
+"""Folders at the repository's top that are packages of `dualwinch`, the lowest first."""
+FACE = ("config", "reports", "commands", "cli")
+"""`dualwinch`'s own folders, likewise; all stand above `FLOORS`."""
+ORDER = (*FLOORS, *FACE)
+
+
+@dataclass(frozen=True)
+class Import:
+    """One imported name: in which module, on which line, and its full name."""
+
+    module: str
+    line: int
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.module}, line {self.line}: imports {self.name}"
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Every module of the product, by its name in Python."""
+    found: dict[str, Path] = {}
+    for folder, prefix in [(ROOT / floor, "dualwinch.") for floor in FLOORS] + [(ROOT / "dualwinch", "")]:
+        for path in folder.rglob("*.py"):
+            if folder.name == "dualwinch" and path.relative_to(folder).parts[0] in FLOORS:
+                continue  # the links to the folders at the top
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            found[prefix + ".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imports_of(module: str, source: str, *, package: bool) -> Iterator[Import]:
+    """Every import of a module's source; ``from a import b`` is a.b."""
+    parents = module.split(".") if package else module.split(".")[:-1]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield Import(module, node.lineno, alias.name)
+        elif isinstance(node, ast.ImportFrom):
+            above = parents[: len(parents) - node.level + 1] if node.level else []
+            origin = ".".join([*above, *([node.module] if node.module else [])])
+            for alias in node.names:
+                yield Import(module, node.lineno, f"{origin}.{alias.name}")
+
+
+@cache
+def imports() -> tuple[Import, ...]:
+    """Every import of every module."""
+    return tuple(
+        found
+        for module, path in modules().items()
+        for found in imports_of(module, path.read_text(encoding="utf-8"), package=path.name == "__init__.py")
+    )
+
+
+def target(name: str) -> str | None:
+    """The product's module that an imported name is, or is in; packages stand for their ``__init__.py``."""
+    while name and name not in modules():
+        name = name.rpartition(".")[0]
+    return name or None
+
+
+def floor(module: str) -> int | None:
+    """How high a module stands; None: in `dualwinch` itself, which gives users the names of all floors."""
+    parts = module.split(".")
+    return ORDER.index(parts[1]) if len(parts) > 1 and parts[1] in ORDER else None
+
+
+def upward(found: Import) -> bool:
+    """Whether an import goes to a higher floor than its own, or to the face's names for users."""
+    own, other = floor(found.module), target(found.name)
+    if own is None or other is None:
+        return False
+    theirs = floor(other)
+    return theirs > own if theirs is not None else own < len(FLOORS)
+
+
+def circle(dependencies: dict[str, set[str]]) -> list[str]:
+    """Modules each of which imports the next, the first one again at the end; empty: there is no circle."""
+    try:
+        TopologicalSorter(dependencies).prepare()
+    except CycleError as error:
+        return error.args[1][::-1]
+    return []
+
+
+def test_all_modules_are_read() -> None:
+    found = modules()
+    assert {"dualwinch", "dualwinch.cli.app", "dualwinch.codegen.sampled", "dualwinch.model.linear"} <= set(found)
+    assert {floor(module) for module in found} == {None, *range(len(ORDER))}
+    assert all((ROOT / "dualwinch" / folder).is_dir() for folder in ORDER)
+    assert len(imports()) > 5 * len(found)
+
+
+def test_files_do_not_import_in_a_circle() -> None:
+    dependencies: dict[str, set[str]] = {module: set() for module in modules()}
+    for found in imports():
+        imported = target(found.name)
+        if imported and imported != found.module:
+            dependencies[found.module].add(imported)
+    assert not circle(dependencies), " → ".join(circle(dependencies))
+
+
+def test_imports_point_down() -> None:
+    assert not [str(found) for found in imports() if upward(found)]
+
+
+def test_folders_are_imported_by_their_names_in_dualwinch() -> None:
+    """Not as ``model``, which a user's own file may be called, and not by a relative name."""
+    tops = {*FLOORS, "benchmarks", "tests"}
+    assert not [str(found) for found in imports() if found.name.split(".")[0] in tops]
+    assert not [module for module, path in modules().items() if "\nfrom ." in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("import dualwinch.model.rope", "dualwinch.model.rope"),
+        ("def f():\n    from dualwinch.model import rope", "dualwinch.model.rope"),
+        ("if TYPE_CHECKING:\n    from dualwinch.tuning.tune import tune", "dualwinch.tuning.tune.tune"),
+        ("from .rope import Rope", "dualwinch.model.rope.Rope"),
+        ("from ..codegen import cache", "dualwinch.codegen.cache"),
+        ("import model.rope", "model.rope"),
+    ],
+)
+def test_every_kind_of_import_is_found(line: str, name: str) -> None:
+    assert [found.name for found in imports_of("dualwinch.model.winch", line, package=False)] == [name]
+
+
+def test_a_circle_and_an_import_upwards_are_noticed() -> None:
+    found = circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})
+    assert "→".join(found) in {"a→b→c→a", "b→c→a→b", "c→a→b→c"}
+    assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})
+    higher, lower = "dualwinch.simulation.simulate", "dualwinch.model.rope"
+    assert upward(Import(lower, 1, f"{higher}.simulate"))
+    assert not upward(Import(higher, 1, f"{lower}.Rope"))
+    assert upward(Import(lower, 1, "dualwinch.simulate"))
+    assert upward(Import("dualwinch.config.settings", 1, "dualwinch.commands.tune"))
+    assert not upward(Import("dualwinch.commands.tune", 1, "numpy.linalg"))
