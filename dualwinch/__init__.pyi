@@ -47,9 +47,10 @@ from .simulation.experiment import Simulation as Simulation
 from .simulation.loop.blocks import block as block
 from .simulation.loop.metrics import Metrics as Metrics
 from .simulation.paper import case as case
-from .simulation.result import Result as Result
+from .simulation.results.result import Result as Result
+from .simulation.results.storage import load_result as load_result
+from .simulation.results.storage import save as save
 from .simulation.simulate import simulate as simulate
-from .simulation.storage import save as save
 from .tuning.tune import Tuned as Tuned
 from .tuning.tune import tune as tune
 

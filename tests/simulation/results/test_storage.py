@@ -12,9 +12,9 @@ from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.simulate import simulate
-from dualwinch.simulation.storage import save
 
 NAMES = [
     *("t", "x", "v", "theta_1", "omega_1", "theta_2", "omega_2", "x_ref", "v_ref", "a_ref", "e", "F1", "F2"),
