@@ -7,11 +7,16 @@ SUPERSCRIPTS = {"^2": "²", "^3": "³"}
 """Powers as units write them, and as people read them."""
 
 
+def readable(text: str) -> str:
+    """A text as it is read: ``e²`` for ``e^2``."""
+    for power, superscript in SUPERSCRIPTS.items():
+        text = text.replace(power, superscript)
+    return text
+
+
 def readable_unit(unit: str) -> str:
     """A unit as it is read: ``m²`` for ``m^2``, nothing for a pure number."""
-    for power, superscript in SUPERSCRIPTS.items():
-        unit = unit.replace(power, superscript)
-    return "" if unit == "1" else unit
+    return "" if unit == "1" else readable(unit)
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from dualwinch.model.description import describe
-from dualwinch.model.html import readable_unit, table
+from dualwinch.model.html import readable, readable_unit, table
 from dualwinch.model.quantity import Quantity
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
 
@@ -37,7 +37,7 @@ class Metrics:
         rows = []
         for name, leaf in describe(Metrics).items():
             value, unit = getattr(self, name), readable_unit(leaf.quantity.unit)
-            rows.append([name, "–" if np.isnan(value) else f"{value:.5g}", unit, leaf.quantity.meaning])
+            rows.append([name, "–" if np.isnan(value) else f"{value:.5g}", unit, readable(leaf.quantity.meaning)])
         return table(["figure of merit", "value", "unit", "meaning"], rows, numbers=(1,))
 
 

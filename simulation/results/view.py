@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dualwinch.model.description import describe
-from dualwinch.model.html import page, readable_unit, section, table
+from dualwinch.model.html import page, readable, readable_unit, section, table
 from dualwinch.simulation.loop.metrics import Metrics
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def html(result: "Result") -> str:
     for name, quantity in result.quantities.items():
         values = result[name]
         low, high = (np.fmin.reduce(values), np.fmax.reduce(values)) if values.size else (np.nan, np.nan)
-        unit = readable_unit(quantity.unit)
-        rows.append([name, *(f"{end:.4g}" if np.isfinite(end) else "–" for end in (low, high)), unit, quantity.meaning])
+        ends = [f"{end:.4g}" if np.isfinite(end) else "–" for end in (low, high)]
+        rows.append([name, *ends, readable_unit(quantity.unit), readable(quantity.meaning)])
     columns = table(["column", "lowest", "highest", "unit", "meaning"], rows, numbers=(1, 2))
     return page(
         _law(result),

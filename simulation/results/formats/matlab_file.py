@@ -49,10 +49,18 @@ def _entry(value: Any) -> Any:
 
 
 def read(path: Path) -> Content:
-    """Read a file of numbers."""
-    from scipy.io import loadmat
+    """Read a file of numbers.
 
-    found = loadmat(path, simplify_cells=True)
+    Raises:
+        ValueError: it is no .mat file, or damaged.
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found = loadmat(path, simplify_cells=True)
+    except MatReadError as error:
+        raise ValueError(error) from error
     described = json.loads(found["columns"])
     names = {variable: texts.pop("name") for variable, texts in described.items()}
     return Content(

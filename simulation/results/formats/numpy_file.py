@@ -28,7 +28,7 @@ def write(content: Content, path: Path) -> None:
 
 def read(path: Path) -> Content:
     """Read a file of numbers."""
-    with np.load(path) as arrays:
+    with path.open("rb") as file, np.load(file) as arrays:
         described = json.loads(str(arrays["columns"]))
         return Content(
             columns={name: arrays[name] for name in described},

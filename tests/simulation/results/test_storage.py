@@ -51,11 +51,11 @@ def test_csv_keeps_every_bit(pid: Result, tmp_path: Path) -> None:
 
 
 def test_units_of_csv_stand_beside_it(pid: Result, tmp_path: Path) -> None:
-    save(pid, f"{tmp_path}/run.csv", {"configuration": "x = 1"})
+    save(pid, f"{tmp_path}/run.csv", {"version": "9"})
     facts = json.loads((tmp_path / "run.csv-metadata.json").read_text())
     assert facts["url"] == "run.csv"
     assert {column["name"]: column["dualwinch:unit"] for column in facts["tableSchema"]["columns"]} == pid.units
-    assert facts["dualwinch:configuration"] == "x = 1"
+    assert facts["dualwinch:version"] == "9"
     assert facts["dualwinch:metrics"]["mse"] == pid.metrics.mse
 
 
