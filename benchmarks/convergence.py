@@ -20,7 +20,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import CASES, case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 SETTINGS = (

@@ -3,6 +3,7 @@
 from .codegen.block import Block as Block
 from .codegen.errors import DualwinchError as DualwinchError
 from .codegen.native import compile as compile  # noqa: A004
+from .commands.sweep import sweep as sweep
 from .commands.tuning_setup import tuning_problem as tuning_problem
 from .config.ensemble_file import load_ensemble as load_ensemble
 from .config.experiment_file import load as load
@@ -59,6 +60,7 @@ from .simulation.batch.rollout import BatchResult as BatchResult
 from .simulation.batch.rollout import rollout as rollout
 from .simulation.batch.sensitivities import Sensitivities as Sensitivities
 from .simulation.batch.sensitivities import sensitivities as sensitivities
+from .simulation.batch.sweep import Sweep as Sweep
 from .simulation.ensembles.ensemble import Ensemble as Ensemble
 from .simulation.ensembles.ensemble import Scenario as Scenario
 from .simulation.ensembles.paired import Comparison as Comparison
@@ -73,8 +75,9 @@ from .simulation.experiment import Simulation as Simulation
 from .simulation.loop.blocks import block as block
 from .simulation.loop.metrics import Metrics as Metrics
 from .simulation.paper import case as case
-from .simulation.result import Result as Result
+from .simulation.results.result import Result as Result
+from .simulation.results.storage import load_result as load_result
+from .simulation.results.storage import save as save
 from .simulation.simulate import simulate as simulate
-from .simulation.storage import save as save
 from .tuning.tune import Tuned as Tuned
 from .tuning.tune import tune as tune

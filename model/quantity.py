@@ -85,6 +85,7 @@ class Mark(Enum):
     READS_IN_STEPS = "rounds what is read: derivatives are those without it"
     POSITION = "a state that moves on with the vehicle, and is its position in a steady cruise"
     SPEED = "a state that is the vehicle's speed in a steady cruise"
+    HELD = "a signal that keeps its value from one sample to the next"
     BOOKKEEPING = "a state that moves nothing while sensors are perfect and no vortices shed"
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from dualwinch.simulation.paper import REDUCTIONS
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 
 WITH_OBSERVER, WITHOUT_OBSERVER = "fando-nftsm", "nftsm"
 """The controllers Figure 21 compares."""

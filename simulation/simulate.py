@@ -14,7 +14,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import EngineName, engine
 from dualwinch.simulation.loop.metrics import metrics_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 
 OUTCOMES = ("completed", "diverged", "left_track")
 """Names of the outcomes of `codegen.drivers.rollout`."""
@@ -77,4 +77,5 @@ def simulate(
         final_state=final,
         experiment=experiment,
         quantities=loop.quantities,
+        nominal=nominal,
     )

@@ -9,7 +9,7 @@ from hypothesis import settings
 from numpy.typing import NDArray
 
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
 

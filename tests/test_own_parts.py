@@ -29,8 +29,8 @@ from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.simulate import simulate
-from dualwinch.simulation.storage import save
 from dualwinch.tuning.space import Interval
 from dualwinch.tuning.space_entries import space_of
 from tests.own_parts import Belief, DriftFree, StateFeedback, Watched

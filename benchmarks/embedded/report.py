@@ -17,7 +17,7 @@ from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.model.tree import with_leaves
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 NAME = "controller"

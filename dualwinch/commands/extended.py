@@ -10,7 +10,7 @@ from dualwinch.config.settings import override
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"

@@ -24,9 +24,9 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.comparison import percent, reductions
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.simulate import simulate
-from dualwinch.simulation.storage import save
 
 Runs = dict[tuple[int, str], Result]
 """(case, controller) → result."""
@@ -61,7 +61,7 @@ def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str]
             runs[number, kind] = simulate(case(number, kind))
         for (number, kind), result in runs.items():
             step(f"case {number}, {kind}: write data")
-            notes = {"configuration": to_toml(result.experiment)} | {f"version_{k}": v for k, v in versions().items()}
+            notes = {f"version_{name}": version for name, version in versions().items()}
             save(result, out / "data" / f"case{number}-{kind}.parquet", notes)
         variants = run_variants(numbers, step) if extended else {}
         _write_metrics(out / "metrics.json", runs, variants)

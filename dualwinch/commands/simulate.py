@@ -12,7 +12,7 @@ from rich.table import Table
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
-from dualwinch.config.experiment_file import load, to_toml
+from dualwinch.config.experiment_file import load
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.description import describe
@@ -21,9 +21,10 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.paper import case as paper_case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.formats import format_of
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.simulate import simulate as run
-from dualwinch.simulation.storage import save, writer
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -75,7 +76,7 @@ def simulate(
     if stride < 1:
         raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
     if out:
-        writer(out)
+        format_of(out)
         check_folder(out.parent)
     check_plot(plot)
     console = Console(stderr=True)
@@ -83,8 +84,8 @@ def simulate(
         task = bar.add_task("simulating", total=1.0)
         result = run(asked, stride=stride, engine_name=engine, progress=lambda share: bar.update(task, completed=share))
     print_result(result)
-    notes = {"configuration": to_toml(asked), **{f"version_{k}": v for k, v in versions().items()}}
     if out:
+        notes = {f"version_{name}": version for name, version in versions().items()}
         with console.status(f"writing {out}"):
             save(result, out, notes)
         console.print(f"wrote {out}")

@@ -13,7 +13,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
 from dualwinch.simulation.comparison import percent, reductions
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 
 PAPER = "https://doi.org/10.3390/jmse13061120"
 

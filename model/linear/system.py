@@ -127,6 +127,12 @@ class LinearSystem:
         }
         return control.StateSpace(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt, **names)
 
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        from dualwinch.model.linear.view import html
+
+        return html(self)
+
     def save(self, path: str | PathLike[str]) -> None:
         """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.files`).
 

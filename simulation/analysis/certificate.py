@@ -23,7 +23,7 @@ from dualwinch.simulation.analysis.stability import (
     nominal_mass,
 )
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]

@@ -6,6 +6,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from dualwinch.model.description import describe
+from dualwinch.model.html import readable, readable_unit, table
 from dualwinch.model.quantity import Quantity
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
 
@@ -32,6 +34,14 @@ class Metrics:
     energy: Annotated[float, Quantity("J", "work of both motors, braking counted like driving")]
     torque_rate: Annotated[float, Quantity("N m/s", "mean absolute change of motor torque a second, of both winches")]
     continuous_load: Annotated[float, Quantity("N m", "root mean square of the motor torques, of both winches")]
+
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        rows = []
+        for name, leaf in describe(Metrics).items():
+            value, unit = getattr(self, name), readable_unit(leaf.quantity.unit)
+            rows.append([name, "–" if np.isnan(value) else f"{value:.5g}", unit, readable(leaf.quantity.meaning)])
+        return table(["figure of merit", "value", "unit", "meaning"], rows, numbers=(1,))
 
 
 @dataclass(frozen=True)

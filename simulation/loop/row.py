@@ -8,7 +8,7 @@ from dualwinch.controllers.signals import ControllerOutput
 from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Environment, Plant, PlantState, vehicle_acceleration
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.tree import leaves
@@ -28,21 +28,24 @@ class Row:
     omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2")]
     x_ref: Annotated[Scalar, Quantity("m", "reference position")]
     v_ref: Annotated[Scalar, Quantity("m/s", "reference speed")]
-    a_ref: Annotated[Scalar, Quantity("m/s^2", "reference acceleration")]
+    a_ref: Annotated[Scalar, Quantity("m/s^2", "reference acceleration"), Mark.HELD]
     e: Annotated[Scalar, Quantity("m", "tracking error x - x_ref")]
     F1: Annotated[Scalar, Quantity("N", "tension of rope 1")]
     F2: Annotated[Scalar, Quantity("N", "tension of rope 2")]
-    F1_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 1")]
-    F2_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 2")]
-    u: Annotated[Scalar, Quantity("N", "force command before saturation")]
-    u_sat: Annotated[Scalar, Quantity("N", "force command within the limits")]
+    F1_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 1"), Mark.HELD]
+    F2_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 2"), Mark.HELD]
+    u: Annotated[Scalar, Quantity("N", "force command before saturation"), Mark.HELD]
+    u_sat: Annotated[Scalar, Quantity("N", "force command within the limits"), Mark.HELD]
     d_true: Annotated[Scalar, Quantity("m/s^2", "acceleration the nominal model does not explain")]
-    tau_1: Annotated[Scalar, Quantity("N m", "motor torque command of winch 1")]
-    tau_2: Annotated[Scalar, Quantity("N m", "motor torque command of winch 2")]
+    tau_1: Annotated[Scalar, Quantity("N m", "motor torque command of winch 1"), Mark.HELD]
+    tau_2: Annotated[Scalar, Quantity("N m", "motor torque command of winch 2"), Mark.HELD]
 
 
 COLUMNS = {leaf.key: leaf.quantity for leaf in describe(Row).values()}
 """Columns that every result has: name → quantity, in the order of a result file; a controller's own come after."""
+
+CONTINUOUS = frozenset(leaf.key for leaf in describe(Row).values() if Mark.HELD not in leaf.marks)
+"""Columns of what goes on between two samples; all others, a controller's own too, are held until the next."""
 
 
 def row_of(

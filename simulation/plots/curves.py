@@ -28,7 +28,7 @@ from dualwinch.simulation.plots.style import (
     law_label,
 )
 from dualwinch.simulation.plots.thin import Floats, thin
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 
 Runs: TypeAlias = Mapping[Any, Result] | Iterable[Result] | Result
 """Label → run, runs that are labelled by their position laws, or one run."""

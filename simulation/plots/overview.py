@@ -13,7 +13,7 @@ from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.ropes import KILO, draw_limits
 from dualwinch.simulation.plots.style import GREY, INK, ROPE_COLOURS, house_style, shade
 from dualwinch.simulation.plots.thin import largest, thin
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 
 BEYOND = 1.25
 """How far, in limits, the force panel reaches; a command beyond is told in words."""

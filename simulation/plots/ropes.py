@@ -14,7 +14,7 @@ from dualwinch.simulation.plots.headings import headings
 from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import GREY, INK, house_style, shade, steady_handle
 from dualwinch.simulation.plots.thin import within
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 
 KILO = 1e3
 

@@ -14,7 +14,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 from tests.conftest import PaperRun
 

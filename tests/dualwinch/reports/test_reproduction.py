@@ -14,7 +14,7 @@ from dualwinch.reports.errata import NOTES, errata_markdown
 from dualwinch.reports.reproduction import number_text, render_report, summary, write_report
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CONTROLLERS
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 
 ROOT = Path(__file__).parents[3]
 PNG = b"\x89PNG\r\n\x1a\n picture"

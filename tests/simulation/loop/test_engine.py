@@ -28,7 +28,7 @@ from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import pytest
 from dualwinch.simulation.experiment import Simulation
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.paper import CONTROLLERS, case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 from tests.conftest import PaperRun
 

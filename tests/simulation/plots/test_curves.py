@@ -15,7 +15,7 @@ from dualwinch.simulation import plots
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.curves import PALETTE, curves
 from dualwinch.simulation.plots.style import BLUE, DASHES, VERMILION
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 SHORT = {"simulation.duration": 0.2}

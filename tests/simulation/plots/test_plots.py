@@ -24,7 +24,7 @@ from dualwinch.simulation.paper import CONTROLLERS, FIGURES, case
 from dualwinch.simulation.plots.motion import length_unit
 from dualwinch.simulation.plots.style import law_colour
 from dualwinch.simulation.plots.thin import peaks, thin
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 Results = dict[str, Result]

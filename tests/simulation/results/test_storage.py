@@ -12,9 +12,9 @@ from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.simulate import simulate
-from dualwinch.simulation.storage import save
 
 NAMES = [
     *("t", "x", "v", "theta_1", "omega_1", "theta_2", "omega_2", "x_ref", "v_ref", "a_ref", "e", "F1", "F2"),
@@ -51,11 +51,11 @@ def test_csv_keeps_every_bit(pid: Result, tmp_path: Path) -> None:
 
 
 def test_units_of_csv_stand_beside_it(pid: Result, tmp_path: Path) -> None:
-    save(pid, f"{tmp_path}/run.csv", {"configuration": "x = 1"})
+    save(pid, f"{tmp_path}/run.csv", {"version": "9"})
     facts = json.loads((tmp_path / "run.csv-metadata.json").read_text())
     assert facts["url"] == "run.csv"
     assert {column["name"]: column["dualwinch:unit"] for column in facts["tableSchema"]["columns"]} == pid.units
-    assert facts["dualwinch:configuration"] == "x = 1"
+    assert facts["dualwinch:version"] == "9"
     assert facts["dualwinch:metrics"]["mse"] == pid.metrics.mse
 
 

@@ -2,7 +2,7 @@ import pytest
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.simulation.loop.row import COLUMNS
-from dualwinch.simulation.result import Result
+from dualwinch.simulation.results.result import Result
 from tests.conftest import PaperRun
 
 

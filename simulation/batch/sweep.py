@@ -1,0 +1,156 @@
+"""Runs over a grid of values: what came of each, as arrays of the grid's shape."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.errors import ConfigurationError, UnknownNameError
+from dualwinch.model.quantity import Quantity, nearest
+from dualwinch.model.tree import with_leaves
+from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import structure_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """What came of experiments in a grid; every array has the grid's shape.
+
+    Attributes:
+        outcomes: words: ``completed``, ``diverged``, ``left_track`` or, after an interrupt, ``not_run``.
+        end_times: in s.
+        metrics: name → figures of merit, as in `Metrics`; NaN where a run was not completed.
+        interrupted: whether an interrupt ended the runs.
+    """
+
+    outcomes: NDArray[np.str_]
+    end_times: Floats
+    metrics: dict[str, Floats]
+    interrupted: bool
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Runs):
+    """What came of an experiment over a grid of some of its values.
+
+    Attributes:
+        experiment: what all other values are from.
+        keys: what was varied, an axis of the grid each.
+        values: the values of each key, in its axis' order.
+        quantities: key → unit and meaning.
+    """
+
+    experiment: Experiment
+    keys: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...]
+    quantities: Mapping[str, Quantity]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each key."""
+        return tuple(map(len, self.values))
+
+    def at(self, key: str, value: Any) -> "Sweep":
+        """The part of the sweep with one value of a key, which is no axis any more.
+
+        Raises:
+            UnknownNameError: the key was not varied.
+            ConfigurationError: the value was not among its values.
+        """
+        if key not in self.keys:
+            raise UnknownNameError(f"'{key}' was not swept; did you mean '{nearest(key, self.keys)}'?")
+        axis = self.keys.index(key)
+        if value not in self.values[axis]:
+            raise ConfigurationError(f"{key} = {value}: must be one of {', '.join(map(str, self.values[axis]))}")
+        index = self.values[axis].index(value)
+        return replace(
+            self,
+            outcomes=self.outcomes.take(index, axis),
+            end_times=self.end_times.take(index, axis),
+            metrics={name: values.take(index, axis) for name, values in self.metrics.items()},
+            experiment=with_leaves(self.experiment, {key: value}),
+            keys=(*self.keys[:axis], *self.keys[axis + 1 :]),
+            values=(*self.values[:axis], *self.values[axis + 1 :]),
+        )
+
+    def plot(self, metric: str, ax: "Axes | None" = None) -> "Figure":
+        """A line over one key, or a heat map over two (the first along the horizontal axis).
+
+        Axes of values that grow by factors are logarithmic, words stand in their order; runs that were not completed
+        are marked.
+
+        Args:
+            metric: name of a figure of merit.
+            ax: axes to draw into; default: a figure of its own.
+
+        Raises:
+            UnknownNameError: there is no such figure of merit.
+            ConfigurationError: there are more than two keys (`at` takes one away), or none.
+        """
+        from dualwinch.simulation.plots.sweep import sweep_figure
+
+        return sweep_figure(self, metric, ax=ax)
+
+    def __repr__(self) -> str:
+        axes = ", ".join(f"{key}: {len(values)}" for key, values in zip(self.keys, self.values, strict=True))
+        words, counts = np.unique(self.outcomes, return_counts=True)
+        ends = ", ".join(f"{count} {word}" for word, count in zip(words, counts, strict=True))
+        return f"Sweep({axes}; {ends})"
+
+
+def run_grid(
+    experiments: NDArray[np.object_],
+    *,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Runs:
+    """Run experiments, side by side in vector lanes those that are of one structure, length and sample time.
+
+    Args:
+        experiments: an `Experiment` each, in any shape.
+        threads: default: one a core.
+        progress: called now and then with the share that is done.
+
+    Returns:
+        The runs; an interrupt (Ctrl-C) leaves what is finished, and ``not_run`` for the rest.
+
+    Raises:
+        ConfigurationError: the values of an experiment do not fit together.
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+    flat: Sequence[Experiment] = experiments.ravel().tolist()
+    groups: dict[Any, list[int]] = {}
+    for index, experiment in enumerate(flat):
+        alike = structure_of(experiment), experiment.samples, experiment.simulation.sample_time
+        groups.setdefault(alike, []).append(index)
+    outcomes, end_times = np.full(len(flat), NOT_RUN, dtype="U10"), np.full(len(flat), np.nan)
+    metrics: dict[str, Floats] = {}
+    done, interrupted = 0, False
+    for indices in groups.values():
+
+        def report(share: float, before: int = done, count: int = len(indices)) -> None:
+            if progress:
+                progress((before + share * count) / len(flat))
+
+        batch: BatchResult = rollout(
+            [], np.empty((1, 0)), [flat[index] for index in indices], threads=threads, progress=report
+        )
+        outcomes[indices], end_times[indices] = batch.outcomes[0], batch.end_times[0]
+        for name, values in batch.metrics.items():
+            metrics.setdefault(name, np.full(len(flat), np.nan))[indices] = values[0]
+        done += len(indices)
+        interrupted = batch.interrupted
+        if interrupted:
+            break
+    shape = experiments.shape
+    merits = {name: values.reshape(shape) for name, values in metrics.items()}
+    return Runs(outcomes.reshape(shape), end_times.reshape(shape), merits, interrupted)

@@ -1,0 +1,115 @@
+"""A figure of merit over the values of one key, as a line, or of two, as a heat map."""
+
+from typing import Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from dualwinch.model.description import describe
+from dualwinch.model.errors import ConfigurationError, UnknownNameError
+from dualwinch.model.html import readable, readable_unit
+from dualwinch.model.quantity import Quantity, nearest
+from dualwinch.simulation.batch.sweep import Sweep
+from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.plots.headings import scenario
+from dualwinch.simulation.plots.page import GivenAxes, Page
+from dualwinch.simulation.plots.style import BLUE, INK, LIGHT, VERMILION, house_style, law_label
+from dualwinch.simulation.plots.sweep_axis import SweptAxis, spans_decades, swept_axis
+
+Floats = NDArray[np.float64]
+
+MARKS = {"diverged": "x", "left_track": ">", "not_run": "."}
+"""Outcome of a run that was not completed → its marker."""
+
+WRITTEN = 60
+"""Most cells that have their numbers written in them."""
+
+
+def sweep_figure(found: Sweep, metric: str, *, ax: GivenAxes = None) -> Figure:
+    """Draw a sweep; see `Sweep.plot`.
+
+    Raises:
+        UnknownNameError: there is no such figure of merit.
+        ConfigurationError: there are more than two keys, or none.
+    """
+    if metric not in found.metrics:
+        raise UnknownNameError(f"unknown metric {metric!r}; did you mean '{nearest(str(metric), found.metrics)}'?")
+    if len(found.keys) not in {1, 2}:
+        raise ConfigurationError(f"a sweep of {len(found.keys)} keys cannot be drawn; at(key, value) takes one away")
+    axes_of = [swept_axis(values) for values in found.values]
+    merit = describe(Metrics)[metric].quantity
+    title = f"{metric} over {' and '.join(key.rsplit('.', 1)[-1] for key in found.keys)}"
+    law = "" if "controller.kind" in found.keys else f"{law_label(found.experiment)}; "
+    with house_style():
+        page = Page(ax, 3.2 if len(found.keys) == 1 else 3.8, title, law + scenario(found.experiment))
+        (axes,) = page.panels(1)
+        draw = _line if len(found.keys) == 1 else _map
+        values, outcomes = found.metrics[metric], found.outcomes
+        for dimension, axis in enumerate(axes_of):
+            values, outcomes = values.take(axis.order, dimension), outcomes.take(axis.order, dimension)
+        draw(axes, axes_of, values, outcomes, _named(metric, merit))
+        axes.set_title(readable(merit.meaning))
+        sides: tuple[Literal["x", "y"], ...] = ("x", "y")
+        for key, axis, side in zip(found.keys, axes_of, sides, strict=False):
+            axis.draw(axes, side, _named(key, found.quantities[key]))
+        handles = [
+            Line2D([], [], color=VERMILION, marker=marker, linestyle="none", label=outcome.replace("_", " "))
+            for outcome, marker in MARKS.items()
+            if (found.outcomes == outcome).any()
+        ]
+        if handles:
+            page.legend(handles)
+    return page.figure
+
+
+def _line(axes: Axes, along: list[SweptAxis], values: Floats, outcomes: NDArray[np.str_], name: str) -> None:
+    (axis,) = along
+    line = "none" if axis.categorical else "-"
+    axes.plot(axis.positions, values, marker="o", markersize=4, linestyle=line, color=BLUE)
+    for outcome, marker in MARKS.items():
+        ended = axis.positions[outcomes == outcome]
+        axes.plot(
+            ended,
+            np.full(len(ended), 0.04),
+            transform=axes.get_xaxis_transform(),
+            marker=marker,
+            linestyle="none",
+            color=VERMILION,
+            clip_on=False,
+        )
+    if spans_decades(values):
+        axes.set_yscale("log")
+    axes.set_ylabel(name)
+    if axis.categorical:
+        axes.set_xlim(-0.5, len(axis.positions) - 0.5)
+
+
+def _map(axes: Axes, along: list[SweptAxis], values: Floats, outcomes: NDArray[np.str_], name: str) -> None:
+    across, up = along
+    axes.grid(visible=False)
+    axes.set_facecolor(LIGHT)
+    if np.isfinite(values).any():
+        lowest, highest = np.nanmin(values), np.nanmax(values)
+        scale = (LogNorm if spans_decades(values) else Normalize)(lowest, highest)
+        cells = axes.pcolormesh(across.edges, up.edges, values.T, norm=scale, cmap="viridis")
+        bar = axes.figure.colorbar(cells, ax=axes, label=name)
+        bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  # the stub has no Spine here
+        if values.size <= WRITTEN:
+            for i, j in zip(*np.nonzero(np.isfinite(values)), strict=True):
+                at = float(across.positions[i]), float(up.positions[j])
+                colour = "white" if scale(values[i, j]) < 0.6 else INK
+                axes.text(*at, f"{values[i, j]:.3g}", ha="center", va="center", color=colour, size=7)
+    for outcome, marker in MARKS.items():
+        i, j = np.nonzero(outcomes == outcome)
+        axes.plot(across.positions[i], up.positions[j], marker=marker, linestyle="none", color=VERMILION)
+    axes.set_xlim(across.edges[[0, -1]].tolist())
+    axes.set_ylim(up.edges[[0, -1]].tolist())
+
+
+def _named(words: str, quantity: Quantity) -> str:
+    unit = readable_unit(quantity.unit)
+    return f"{words} ({unit})" if unit else words

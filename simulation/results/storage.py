@@ -1,0 +1,101 @@
+"""Result files: CSV, Parquet, NumPy and MATLAB, chosen by suffix; units and the experiment travel with each."""
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
+from dualwinch.model.tree import leaves, with_leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.results.content import Content, number, plain
+from dualwinch.simulation.results.formats import format_of
+from dualwinch.simulation.results.kept_experiment import rebuilt
+from dualwinch.simulation.results.result import Result
+
+UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, NotImplementedError, EOFError)
+"""What the libraries raise where a file is not what its suffix says."""
+
+
+def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
+    """Write a result to a file, which appears whole or not at all; `load_result` reads it back.
+
+    A CSV file holds nothing but the header and full double-precision numbers; all else stands beside it in
+    ``FILE-metadata.json``, in the form of the W3C's "CSV on the Web". The other formats carry units, meanings, figures
+    of merit, outcome, final state, the experiment with every value, and notes inside.
+
+    Args:
+        result: what to write.
+        path: its suffix chooses the format: csv, parquet, npz, mat.
+        notes: further texts to keep with the result, such as versions.
+
+    Raises:
+        ConfigurationError: unknown suffix.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    facts = dict(notes or {}) | _facts(result)
+    format_of(path).write(Content(result.columns, result.quantities, facts), path)
+
+
+def load_result(path: str | PathLike[str], base: Experiment | None = None) -> Result:
+    """Read a result that `save` has written; it equals the saved one, bit for bit.
+
+    Args:
+        path: the file; its suffix tells the format.
+        base: an experiment that has the parts of the saved one that no registry knows, such as a law of your own.
+
+    Raises:
+        ConfigurationError: the file cannot be read, holds no result, or one of parts that are not known here; also
+            where a CSV file's metadata is not beside it.
+    """
+    path = Path(path)
+    read = format_of(path).read
+    try:
+        with path.open("rb"):  # the libraries below tell less clearly why they cannot read a file
+            pass
+        return _result_of(read(path), base or Experiment())
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from error
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror or 'it is damaged'}") from error
+    except (*UNREADABLE, zipfile.BadZipFile, zlib.error) as error:
+        raise ConfigurationError(f"{path}: holds no result that dualwinch has saved, or is damaged") from error
+
+
+def _facts(result: Result) -> dict[str, Any]:
+    """What travels with the columns."""
+    facts = {
+        "outcome": result.outcome,
+        "end_time": result.end_time,
+        "metrics": asdict(result.metrics),
+        "final_state": result.final_state,
+        "experiment": leaves(result.experiment),
+    }
+    if result.nominal is not None:
+        facts["nominal"] = leaves(result.nominal)
+    return plain(facts)
+
+
+def _result_of(content: Content, base: Experiment) -> Result:
+    facts = {key: content.facts[key] for key in ("end_time", "metrics", "final_state", "experiment")}
+    facts |= {"nominal": content.facts.get("nominal")}
+    facts = {key: json.loads(value) if isinstance(value, str) else value for key, value in facts.items()}
+    return Result(
+        columns={name: np.asarray(values, float) for name, values in content.columns.items()},
+        metrics=Metrics(**{name: number(value) for name, value in facts["metrics"].items()}),
+        outcome=content.facts["outcome"],
+        end_time=number(facts["end_time"]),
+        final_state={name: number(value) for name, value in facts["final_state"].items()},
+        experiment=rebuilt(facts["experiment"], base),
+        quantities=content.quantities,
+        nominal=None if facts["nominal"] is None else with_leaves(Plant(), facts["nominal"]),
+    )
