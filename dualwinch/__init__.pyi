@@ -81,3 +81,5 @@ from .simulation.results.storage import save as save
 from .simulation.simulate import simulate as simulate
 from .tuning.tune import Tuned as Tuned
 from .tuning.tune import tune as tune
+
+__version__: str
