@@ -60,7 +60,6 @@ from .simulation.batch.rollout import BatchResult as BatchResult
 from .simulation.batch.rollout import rollout as rollout
 from .simulation.batch.sensitivities import Sensitivities as Sensitivities
 from .simulation.batch.sensitivities import sensitivities as sensitivities
-from .simulation.batch.sweep import Sweep as Sweep
 from .simulation.ensembles.ensemble import Ensemble as Ensemble
 from .simulation.ensembles.ensemble import Scenario as Scenario
 from .simulation.ensembles.paired import Comparison as Comparison
@@ -79,6 +78,7 @@ from .simulation.results.result import Result as Result
 from .simulation.results.storage import load_result as load_result
 from .simulation.results.storage import save as save
 from .simulation.simulate import simulate as simulate
+from .simulation.sweep import Sweep as Sweep
 from .tuning.tune import Tuned as Tuned
 from .tuning.tune import tune as tune
 

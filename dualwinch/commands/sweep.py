@@ -11,9 +11,10 @@ from dualwinch.config.settings import leaf_of, override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.tree import leaves
 from dualwinch.model.validation import shown
-from dualwinch.simulation.batch.sweep import Sweep, run_grid
+from dualwinch.simulation.batch.sweep import run_grid
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.sweep import Sweep
 
 
 def sweep(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,6 @@ from dualwinch.model.tree import with_leaves
 from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import structure_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +35,7 @@ class Runs:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(Runs):
+class Grid(Runs):
     """What came of an experiment over a grid of some of its values.
 
     Attributes:
@@ -59,7 +55,7 @@ class Sweep(Runs):
         """Number of values of each key."""
         return tuple(map(len, self.values))
 
-    def at(self, key: str, value: Any) -> "Sweep":
+    def at(self, key: str, value: Any) -> Self:
         """The part of the sweep with one value of a key, which is no axis any more.
 
         Raises:
@@ -82,29 +78,11 @@ class Sweep(Runs):
             values=(*self.values[:axis], *self.values[axis + 1 :]),
         )
 
-    def plot(self, metric: str, ax: "Axes | None" = None) -> "Figure":
-        """A line over one key, or a heat map over two (the first along the horizontal axis).
-
-        Axes of values that grow by factors are logarithmic, words stand in their order; runs that were not completed
-        are marked.
-
-        Args:
-            metric: name of a figure of merit.
-            ax: axes to draw into; default: a figure of its own.
-
-        Raises:
-            UnknownNameError: there is no such figure of merit.
-            ConfigurationError: there are more than two keys (`at` takes one away), or none.
-        """
-        from dualwinch.simulation.plots.sweep import sweep_figure
-
-        return sweep_figure(self, metric, ax=ax)
-
     def __repr__(self) -> str:
         axes = ", ".join(f"{key}: {len(values)}" for key, values in zip(self.keys, self.values, strict=True))
         words, counts = np.unique(self.outcomes, return_counts=True)
         ends = ", ".join(f"{count} {word}" for word, count in zip(words, counts, strict=True))
-        return f"Sweep({axes}; {ends})"
+        return f"{type(self).__name__}({axes}; {ends})"
 
 
 def run_grid(

@@ -13,7 +13,7 @@ from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.html import readable, readable_unit
 from dualwinch.model.quantity import Quantity, nearest
-from dualwinch.simulation.batch.sweep import Sweep
+from dualwinch.simulation.batch.sweep import Grid
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.plots.headings import scenario
 from dualwinch.simulation.plots.page import GivenAxes, Page
@@ -29,7 +29,7 @@ WRITTEN = 60
 """Most cells that have their numbers written in them."""
 
 
-def sweep_figure(found: Sweep, metric: str, *, ax: GivenAxes = None) -> Figure:
+def sweep_figure(found: Grid, metric: str, *, ax: GivenAxes = None) -> Figure:
     """Draw a sweep; see `Sweep.plot`.
 
     Raises:

