@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import MissingExtraError
 from dualwinch.simulation.results.content import about
+from dualwinch.simulation.results.run_like import RunLike
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from dualwinch.simulation.results.result import Result
 
 TIME = "t"
 """The column that becomes index or coordinate."""
 
 
-def data_frame(result: "Result") -> "pd.DataFrame":
+def data_frame(result: RunLike) -> "pd.DataFrame":
     """See `Result.to_pandas`."""
     pandas = _extra("pandas")
     index = pandas.Index(result[TIME], name=TIME)
@@ -27,7 +27,7 @@ def data_frame(result: "Result") -> "pd.DataFrame":
     return frame
 
 
-def data_set(result: "Result") -> "xr.Dataset":
+def data_set(result: RunLike) -> "xr.Dataset":
     """See `Result.to_xarray`."""
     xarray = _extra("xarray")
     arrays = {name: xarray.Variable(TIME, result[name], _attributes(result, name)) for name in result}
@@ -36,13 +36,13 @@ def data_set(result: "Result") -> "xr.Dataset":
     )
 
 
-def _attributes(result: "Result", name: str) -> Mapping[str, str]:
+def _attributes(result: RunLike, name: str) -> Mapping[str, str]:
     """As the climate and forecast conventions name them: xarray writes them on the axes of its figures."""
     said = about(result.quantities[name])
     return {"units": said["unit"], "long_name": said["meaning"], "interpolation": result.interpolation[name]}
 
 
-def _facts(result: "Result") -> dict[str, Any]:
+def _facts(result: RunLike) -> dict[str, Any]:
     return {"outcome": result.outcome, "end_time": result.end_time, **vars(result.metrics)}
 
 

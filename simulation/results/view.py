@@ -1,22 +1,19 @@
 """A result in a few words, and as a notebook shows it."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dualwinch.model.description import describe
 from dualwinch.model.html import page, readable, readable_unit, section, table
 from dualwinch.simulation.loop.metrics import Metrics
-
-if TYPE_CHECKING:
-    from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.results.run_like import RunLike
 
 SHOWN = ("mse", "max_abs_error", "chatter")
 """Figures of merit that stand in the text of a result."""
 
 
-def text(result: "Result") -> str:
+def text(result: RunLike) -> str:
     """A line that says what was run and what came out."""
     known, values = describe(Metrics), vars(result.metrics)
     merits = [
@@ -27,7 +24,7 @@ def text(result: "Result") -> str:
     return f"Result({_law(result)}: {'; '.join([_words(result), *merits])})"
 
 
-def html(result: "Result") -> str:
+def html(result: RunLike) -> str:
     """Outcome, figures of merit and columns."""
     rows = []
     for name, quantity in result.quantities.items():
@@ -44,11 +41,11 @@ def html(result: "Result") -> str:
     )
 
 
-def _law(result: "Result") -> str:
+def _law(result: RunLike) -> str:
     law = result.experiment.controller.law
     return law.label or law.kind
 
 
-def _words(result: "Result") -> str:
+def _words(result: RunLike) -> str:
     ending, rows = result.outcome.replace("_", " "), len(next(iter(result.columns.values())))
     return f"{ending} at {result.end_time:g} s, {rows} rows of {len(result.columns)} columns"
