@@ -162,8 +162,9 @@ def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Cont
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
     ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
     assert ours.outcome == theirs.outcome
-    # near 1e308 a fused product and sum stays finite where the rounded product overflows: a sample more
-    assert abs(ours.end_time - theirs.end_time) < 1.5e-3
+    # near 1e308 a fused product and sum stays finite where the rounded product overflows: it diverges a sample later
+    apart = 1.5e-3 if ours.outcome == "diverged" else 0.0
+    assert abs(ours.end_time - theirs.end_time) <= apart
 
 
 def without_gains(part: type[Group]) -> Group:
