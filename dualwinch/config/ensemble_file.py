@@ -11,8 +11,8 @@ from typing import Any
 from dualwinch.config.distribution_entries import SHAPES, check_range, drawn_from, entry_of
 from dualwinch.config.experiment_file import from_table, to_toml
 from dualwinch.config.renamed import current
-from dualwinch.config.settings import known_keys, override
-from dualwinch.config.toml_text import read_source, toml_value
+from dualwinch.config.settings import from_folder, known_keys, override
+from dualwinch.config.toml_text import Source, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -69,8 +69,15 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
     distributions: dict[str, Drawn] = {}
     for key, entry in _entries(entries):
         with source.located(f"distributions.{key}"):
-            distributions[current(key)] = drawn_from(current(key), entry, experiment)
+            distributions[current(key)] = drawn_from(current(key), _located(key, entry, source), experiment)
     return Ensemble(heading.get("name", path.stem), heading.get("description", ""), experiment, distributions)
+
+
+def _located(key: str, entry: Any, source: Source) -> Any:
+    """An entry with the files among its choices relative to the ensemble's own."""
+    if not (isinstance(entry, dict) and isinstance(entry.get("choice"), list)):
+        return entry
+    return entry | {"choice": [from_folder({key: value}, source.folder)[key] for value in entry["choice"]]}
 
 
 def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:

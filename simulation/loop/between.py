@@ -24,6 +24,7 @@ class Held:
     torques: Torques
     current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")]
     normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")]
+    force: Annotated[Scalar, Quantity("N", "force on the vehicle along the track, beside the vortex force")]
 
 
 def problem_of(held: Held, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
@@ -32,14 +33,14 @@ def problem_of(held: Held, duration: Scalar, plant: Plant, disturbance: Disturba
         t=held.t,
         duration=duration,
         torques=held.torques,
-        environment=Environment(current=held.current, normal_force_variation=held.normal_force_variation),
+        environment=Environment(held.force, held.current, held.normal_force_variation),
         disturbance=disturbance,
         plant=plant,
     )
 
 
 NOTHING_MOVES = Motion(PlantState(*[0.0] * 6))
-NOTHING_HELD = Held(0.0, Torques(0.0, 0.0), 0.0, 0.0)
+NOTHING_HELD = Held(0.0, Torques(0.0, 0.0), 0.0, 0.0, 0.0)
 
 
 def between_samples(
