@@ -19,6 +19,7 @@ from .model.linear.system import LinearSystem as LinearSystem
 from .model.plant import Plant as Plant
 from .model.plant import plant as plant
 from .model.reference import Reference as Reference
+from .model.signals.signal import Signal as Signal
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint

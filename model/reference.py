@@ -1,9 +1,9 @@
 """Reference motions of the vehicle: the paper's (Section 4.1, E5), through way-points, or from a file.
 
-With a jerk limit, every change of the paper's speeds takes as long and as far as the paper's, but its acceleration rises and falls
-along straight ramps and is a little larger between them: an S-curve. Cruise, joints and end position stay exactly the
-paper's. The step of `uniform` becomes the shortest S-curve from rest to its speed, with no phase of constant
-acceleration.
+With a jerk limit, every change of the paper's speeds takes as long and as far as without, but its acceleration rises
+and falls along straight ramps and is a little larger between them: an S-curve. Cruise, joints and end position stay
+exactly the paper's. The step of `uniform` becomes the shortest S-curve from rest to its speed, with no phase of
+constant acceleration.
 """
 
 from dataclasses import dataclass, field
@@ -158,9 +158,7 @@ def steady_window(reference: Reference, duration: float) -> tuple[float, float]:
     longest stretch of constant speed, and the whole run where there is none.
     """
     if reference.kind in {"way-points", "file"}:
-        known = (
-            longest_cruise(reference.moves) if reference.kind == "way-points" else reference.recorded.longest_cruise()
-        )
+        known = longest_cruise(reference.moves) if reference.kind == "way-points" else reference.recorded.longest_cruise
         start, end = known or (0.0, duration)
         return (start, min(end, duration)) if start < duration else (0.0, duration)
     if reference.kind == "uniform":

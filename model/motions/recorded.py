@@ -1,6 +1,6 @@
 """A recorded motion: a smooth curve through the positions of a file."""
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,10 @@ MOVING = 1e-3
 class RecordedMotion:
     """A curve through recorded positions, with its speed and its acceleration.
 
-    Through positions alone it is the cubic spline whose speed and acceleration are continuous. Where speeds are recorded
-    too, it is the cubic curve through both, whose acceleration may step at a row. A recorded acceleration stands in
-    place of the curve's own, in straight lines from row to row. Before the first row and after the last the vehicle
-    rests where the row says.
+    Through positions alone it is the cubic spline whose speed and acceleration are continuous. Where speeds are
+    recorded too, it is the cubic curve through both, whose acceleration may step at a row. A recorded acceleration
+    stands in place of the curve's own, in straight lines from row to row. Before the first row and after the last the
+    vehicle rests where the row says.
     """
 
     def __init__(self, t: Floats, x: Floats, v: Floats | None = None, a: Floats | None = None) -> None:
@@ -50,13 +50,14 @@ class RecordedMotion:
         a = self._curve(inside, 2) if self.a is None else np.interp(inside, self.t, self.a)
         return Setpoint(self._curve(inside), np.where(within, self._curve(inside, 1), 0.0), np.where(within, a, 0.0))
 
+    @cached_property
     def longest_cruise(self) -> tuple[float, float] | None:
         """First and last time in s of the longest stretch of rows at one speed; ``None`` where there is none."""
         speeds = np.diff(self.x) / np.diff(self.t)
         largest = np.abs(speeds).max()
         same = (np.abs(np.diff(speeds)) <= EQUAL * largest) & (np.abs(speeds[1:]) > MOVING * largest)
         ends = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(int), [0]))))
-        stretches = [(self.t[first], self.t[last + 1]) for first, last in ends.reshape(-1, 2)]
+        stretches = [(float(self.t[first]), float(self.t[last + 1])) for first, last in ends.reshape(-1, 2)]
         return max(stretches, key=lambda stretch: stretch[1] - stretch[0], default=None)
 
 

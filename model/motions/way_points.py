@@ -25,8 +25,9 @@ class Limits:
 class Move:
     """A motion from rest to rest: speed up, cruise, and brake as the speed was gained.
 
-    With a jerk limit these are the seven segments of an S-curve: acceleration rises, holds and falls, none, and the same
-    backwards. Where the way is short there is no cruise; where it is shorter still, no constant acceleration either.
+    With a jerk limit these are the seven segments of an S-curve: acceleration rises, holds and falls, none, and the
+    same backwards. Where the way is short there is no cruise; where it is shorter still, no constant acceleration
+    either.
 
     Attributes:
         start, end: in m.

@@ -83,7 +83,8 @@ def chosen(file: Path, names: Sequence[str | None], header: Sequence[str]) -> li
             listed = ", ".join(others[:6]) + (", ..." if len(others) > 6 else "")
             raise ConfigurationError(f"{file}: column: must be named; there is {listed or 'none but the times'}")
         if name is not None and name not in header:
-            hint = f"; did you mean '{nearest(name, header)}'?" if any(header) else "; it has none"
+            alike = [column for column in header if column.lower() == name.lower()]
+            hint = f"; did you mean '{nearest(name, alike or header)}'?" if any(header) else "; it has none"
             raise ConfigurationError(f"{file}: unknown column '{name}'{hint}")
         column = others[0] if name is None else name
         if list(header).count(column) > 1:

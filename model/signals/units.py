@@ -1,7 +1,6 @@
 """Units that columns of numbers may come in, and the SI unit that each is converted to."""
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import nearest
 
 UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
@@ -21,6 +20,7 @@ def factor(unit: str, si: str) -> float:
     """
     if unit not in UNITS[si]:
         listed = ", ".join(UNITS[si])
-        hint = f"; did you mean '{nearest(unit, UNITS[si])}'?" if unit.lower() in map(str.lower, UNITS[si]) else ""
+        alike = [known for known in UNITS[si] if known.lower() == unit.lower()]
+        hint = f"; did you mean '{alike[0]}'?" if alike else ""
         raise ConfigurationError(f'unit "{unit}": must be one of {listed}{hint}')
     return UNITS[si][unit]

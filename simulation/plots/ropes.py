@@ -66,7 +66,7 @@ def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
     """
     if experiment.reference.kind == "uniform":
         return 0.0, START_UP, 0.0, "start-up"
-    joint = experiment.steady_window[1]
+    joint = min(experiment.steady_window[1], experiment.duration - BRAKING[1])
     return joint + BRAKING[0], joint + BRAKING[1], joint, "braking begins"
 
 
