@@ -104,7 +104,7 @@ def moves(points: tuple[float, ...], pauses: tuple[float, ...], limits: Limits) 
             distance = abs(end - start)
             speed = top_speed(distance, limits)
             ramp = gaining_time(speed, limits)
-            cruise = max(distance / speed - ramp, 0.0)
+            cruise = max(distance / speed - ramp, 0.0) if speed == limits.speed else 0.0  # else round-off
             found.append(Move(start, end, t, ramp, cruise, math.copysign(speed, end - start)))
             t = found[-1].finish
         t += pause

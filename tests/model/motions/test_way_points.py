@@ -60,7 +60,9 @@ def test_a_long_way_in_closed_form() -> None:
 
 def test_short_ways_have_no_cruise_and_shorter_ones_no_constant_acceleration() -> None:
     medium, short = reference((10.0,), (), 100.0, 0.5, 0.5), reference((0.25,), (), 100.0, 0.5, 0.5)
-    assert steady_window(medium, own_duration(medium)) == (0.0, own_duration(medium))
+    stepping = reference((4.0, 1.0), (), 1.8, 0.5, None)
+    for asked in (medium, short, stepping):
+        assert steady_window(asked, own_duration(asked)) == (0.0, own_duration(asked))
     assert own_duration(short) == pytest.approx(4 * (0.25 / (2 * 0.5)) ** (1 / 3))  # four ramps of jerk, 2 J T^3 = D
     t = np.linspace(0, own_duration(short), 10_001)
     assert np.abs(setpoint(t, short).a).max() < 0.5

@@ -34,7 +34,7 @@ def test_between_rows_lines_or_the_value_before(file: Path) -> None:
 
 
 def test_a_step_counts_at_its_own_sample_whatever_the_rounding() -> None:
-    t = np.arange(1000) * 1e-3
+    t = np.linspace(0, 0.999, 1000)
     for k in (7, 300, 643):
         signal = Signal.from_arrays([0.0, float(f"0.{k:03d}")], [0.0, 1.0], unit="N", interpolation="previous")
         assert np.flatnonzero(signal.sampled(t, "N"))[0] == k
