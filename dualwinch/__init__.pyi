@@ -38,6 +38,7 @@ from .model.linear.linearisation import linearise as linearise
 from .model.linear.modes import modes as modes
 from .model.linear.operating_point import operating_point as operating_point
 from .model.linear.system import LinearSystem as LinearSystem
+from .model.motions.setpoint import Setpoint as Setpoint
 from .model.plant import Plant as Plant
 from .model.plant import plant as plant
 from .model.quantity import Mark as Mark
@@ -45,7 +46,7 @@ from .model.quantity import Quantity as Quantity
 from .model.quantity import Rule as Rule
 from .model.quantity import Tunable as Tunable
 from .model.reference import Reference as Reference
-from .model.reference import Setpoint as Setpoint
+from .model.signals.signal import Signal as Signal
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint

@@ -119,6 +119,8 @@ def _leaf(group: type, slot: Slot) -> Leaf:
     choices: tuple[str, ...] = ()
     if get_origin(kind) is Literal:
         kind, choices = str, tuple(str(choice) for choice in get_args(kind))
+    elif get_origin(kind) is tuple:
+        kind = tuple
     return Leaf(
         key=slot.key,
         quantity=quantity,

@@ -1,13 +1,18 @@
-"""What the sea does to the vehicle: vortex shedding, ambient current, changing load on the rail."""
+"""What acts on the vehicle: vortex shedding, ambient current, changing load on the rail, and any further force.
+
+Current and rail load may be random (Gauss–Markov), given as signals, or both: they add up.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import annotated_types as at
 
 from dualwinch.model.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, sin
+from dualwinch.model.signals.signal import Signal
+from dualwinch.model.slots import slots
 from dualwinch.model.vehicle import Vehicle, drag
 
 
@@ -54,6 +59,17 @@ class Disturbance:
     normal_force_time: Annotated[
         float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD
     ] = 5.0
+    force: Annotated[Signal, Quantity("N", "force on the vehicle along the track")] = field(default_factory=Signal)
+    current: Annotated[Signal, Quantity("m/s", "ambient current along the track")] = field(default_factory=Signal)
+    normal_force_variation: Annotated[Signal, Quantity("N", "change of the force on the rail")] = field(
+        default_factory=Signal
+    )
+
+
+def given_signals(disturbance: Disturbance) -> dict[str, tuple[Signal, str]]:
+    """Signals that a disturbance may be given: name → the signal and the SI unit it is used in."""
+    own = [slot for slot in slots(Disturbance, "") if slot.hint is Signal]
+    return {slot.field: (getattr(disturbance, slot.field), slot.find(Quantity).unit) for slot in own}
 
 
 def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:

@@ -10,10 +10,13 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from numbers import Integral, Real
 from typing import Any
 
 import annotated_types as at
+
+from dualwinch.model.numbers import Numbers, numbers_of
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,9 @@ class Mark(Enum):
     PART = "the kind of a part"
     SHAPES_CODE = "a number that is written into the compiled code"
     TIMING = "sets the instants of the samples"
+    FILE = "the path of a file that is read; in a file, relative to that file"
+    CONTENT = "what was read, no scalar: it has no key"
+    DIGEST = "says what was read, and follows where something else is"
     DRAWN_AHEAD = "shapes signals that are drawn ahead of a run; the closed loop does not take it"
     SWITCH = "a truth value that the closed loop takes as a number, 0 or 1"
     OFF_AT_ZERO = "often zero for good: code of its own leaves out what it multiplies"
@@ -87,6 +93,10 @@ class Mark(Enum):
     SPEED = "a state that is the vehicle's speed in a steady cruise"
     HELD = "a signal that keeps its value from one sample to the next"
     BOOKKEEPING = "a state that moves nothing while sensors are perfect and no vortices shed"
+
+
+AHEAD = frozenset({Mark.DRAWN_AHEAD, Mark.FILE, Mark.DIGEST})
+"""Marks of what the closed loop does not take: it is used ahead of a run."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +121,8 @@ class Leaf:
     Attributes:
         key: dotted path below the group, e.g. ``vehicle.mass``.
         quantity: unit, meaning and source.
-        kind: the Python type (``float``, ``int``, ``bool`` or ``str``), without ``None``.
+        kind: the Python type (``float``, ``int``, ``bool``, ``str``, or ``tuple`` for a list of numbers), without
+            ``None``.
         choices: the words that are allowed; empty for numbers.
         optional: whether ``None`` (a default taken from elsewhere) is allowed.
         constraints: the bounds from `annotated_types`.
@@ -160,7 +171,9 @@ class Leaf:
         """What a value must be, in words."""
         if self.choices or self.kind is bool:
             return self.allowed
-        noun = "a whole number" if self.kind is int else "a finite number"
+        if self.kind is str:
+            return "a text"
+        noun = {int: "a whole number", tuple: "a list of finite numbers"}.get(self.kind, "a finite number")
         unit = "" if self.quantity.unit == "1" else self.quantity.unit
         return " ".join(word for word in (noun, self.allowed, unit) if word)
 
@@ -176,14 +189,14 @@ class Leaf:
     @property
     def is_number(self) -> bool:
         """Whether the value is a number at run time, and not a choice of structure."""
-        if Mark.DRAWN_AHEAD in self.marks or Mark.SHAPES_CODE in self.marks:
+        if Mark.SHAPES_CODE in self.marks or not self.marks.isdisjoint(AHEAD):
             return False
         return self.kind in {float, int} or Mark.SWITCH in self.marks
 
     @property
     def shapes_code(self) -> bool:
         """Whether another value is another compiled code."""
-        return not self.is_number and Mark.DRAWN_AHEAD not in self.marks and Mark.TIMING not in self.marks
+        return not self.is_number and self.marks.isdisjoint({*AHEAD, Mark.TIMING})
 
     @property
     def some_value(self) -> float:
@@ -200,10 +213,10 @@ class Leaf:
             return self.optional
         if self.choices:
             return value in self.choices
-        if self.kind is bool or isinstance(value, bool):
-            return self.kind is bool and isinstance(value, bool)
-        if self.kind is str:
-            return isinstance(value, str)
+        if self.kind in {bool, str} or isinstance(value, bool):
+            return self.kind in {bool, str} and isinstance(value, self.kind)
+        if self.kind is tuple:
+            return isinstance(value, (list, tuple)) and _all_kept(numbers_of(value), self.constraints)
         if not isinstance(value, Integral if self.kind is int else Real):
             return False
         return _finite(value) and all(_keeps(constraint, value) for constraint in self.constraints)
@@ -214,6 +227,12 @@ def _finite(value: Any) -> bool:
         return math.isfinite(value)
     except OverflowError:  # a whole number beyond every float
         return False
+
+
+@lru_cache(maxsize=64)
+def _all_kept(values: Numbers, constraints: tuple[at.BaseMetadata, ...]) -> bool:
+    numbers = Leaf("", Quantity("", ""), float, constraints=constraints)
+    return all(map(numbers.admits, values))
 
 
 def _keeps(constraint: at.BaseMetadata, value: Any) -> bool:

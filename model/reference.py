@@ -1,18 +1,27 @@
-"""Reference motions of the vehicle (paper Section 4.1, E5), as the paper has them or with bounded jerk.
+"""Reference motions of the vehicle: the paper's (Section 4.1, E5), through way-points, or from a file.
 
-With a jerk limit, every change of speed takes as long and as far as the paper's, but its acceleration rises and falls
-along straight ramps and is a little larger between them: an S-curve. Cruise, joints and end position stay exactly the
-paper's. The step of `uniform` becomes the shortest S-curve from rest to its speed, with no phase of constant
-acceleration.
+With a jerk limit, every change of the paper's speeds takes as long and as far as without, but its acceleration rises
+and falls along straight ramps and is a little larger between them: an S-curve. Cruise, joints and end position stay
+exactly the paper's. The step of `uniform` becomes the shortest S-curve from rest to its speed, with no phase of
+constant acceleration.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from os import fspath
+from pathlib import Path
 from typing import Annotated, Literal
 
 import annotated_types as at
 
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.motions.recorded import RecordedMotion, recorded_motion
+from dualwinch.model.motions.s_curve import least_duration, speed_up
+from dualwinch.model.motions.setpoint import Setpoint, piece_at
+from dualwinch.model.motions.way_points import Limits, Move, longest_cruise, moves, way_point_motion
+from dualwinch.model.numbers import NONE, numbers_of
 from dualwinch.model.quantity import Mark, Quantity
-from dualwinch.model.scalar import Scalar, maximum, sqrt, where
+from dualwinch.model.scalar import Scalar
+from dualwinch.model.signals.recording import Origin, Recording, recorded
 
 
 @dataclass(frozen=True)
@@ -20,14 +29,16 @@ class Reference:
     """Which motion the vehicle is asked to make."""
 
     kind: Annotated[
-        Literal["uniform", "profile"],
-        Quantity("", "constant speed from the start, or speed up, cruise and brake", "paper Section 4.1"),
+        Literal["uniform", "profile", "way-points", "file"],
+        Quantity(
+            "", "constant speed from the start; speed up, cruise and brake; rest to rest; recorded", "paper Section 4.1"
+        ),
         Mark.TIMING,
     ] = "profile"
     speed: Annotated[
         float | None,
         at.Gt(0),
-        Quantity("m/s", "constant speed (uniform: 1.5, profile: 1.8)", "paper Section 4.1"),
+        Quantity("m/s", "constant speed (uniform: 1.5, profile: 1.8, way-points: 1.8)", "paper Section 4.1"),
         Mark.DRAWN_AHEAD,
     ] = None
     accelerate_until: Annotated[
@@ -45,19 +56,94 @@ class Reference:
         Quantity("m/s^3", "bound on the rate of the reference acceleration (default: none, it steps)", "assumption"),
         Mark.DRAWN_AHEAD,
     ] = None
+    acceleration: Annotated[
+        float, at.Gt(0), Quantity("m/s^2", "way-points: largest acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
+    ] = 0.1
+    points: Annotated[
+        tuple[float, ...], at.Ge(0), Quantity("m", "way-points: positions to reach in turn, from 0"), Mark.DRAWN_AHEAD
+    ] = NONE
+    pauses: Annotated[
+        tuple[float, ...], at.Ge(0), Quantity("s", "way-points: rest at each point (default: none)"), Mark.DRAWN_AHEAD
+    ] = NONE
+    file: Annotated[str | None, Quantity("", "file: CSV or Parquet file that holds the motion"), Mark.FILE] = None
+    column: Annotated[
+        str | None,
+        Quantity("", "file: column of the position (default: the only one beside those named)"),
+        Mark.DRAWN_AHEAD,
+    ] = None
+    unit: Annotated[
+        str | None, Quantity("", "file: unit of the position, such as mm (default: as the file says)"), Mark.DRAWN_AHEAD
+    ] = None
+    speed_column: Annotated[
+        str | None, Quantity("", "file: column of the speed (default: the curve's own)"), Mark.DRAWN_AHEAD
+    ] = None
+    acceleration_column: Annotated[
+        str | None, Quantity("", "file: column of the acceleration (default: the curve's own)"), Mark.DRAWN_AHEAD
+    ] = None
+    time_column: Annotated[str, Quantity("", "file: column of the times"), Mark.DRAWN_AHEAD] = "t"
+    time_unit: Annotated[
+        str | None, Quantity("", "file: unit of the times (default: as the file says, else s)"), Mark.DRAWN_AHEAD
+    ] = None
+    digest: Annotated[
+        str | None, Quantity("", "file: of the numbers that were read; other ones are an error"), Mark.DIGEST
+    ] = None
+    recording: Annotated[Recording | None, Mark.CONTENT] = field(default=None, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Read the file, where it is the motion.
+
+        Raises:
+            ConfigurationError: it cannot be read.
+        """
+        keep = object.__setattr__
+        keep(self, "points", numbers_of(self.points))
+        keep(self, "pauses", numbers_of(self.pauses))
+        if self.file is not None:
+            keep(self, "file", str(Path(fspath(self.file)).absolute()))
+        if self.kind != "file" or self.file is None:
+            keep(self, "recording", None)
+            return
+        further = tuple(name for name in (self.speed_column, self.acceleration_column) if name is not None)
+        origin = Origin(self.file, self.time_column, self.time_unit, (self.column, *further))
+        recording = recorded(origin, self.recording, self.digest)
+        keep(self, "recording", recording)
+        keep(self, "digest", recording.digest)
+
+    @property
+    def moves(self) -> tuple[Move, ...]:
+        """The moves through the way-points."""
+        limits = Limits(cruise_speed(self), self.acceleration, self.jerk_limit)
+        return moves(self.points, self.pauses, limits)
+
+    @property
+    def recorded(self) -> RecordedMotion:
+        """The motion of the file.
+
+        Raises:
+            ConfigurationError: there is none, or a unit is not stated or is of another quantity.
+        """
+        if self.recording is None:
+            raise ConfigurationError('reference.file: must be given where reference.kind = "file"')
+        columns = [("m", self.unit)]
+        for name, si, unit in (("speed_column", "m/s", "/s"), ("acceleration_column", "m/s^2", "/s^2")):
+            if getattr(self, name) is not None:
+                columns.append((si, None if self.unit is None else self.unit + unit))
+        quantities, units = zip(*columns, strict=True)
+        return recorded_motion(self.recording, units, quantities)
 
 
-@dataclass(frozen=True)
-class Setpoint:
-    """Where the vehicle should be."""
-
-    x: Annotated[Scalar, Quantity("m", "reference position")]
-    v: Annotated[Scalar, Quantity("m/s", "reference speed")]
-    a: Annotated[Scalar, Quantity("m/s^2", "reference acceleration")]
-
-
-PAPER_SPEED = {"uniform": 1.5, "profile": 1.8}
+PAPER_SPEED = {"uniform": 1.5, "profile": 1.8, "way-points": 1.8, "file": 1.8}
 PAPER_DURATION = {"uniform": 25.0, "profile": 50.0}
+
+
+def own_duration(reference: Reference) -> float:
+    """How long in s a run lasts where nothing else is said: the paper's, else until the motion is over."""
+    if reference.kind == "way-points" and reference.points:
+        ended = reference.moves[-1].finish if reference.moves else 0.0
+        return ended + (reference.pauses[-1] if reference.pauses else 0.0)
+    if reference.recording is not None:
+        return float(reference.recording.t[-1])
+    return PAPER_DURATION.get(reference.kind, 50.0)
 
 
 def cruise_speed(reference: Reference) -> float:
@@ -68,8 +154,13 @@ def cruise_speed(reference: Reference) -> float:
 def steady_window(reference: Reference, duration: float) -> tuple[float, float]:
     """First and last time in s of the steady state: the constant-speed phase (A13).
 
-    For `uniform` that is the last fifth of the run, 20 to 25 s in the paper's cases.
+    For `uniform` that is the last fifth of the run, 20 to 25 s in the paper's cases; for way-points and files the
+    longest stretch of constant speed, and the whole run where there is none.
     """
+    if reference.kind in {"way-points", "file"}:
+        known = longest_cruise(reference.moves) if reference.kind == "way-points" else reference.recorded.longest_cruise
+        start, end = known or (0.0, duration)
+        return (start, min(end, duration)) if start < duration else (0.0, duration)
     if reference.kind == "uniform":
         return 0.8 * duration, duration
     return reference.accelerate_until, reference.cruise_until
@@ -78,13 +169,17 @@ def steady_window(reference: Reference, duration: float) -> tuple[float, float]:
 def setpoint(t: Scalar, reference: Reference) -> Setpoint:
     """Reference position, speed and acceleration at the time t in s; at a joint, of the piece before it."""
     speed, jerk_limit = cruise_speed(reference), reference.jerk_limit
+    if reference.kind == "file":
+        return reference.recorded.at(t)
+    if reference.kind == "way-points":
+        return way_point_motion(t, reference.moves, jerk_limit)
     if reference.kind == "uniform":
         cruise = Setpoint(speed * t, speed + 0.0 * t, 0.0 * t)
         if jerk_limit is None:
             return cruise
         start = least_duration(speed, jerk_limit)
         late = Setpoint(cruise.x - speed * start / 2, cruise.v, cruise.a)
-        return _piece_at(t, ((start, speed_up(t, start, speed, jerk_limit)),), late)
+        return piece_at(t, ((start, speed_up(t, start, speed, jerk_limit)),), late)
     t_1, t_2, t_3 = reference.accelerate_until, reference.cruise_until, reference.brake_until
     x_1 = speed * t_1 / 2
     x_2 = x_1 + speed * (t_2 - t_1)
@@ -95,50 +190,4 @@ def setpoint(t: Scalar, reference: Reference) -> Setpoint:
         (t_2, Setpoint(x_1 + speed * (t - t_1), speed, 0.0)),
         (t_3, Setpoint(x_3 - braking.x, braking.v, -braking.a)),
     )
-    return _piece_at(t, pieces, Setpoint(x_3, 0.0, 0.0))
-
-
-def least_duration(speed: Scalar, jerk_limit: Scalar) -> Scalar:
-    """Shortest time in s from rest to a speed in m/s with a jerk limit in m/s³."""
-    return 2 * sqrt(speed / jerk_limit)
-
-
-def speed_up(t: Scalar, duration: Scalar, speed: Scalar, jerk_limit: Scalar | None) -> Setpoint:
-    """Motion from rest at t = 0 to a speed in a given time, over ``speed * duration / 2`` whatever the jerk limit.
-
-    Args:
-        t: time in s, 0 to `duration`.
-        duration: in s, at least `least_duration` where there is a jerk limit.
-        speed: at the end, in m/s.
-        jerk_limit: slope in m/s³ of the acceleration's two ramps; ``None``: constant acceleration.
-    """
-    if jerk_limit is None:
-        acceleration = speed / duration
-        return Setpoint(acceleration * t**2 / 2, acceleration * t, acceleration)
-    # ramp * (duration - ramp) * jerk_limit = speed; the root is written without a difference of nearly equal numbers
-    spare = maximum(duration**2 - 4 * speed / jerk_limit, 0.0)
-    ramp = 2 * speed / jerk_limit / (duration + sqrt(spare))
-    acceleration, after, left = jerk_limit * ramp, t - ramp, duration - t
-    rising = Setpoint(jerk_limit * t**3 / 6, jerk_limit * t**2 / 2, jerk_limit * t)
-    gained = jerk_limit * ramp**2 / 2
-    steady = Setpoint(
-        gained * ramp / 3 + gained * after + acceleration * after**2 / 2, gained + acceleration * after, acceleration
-    )
-    falling = Setpoint(
-        speed * duration / 2 - speed * left + jerk_limit * left**3 / 6,
-        speed - jerk_limit * left**2 / 2,
-        jerk_limit * left,
-    )
-    return _piece_at(t, ((ramp, rising), (duration - ramp, steady)), falling)
-
-
-def _piece_at(t: Scalar, pieces: tuple[tuple[Scalar, Setpoint], ...], last: Setpoint) -> Setpoint:
-    """The piece whose end is the first not before t, or the last one, which has no end."""
-    found = last
-    for end, piece in reversed(pieces):
-        found = Setpoint(
-            x=where(t <= end, piece.x, found.x),
-            v=where(t <= end, piece.v, found.v),
-            a=where(t <= end, piece.a, found.a),
-        )
-    return found
+    return piece_at(t, pieces, Setpoint(x_3, 0.0, 0.0))

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from dualwinch.model.part import Choice, Part
-from dualwinch.model.quantity import Key
+from dualwinch.model.quantity import Key, Mark
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Slot:
 
 @cache
 def slots(group: type, prefix: str) -> tuple[Slot, ...]:
-    """The fields of a group type whose keys begin with a prefix, in declaration order."""
+    """The fields with keys of a group type, whose keys begin with a prefix, in declaration order."""
     hints, declared = get_type_hints(group, include_extras=True), fields(group)
     own = f"{prefix}{group.table()}." if issubclass(group, Part) else prefix
     found = []
@@ -51,6 +51,8 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
         hint, metadata = hints[field.name], ()
         if get_origin(hint) is Annotated:
             hint, *metadata = get_args(hint)
+        if Mark.CONTENT in metadata:
+            continue
         given = next((item.name for item in metadata if isinstance(item, Key)), None)
         choice = next((item for item in metadata if isinstance(item, Choice)), None)
         found.append(
@@ -62,7 +64,7 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
                 key=own + field.name if given is None else prefix + given,
                 below=f"{prefix}{given or field.name}.",
                 beside=prefix,
-                plain=all(option in PLAIN for option in get_args(hint) or (hint,)) or get_origin(hint) is Literal,
+                plain=hint in PLAIN or get_origin(hint) is Literal or _all_plain(get_args(hint)),
                 choice=choice,
                 choice_key=prefix + choice.key if choice else "",
             )
@@ -70,5 +72,9 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
     return tuple(found)
 
 
-PLAIN = (float, int, bool, str, type(None))
-"""Types of scalars."""
+def _all_plain(options: tuple[Any, ...]) -> bool:
+    return bool(options) and all(option in PLAIN for option in options)
+
+
+PLAIN = (float, int, bool, str, tuple[float, ...], type(None))
+"""Types of scalars; a list of numbers counts as one."""

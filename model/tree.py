@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 from dualwinch.model.arrays import elements, is_array, rebuilt
 from dualwinch.model.description import describe_parts
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.part import Part
 from dualwinch.model.quantity import Rule
 from dualwinch.model.slots import slots
@@ -56,7 +57,7 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         prefix: what the keys of this group begin with, e.g. ``"plant."``.
 
     Raises:
-        ConfigurationError: a part of an unknown kind.
+        ConfigurationError: a part of an unknown kind, or what a group says of its values when it is made.
     """
     changes: dict[str, Any] = {}
     for slot in slots(type(group), prefix):
@@ -77,7 +78,17 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
             changes[slot.field] = rebuilt(value, lambda end, key=slot.key, kept=kept: values.get(key + end, kept[end]))
         elif slot.key in values:
             changes[slot.field] = values[slot.key]
-    return replace(group, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    return _changed(group, changes, prefix)
+
+
+def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
+    """A copy with some fields changed; what the group says of its own values, it says with its key."""
+    try:
+        return replace(group, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    except ConfigurationError as error:
+        if not prefix:
+            raise
+        raise ConfigurationError(f"{prefix[:-1]}: {error}") from error
 
 
 def numbers(group: Any, prefix: str = "") -> dict[str, Any]:

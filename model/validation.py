@@ -4,6 +4,7 @@ from typing import Any
 
 from dualwinch.model.description import describe_parts
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.numbers import numbers_of
 from dualwinch.model.quantity import Leaf
 from dualwinch.model.tree import pairs, rules
 
@@ -27,6 +28,8 @@ def validated(leaf: Leaf, value: Any) -> Any:
     """
     if not leaf.admits(value):
         raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}")
+    if leaf.kind is tuple:
+        return numbers_of(value)
     return float(value) if leaf.kind is float and value is not None else value
 
 

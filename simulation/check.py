@@ -4,8 +4,11 @@ import math
 import os
 from functools import lru_cache
 
+from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.reference import cruise_speed, least_duration, setpoint
+from dualwinch.model.motions.s_curve import least_duration
+from dualwinch.model.reference import Reference, cruise_speed, setpoint
+from dualwinch.model.rope import Track
 from dualwinch.model.validation import check_rules
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, swing_rate
@@ -20,7 +23,10 @@ LONGEST = 10**9
 def check(experiment: Experiment) -> None:
     """Raise `ConfigurationError` where the values of an experiment do not fit together."""
     check_rules(experiment)
+    _check_points(experiment.reference, experiment.plant.track)
+    _check_rows(experiment.reference, experiment.plant.track)
     _check_time(experiment)
+    _check_signals(experiment)
     try:
         _check_reference(experiment)
         _check_substeps(experiment)
@@ -39,6 +45,47 @@ def _check_time(experiment: Experiment) -> None:
         )
 
 
+def _check_signals(experiment: Experiment) -> None:
+    last = (experiment.samples - 1) * experiment.simulation.sample_time
+    for name, (signal, unit) in given_signals(experiment.disturbance).items():
+        try:
+            signal.check(unit, last)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"disturbance.{name}: {error}") from error
+
+
+def _check_points(reference: Reference, track: Track) -> None:
+    if reference.kind != "way-points":
+        return
+    if not any(reference.points):
+        raise ConfigurationError("reference.points: must be one position or more, away from 0 m")
+    if reference.pauses and len(reference.pauses) != len(reference.points):
+        raise ConfigurationError(
+            f"reference.pauses: has {len(reference.pauses)} numbers: must have {len(reference.points)}, one a point"
+        )
+    for index, point in enumerate(reference.points):
+        if point > track.length:
+            raise ConfigurationError(
+                f"reference.points[{index}] = {point:g}: must be <= plant.track.length = {track.length:g} m"
+            )
+
+
+def _check_rows(reference: Reference, track: Track) -> None:
+    if reference.kind != "file":
+        return
+    try:
+        motion = reference.recorded
+    except ConfigurationError as error:
+        raise ConfigurationError(f"reference: {error}".replace("reference: reference.", "reference.")) from error
+    off = (motion.x < 0) | (motion.x > track.length)
+    if off.any():
+        row = int(off.argmax())
+        raise ConfigurationError(
+            f"reference.file: {reference.file}: x = {motion.x[row]:g} m at t = {motion.t[row]:g} s: must be 0 to "
+            f"plant.track.length = {track.length:g} m"
+        )
+
+
 def _check_reference(experiment: Experiment) -> None:
     reference, track = experiment.reference, experiment.plant.track
     if reference.kind == "profile":
@@ -48,7 +95,8 @@ def _check_reference(experiment: Experiment) -> None:
                 "reference.accelerate_until, cruise_until, brake_until = "
                 f"{times[0]:g}, {times[1]:g}, {times[2]:g}: must be in ascending order"
             )
-    _check_jerk(experiment)
+    if reference.kind in {"uniform", "profile"}:
+        _check_jerk(experiment)
     end = float(setpoint(experiment.duration, reference).x)
     if end > track.length:
         raise ConfigurationError(

@@ -9,7 +9,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantity import Mark, Quantity
-from dualwinch.model.reference import PAPER_DURATION, Reference, steady_window
+from dualwinch.model.reference import Reference, own_duration, steady_window
 from dualwinch.model.validation import check_values
 from dualwinch.simulation.exogenous.sensors import Sensors
 
@@ -24,7 +24,7 @@ class Simulation:
     duration: Annotated[
         float | None,
         at.Gt(0),
-        Quantity("s", "length of the run (default: uniform 25, profile 50)", "paper 4.1"),
+        Quantity("s", "length of the run (default: uniform 25, profile 50, else that of the motion)", "paper 4.1"),
         Mark.TIMING,
     ] = None
     delay_samples: Annotated[
@@ -67,7 +67,7 @@ class Experiment:
     def duration(self) -> float:
         """Length of the run in s: the given one, else the reference's own."""
         given = self.simulation.duration
-        return PAPER_DURATION[self.reference.kind] if given is None else given
+        return own_duration(self.reference) if given is None else given
 
     @property
     def samples(self) -> int:

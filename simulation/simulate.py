@@ -10,7 +10,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.simulation.check import check, check_memory
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import EngineName, engine
 from dualwinch.simulation.loop.metrics import metrics_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
@@ -51,7 +51,7 @@ def simulate(
     check(experiment)
     values = parameters_of(experiment, nominal)
     structure = structure_of(experiment)
-    loop = closed_loop(structure, zeros_of(structure, values))
+    loop = closed_loop(structure, zeros_of(structure, values) | absent_signals(experiment))
     check_memory(experiment.samples, stride, len(loop.columns))
     run = engine(loop, engine_name)
     parameters = loop.vector(values)

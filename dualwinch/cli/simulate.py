@@ -14,6 +14,8 @@ app = App(
     dualwinch simulate --case 4
     dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
     dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
+    dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
+    dualwinch simulate --set reference.kind=way-points --set reference.points=[20,5,40] --set reference.jerk_limit=0.2
     dualwinch simulate --ensemble sea --scenarios 100 --seed 7 --out sea.csv --plot sea.png
 """,
 )

@@ -8,7 +8,7 @@ from dualwinch.config.settings import leaf_of
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantity import Leaf, Mark
-from dualwinch.model.tree import leaves
+from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.model.validation import validated
 from dualwinch.simulation.ensembles.distributions import Choice, Distribution, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn
@@ -114,7 +114,7 @@ def check_range(key: str, drawn: Drawn, experiment: Experiment) -> None:
         raise ConfigurationError(f'{key}: has no nominal value of its own; give bounds without of = "nominal"')
     for end in drawn.ends(nominal):
         try:
-            validated(leaf_of(key, experiment), end)
+            with_leaves(experiment, {key: validated(leaf_of(key, experiment), end)})
         except ConfigurationError as error:
             raise ConfigurationError(f"{key}: its distribution reaches a value that is not allowed: {error}") from error
 

@@ -11,7 +11,7 @@ from typing import Any
 from dualwinch.config.distribution_entries import SHAPES, check_range, drawn_from, entry_of
 from dualwinch.config.experiment_file import from_table, to_toml
 from dualwinch.config.renamed import current
-from dualwinch.config.settings import known_keys, override
+from dualwinch.config.settings import from_folder, known_keys, override
 from dualwinch.config.toml_text import Source, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
@@ -86,8 +86,15 @@ def _from_source(source: Source, base: Experiment | None, name: str) -> Ensemble
     distributions: dict[str, Drawn] = {}
     for key, entry in _entries(entries):
         with source.located(f"distributions.{key}"):
-            distributions[current(key)] = drawn_from(current(key), entry, experiment)
+            distributions[current(key)] = drawn_from(current(key), _located(key, entry, source), experiment)
     return Ensemble(heading.get("name", name), heading.get("description", ""), experiment, distributions)
+
+
+def _located(key: str, entry: Any, source: Source) -> Any:
+    """An entry with the files among its choices relative to the ensemble's own."""
+    if not (isinstance(entry, dict) and isinstance(entry.get("choice"), list)):
+        return entry
+    return entry | {"choice": [from_folder({key: value}, source.folder)[key] for value in entry["choice"]]}
 
 
 def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:

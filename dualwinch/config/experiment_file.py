@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
-from dualwinch.config.settings import override, with_settings
+from dualwinch.config.settings import from_folder, override, with_settings, without_digests
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
 from dualwinch.model.description import describe_parts
 from dualwinch.model.quantity import Leaf
@@ -51,16 +51,21 @@ def from_table(
     table: Mapping[str, Any], source: Source, base: Experiment, settings: Mapping[str, Any] | None = None
 ) -> Experiment:
     """The experiment of a TOML table, as `load` gives it."""
-    values, settings = dict(flattened(table)), dict(settings or {})
+    values, settings = from_folder(dict(flattened(table)), source.folder), dict(settings or {})
     with_settings(base, values, source.located)  # what is wrong with the file is said of the file
-    experiment, _ = with_settings(base, values | settings)
+    experiment, _ = with_settings(base, without_digests(values) | settings)
     return override(experiment, settings)
+
+
+WIDEST = 60
+"""Characters of an entry, such as a long list, that the comments beside the others still stand back for."""
 
 
 def to_toml(experiment: Experiment) -> str:
     """The complete experiment as TOML; each key with unit, meaning, source and range as a comment.
 
     A value that is taken from elsewhere stands as a comment with the value it takes, one that is not given without.
+    Paths of files are absolute, and digests say what was read from them.
     """
     values, taken = leaves(experiment), _taken_from_elsewhere(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
@@ -73,7 +78,7 @@ def to_toml(experiment: Experiment) -> str:
         tables.setdefault(table, []).append((entry, _comment(leaf)))
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
     for table, entries in tables.items():
-        width = max(len(entry) for entry, _ in entries)
+        width = min(max(len(entry) for entry, _ in entries), WIDEST)
         lines += ["", f"[{table}]", *(f"{entry:<{width}}  # {comment}" for entry, comment in entries)]
     return "\n".join(lines) + "\n"
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from typing import Any
 
 from dualwinch.config.renamed import current
@@ -56,18 +57,55 @@ def with_settings(
     given = {current(key): key for key in values}
     values = {current(key): value for key, value in values.items()}
     checked: dict[str, Any] = {}
+
+    def located_now(key: str) -> AbstractContextManager[None]:
+        return located(given[key])
+
     for describe_those in (describe_choices, describe_parts):  # parts first: they say which gains there are
         known = describe_those(experiment)
         for key, value in values.items():
             if key in known and key not in checked:
                 with located(given[key]):
                     checked[key] = validated(known[key], value)
-        experiment = with_leaves(experiment, checked)
+        experiment = with_leaves(_with_files(experiment, checked, located_now), checked)
     idle = [key for key in values if key not in checked]
     for key in idle:
         with located(given[key]):
             validated(leaf_of(key, experiment), values[key])
     return experiment, idle
+
+
+def _with_files(
+    experiment: Experiment, values: Mapping[str, Any], located: Callable[[str], AbstractContextManager[None]]
+) -> Experiment:
+    """The experiment with the files among some values read, what is wrong with one said of its key."""
+    known = describe_parts(experiment)
+    for key in values:
+        if Mark.FILE in known[key].marks:
+            table = key.rpartition(".")[0] + "."
+            with located(key):
+                experiment = with_leaves(experiment, {k: v for k, v in values.items() if k.startswith(table)})
+    return experiment
+
+
+def from_folder(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Values of a file, the paths among them relative to its folder."""
+    return {key: _from_folder(value, folder) if Mark.FILE in marks_of(key) else value for key, value in values.items()}
+
+
+def _from_folder(value: Any, folder: Path) -> Any:
+    return str(folder / value) if isinstance(value, str) else value
+
+
+def without_digests(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values without those that say what was read: where a setting names another file, they are another file's."""
+    return {key: value for key, value in values.items() if Mark.DIGEST not in marks_of(key)}
+
+
+def marks_of(key: str) -> frozenset[Mark]:
+    """What else a key is; nothing where it names nothing."""
+    leaf = known_keys().get(current(key))
+    return leaf.marks if leaf else frozenset()
 
 
 def describe_choices(experiment: Experiment) -> dict[str, Leaf]:

@@ -1,5 +1,6 @@
 """TOML as text: read with errors that name file and line, and written value by value."""
 
+import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -19,10 +20,12 @@ class Source:
     Attributes:
         name: what errors call it, such as the file's path.
         text: the text itself.
+        folder: what paths in it are relative to.
     """
 
     name: str
     text: str
+    folder: Path = Path()
 
     def table(self) -> dict[str, Any]:
         """The content.
@@ -52,7 +55,7 @@ def read_source(path: str | PathLike[str]) -> Source:
     """
     path = Path(path)
     try:
-        return Source(str(path), path.read_text(encoding="utf-8"))
+        return Source(str(path), path.read_text(encoding="utf-8"), path.parent)
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -90,7 +93,9 @@ def toml_value(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, float) and abs(value) >= 1e6 and float(f"{value:g}") == value:
         return f"{value:g}"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(toml_value, value))}]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
 
 
 def _line_of(key: str, text: str) -> str:

@@ -59,13 +59,11 @@ def _solver(instants: int, step: float) -> ca.Function:
     """The optimal control problem: deviations from the reference in mm at so many instants, `step` s apart."""
     law = force_law()
     deviation = ca.SX.sym("deviation", 1, instants)
-    outside, parameters = ca.SX.sym("outside", 6, instants), ca.SX.sym("parameters", law.numel_in(1))
+    outside, parameters = ca.SX.sym("outside", 7, instants), ca.SX.sym("parameters", law.numel_in(1))
     e = deviation / MILLIMETRES
     before, now, after = e[:, :-2], e[:, 1:-1], e[:, 2:]
-    t, x, v, a, current, load = ca.vertsplit(outside[:, 1:-1])
-    moved = ca.vertcat(
-        t, x + now, v + (after - before) / (2 * step), a + (after - 2 * now + before) / step**2, current, load
-    )
+    t, x, v, a, *sea = ca.vertsplit(outside[:, 1:-1])
+    moved = ca.vertcat(t, x + now, v + (after - before) / (2 * step), a + (after - 2 * now + before) / step**2, *sea)
     problem = {
         "x": ca.vec(deviation),
         "p": ca.vertcat(ca.vec(outside), parameters),

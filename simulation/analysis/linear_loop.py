@@ -30,6 +30,7 @@ INPUTS = {
     "reference.a": ("a_ref", "m/s^2"),
     "current": ("current", "m/s"),
     "normal_force_variation": ("normal_force_variation", "N"),
+    "force": ("force", "N"),
     "noise.position": ("position_noise", "m"),
     "noise.speed": ("speed_noise", "m/s"),
     "noise.tension_1": ("tension_1_noise", "N"),

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant, PlantState, tensions
@@ -149,10 +150,9 @@ def _least_step(matrix: Floats, change: Floats) -> Floats:
 
 
 def _calm(experiment: Experiment) -> Experiment:
-    disturbance = replace(experiment.disturbance, vortex=False, current_sigma=0.0, normal_force_sigma=0.0)
     # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
     sensors = Sensors(position_noise=1.0, speed_noise=1.0, tension_noise=1.0)
-    return replace(experiment, disturbance=disturbance, sensors=sensors)
+    return replace(experiment, disturbance=Disturbance(), sensors=sensors)
 
 
 def _check(experiment: Experiment, v: float) -> None:

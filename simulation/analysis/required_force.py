@@ -33,12 +33,12 @@ def required_force(experiment: Experiment, every: int = EVERY) -> Floats:
 
 
 def outside_at(experiment: Experiment, every: int) -> Floats:
-    """What `force_law` receives at every so many samples, (6, instants)."""
+    """What `force_law` receives at every so many samples, (7, instants)."""
     simulation = experiment.simulation
     t = np.arange(0, experiment.samples, every) * simulation.sample_time
     wanted = setpoint(t, experiment.reference)
-    current, load = (signal[::every] for signal in sea_signals(experiment))
-    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), current, load], dtype=np.float64)
+    sea = [signal[::every] for signal in sea_signals(experiment)]
+    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), *sea], dtype=np.float64)
 
 
 def within_authority(experiment: Experiment) -> bool:
@@ -75,15 +75,15 @@ def force_parameters(experiment: Experiment) -> Floats:
 
 @cache
 def force_law() -> ca.Function:
-    """``force(outside, parameters)`` of time, position, speed, acceleration, current and change of the rail load."""
+    """``force(outside, parameters)`` of time, position, speed, acceleration and what acts on the vehicle (`Sea`)."""
     plant, p = symbolic_plant(rope_slack=True)
-    vortices, outside = numbers(Disturbance()), ca.SX.sym("outside", 6)
+    vortices, outside = numbers(Disturbance()), ca.SX.sym("outside", 7)
     switches = ca.SX.sym("switches", len(vortices))
     disturbance = with_leaves(Disturbance(), dict(zip(vortices, ca.vertsplit(switches), strict=True)))
-    t, x, v, a, current, load = ca.vertsplit(outside)
+    t, x, v, a, push, current, load = ca.vertsplit(outside)
     vehicle = plant.vehicle
     vortex = vortex_force(t, v, _phase(x, disturbance, vehicle), disturbance, vehicle)
-    free = vehicle_acceleration(v, 0.0, Environment(vortex, current, load), vehicle)
+    free = vehicle_acceleration(v, 0.0, Environment(push + vortex, current, load), vehicle)
     force = inertia(vehicle) * (a - free)
     for winch, way in ((plant.winch_1, 1), (plant.winch_2, -1)):
         turn = way / winch.drum_radius

@@ -10,7 +10,7 @@ from dualwinch.simulation.batch.request import check_batch
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.exogenous.kept_signals import signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop
 from dualwinch.simulation.loop.start import starts
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 
@@ -25,7 +25,7 @@ class Pairs:
         values: (n, names).
         experiments: of the scenarios.
         structure, loop: the closed loop of them all.
-        zeros: parameters that are zero in all scenarios and do not vary; the loop leaves out what they multiply.
+        zeros: parameters and signals that are zero in all scenarios and do not vary; the loop leaves them out.
         indices: (set, scenario) of all pairs, a scenario's together; (pairs, 2).
     """
 
@@ -44,6 +44,7 @@ class Pairs:
         drawn = {key for given in scenarios if isinstance(given, Scenario) for key in given.draws}
         self.structure = structure_of(self.experiments[0])
         self.zeros = zeros_of(self.structure, *numbers, varying=[*names, *drawn])
+        self.zeros |= absent_signals(*self.experiments)
         self.loop = closed_loop(self.structure, self.zeros)
         self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])

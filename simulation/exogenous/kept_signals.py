@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.simulation.batch.cores import cores
-from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.exogenous.signals import SIGNALS, exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
-SHARE = 2**22
+SHARE = 8 * SIGNALS * 50_000
 """Bytes of a scenario of 50 s at 1 kHz. A shorter one counts for as many: a portion's scenarios are kept, not more."""
 
 ROOM = 32 * cores() * SHARE

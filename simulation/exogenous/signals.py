@@ -1,12 +1,13 @@
-"""Signals a run receives from outside, drawn sample by sample ahead of it: reference, sea, sensor noise."""
+"""Signals a run receives from outside, drawn or read sample by sample ahead of it: reference, sea, sensor noise."""
 
 from collections.abc import Iterator
 from functools import lru_cache, partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.disturbance import given_signals
 from dualwinch.model.reference import Reference, Setpoint, setpoint
 from dualwinch.model.tree import leaves
 from dualwinch.simulation.exogenous.sensors import Noise
@@ -53,6 +54,17 @@ class GaussMarkov:
         return self.sigma * np.asarray(values)
 
 
+class Sea(NamedTuple):
+    """What acts on the vehicle, sample by sample, each (samples,): random and given signals together."""
+
+    force: Floats
+    """in N, along the track."""
+    current: Floats
+    """in m/s, along the track."""
+    normal_force_variation: Floats
+    """change of the force on the rail in N."""
+
+
 class _Outside:
     """The signals of an experiment, drawn chunk after chunk.
 
@@ -73,24 +85,31 @@ class _Outside:
         ]
         self._experiment = experiment
 
-    def sea(self, samples: int) -> tuple[Floats, Floats]:
-        """Current in m/s and change of the rail load in N, each (samples,): the next to be drawn."""
-        limit = self._experiment.disturbance.current_limit
-        current = self._current.draw(samples).clip(-limit, limit) if self._current.sigma > 0 else np.zeros(samples)
-        return current, self._load.draw(samples) if self._load.sigma > 0 else np.zeros(samples)
+    def sea(self, start: int, samples: int) -> Sea:
+        """What acts on the vehicle from the sample `start` on, the next to be drawn."""
+        disturbance = self._experiment.disturbance
+        t: Floats = np.arange(start, start + samples, dtype=np.float64) * self._experiment.simulation.sample_time
+        given = {name: signal.sampled(t, unit) for name, (signal, unit) in given_signals(disturbance).items()}
+        limit = disturbance.current_limit
+        if self._current.sigma > 0:
+            given["current"] += self._current.draw(samples).clip(-limit, limit)
+        if self._load.sigma > 0:
+            given["normal_force_variation"] += self._load.draw(samples)
+        return Sea(**given)
 
     def fill(self, table: Floats, start: int) -> None:
         """Fill a table (samples, exogenous) with the signals from the sample `start` on, the next to be drawn."""
         n, experiment = len(table), self._experiment
-        current, load = self.sea(n)
+        sea = self.sea(start, n)
         x, v, a, steady = _reference(
             experiment.reference, experiment.steady_window, experiment.simulation.sample_time, start, n
         )
         signals = Exogenous(
             reference=Setpoint(x, v, a),
             noise=Noise(*(drawn.standard_normal(n) if sigma > 0 else 0.0 for drawn, sigma in self._noise)),
-            current=current,
-            normal_force_variation=load,
+            current=sea.current,
+            normal_force_variation=sea.normal_force_variation,
+            force=sea.force,
             steady=steady,
         )
         for column, values in zip(table.T, leaves(signals, whole=True).values(), strict=True):
@@ -127,6 +146,6 @@ def exogenous_signals(experiment: Experiment) -> Floats:
     return next(exogenous_pieces(experiment, experiment.samples))
 
 
-def sea_signals(experiment: Experiment) -> tuple[Floats, Floats]:
-    """Current in m/s and change of the rail load in N over a whole run, each (samples,), as `exogenous_signals`."""
-    return _Outside(experiment).sea(experiment.samples)
+def sea_signals(experiment: Experiment) -> Sea:
+    """What acts on the vehicle over a whole run, as `exogenous_signals`."""
+    return _Outside(experiment).sea(0, experiment.samples)

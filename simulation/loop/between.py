@@ -24,6 +24,7 @@ class ZeroOrderHold:
     torques: Torques
     current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")]
     normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")]
+    force: Annotated[Scalar, Quantity("N", "force on the vehicle along the track, beside the vortex force")]
 
 
 def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
@@ -32,14 +33,14 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
         t=hold.t,
         duration=duration,
         torques=hold.torques,
-        environment=Environment(current=hold.current, normal_force_variation=hold.normal_force_variation),
+        environment=Environment(hold.force, hold.current, hold.normal_force_variation),
         disturbance=disturbance,
         plant=plant,
     )
 
 
 MOTION_TEMPLATE = Motion(PlantState(*[0.0] * 6))
-HOLD_TEMPLATE = ZeroOrderHold(t=0.0, torques=Torques(0.0, 0.0), current=0.0, normal_force_variation=0.0)
+HOLD_TEMPLATE = ZeroOrderHold(t=0.0, torques=Torques(0.0, 0.0), current=0.0, normal_force_variation=0.0, force=0.0)
 """What names the elements of the vectors between two samples; its numbers mean nothing."""
 
 

@@ -38,7 +38,18 @@ class Exogenous:
     noise: Noise = field(default_factory=Noise)
     current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")] = 0.0
     normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
+    force: Annotated[Scalar, Quantity("N", "force on the vehicle along the track")] = 0.0
     steady: Annotated[Scalar, Quantity("1", "1 in the steady-state window")] = 0.0
+
+
+FORCE = "force"
+"""Signal that is hardly ever there: code of its own leaves it out."""
+
+
+def absent_signals(*experiments: Experiment) -> frozenset[str]:
+    """Signals from outside that are zero for good in all of some experiments; what they add can be left out."""
+    given = any(experiment.disturbance.force.given for experiment in experiments)
+    return frozenset() if given else frozenset({FORCE})
 
 
 @dataclass(frozen=True)
@@ -99,8 +110,8 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts:
 
     Args:
         structure: what shapes them.
-        zeros: names of parameters that are zero for good (`structure.zeros_of`): the functions leave out what these
-            multiply and do not look at their values.
+        zeros: names of parameters that are zero for good (`structure.zeros_of`), and of signals that are
+            (`absent_signals`): the functions leave out what these multiply or add and do not look at their values.
         cuts: some of `JOINTS`, to have the loop cut there for analysis: what leaves the cuts is then a fourth input,
             ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``, of
             `sample`.
@@ -122,6 +133,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     of_state, outside, values = (
         dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
     )
+    outside |= {name: ca.SX(0) for name in zeros & outside.keys()}
     if cuts:
         symbols["cut"] = ca.vertcat(*injected.values())
     values |= dict.fromkeys(zeros, ca.SX(0))
@@ -159,10 +171,13 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         torques=Torques(queue[0], queue[1]),
         current=exogenous.current,
         normal_force_variation=exogenous.normal_force_variation,
+        force=exogenous.force,
     )
     disturbance = with_leaves(template.disturbance, values, "disturbance.")
 
     def problem(hold: ZeroOrderHold) -> Problem:
+        if FORCE in zeros:
+            hold = replace(hold, force=0.0)
         return problem_of(hold, sample_time, plant, disturbance)
 
     environment = problem(hold).environment_at(hold.t, plant_state.v, state.motion.phase)

@@ -23,12 +23,15 @@ def scenario(experiment: Experiment) -> str:
     disturbance = experiment.disturbance
     sources = {
         "vortex shedding": disturbance.vortex,
-        "current": disturbance.current_sigma > 0,
-        "varying rail load": disturbance.normal_force_sigma > 0,
+        "current": disturbance.current_sigma > 0 or disturbance.current.given,
+        "varying rail load": disturbance.normal_force_sigma > 0 or disturbance.normal_force_variation.given,
+        "given force": disturbance.force.given,
     }
     words = [name for name, present in sources.items() if present]
-    reference = {"uniform": "uniform speed", "profile": "profile"}[experiment.reference.kind]
-    return ", ".join([reference, *(words or ["no disturbance"])])
+    reference = {"uniform": "uniform speed", "file": "recorded motion"}
+    return ", ".join(
+        [reference.get(experiment.reference.kind, experiment.reference.kind), *(words or ["no disturbance"])]
+    )
 
 
 def headings(experiments: Sequence[Experiment], content: str, words: str) -> tuple[str, str]:

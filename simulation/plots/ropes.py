@@ -66,7 +66,8 @@ def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
     """
     if experiment.reference.kind == "uniform":
         return 0.0, START_UP, 0.0, "start-up"
-    joint = experiment.reference.cruise_until
+    reference = experiment.reference
+    joint = reference.cruise_until if reference.kind == "profile" else experiment.steady_window[1]
     return joint + BRAKING[0], joint + BRAKING[1], joint, "braking begins"
 
 

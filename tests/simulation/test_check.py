@@ -141,7 +141,7 @@ OUT_OF_RANGE: dict[str, tuple[Callable[[], Experiment], str]] = {
     ),
     "word": (
         lambda: Experiment(reference=Reference(kind="ramp")),  # pyright: ignore[reportArgumentType]
-        'reference.kind = "ramp": must be "uniform" or "profile"',
+        'reference.kind = "ramp": must be "uniform" or "profile" or "way-points" or "file"',
     ),
 }
 

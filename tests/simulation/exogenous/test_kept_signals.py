@@ -25,7 +25,7 @@ def test_there_is_room_for_a_portion_a_thread() -> None:
 def test_a_short_scenario_counts_for_a_long_one() -> None:
     """Else short ones without number would be kept, and memory grow with them."""
     assert size(exogenous_signals(scenario(0))) == size(exogenous_signals(case(4)))
-    assert size(exogenous_signals(override(case(4), {"simulation.sample_time": 5e-4}))) == 8e6
+    assert size(exogenous_signals(override(case(4), {"simulation.sample_time": 5e-4}))) == 8.8e6
 
 
 def test_signals_are_kept_for_all_controllers_of_a_scenario() -> None:

@@ -1,0 +1,1 @@
+"""Motions that a reference can ask for: S-curves, way-points, recorded ones."""

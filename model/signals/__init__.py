@@ -1,0 +1,1 @@
+"""Given signals: numbers over the time, from files or arrays, in named units."""

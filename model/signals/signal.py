@@ -1,0 +1,166 @@
+"""A given signal: numbers over the time, from a file or from arrays, for what acts on the plant from outside."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.numbers import NONE, Numbers, numbers_of
+from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.signals.recording import Origin, Recording, recorded
+
+Floats = NDArray[np.float64]
+
+Interpolation: TypeAlias = Literal["linear", "previous"]
+Beyond: TypeAlias = Literal["hold", "zero", "error"]
+
+EARLY = 1e-9
+"""Time in s by which a value counts before its own time: instants of samples are rounded."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal given as numbers over the time; without any it is zero throughout.
+
+    A file is read when the signal is made, once: whatever is run with the signal afterwards, also a copy with other
+    values, has the numbers that were read. Two signals are equal where their numbers are.
+    """
+
+    file: Annotated[
+        str | None, Quantity("", "CSV or Parquet file that holds the signal (default: none)"), Mark.FILE
+    ] = None
+    column: Annotated[
+        str | None,
+        Quantity("", "its column in the file (default: the only one beside the times)"),
+        Mark.DRAWN_AHEAD,
+    ] = None
+    unit: Annotated[
+        str | None, Quantity("", "its unit, such as kN or km/h (default: as the file says)"), Mark.DRAWN_AHEAD
+    ] = None
+    scale: Annotated[float, Quantity("1", "what it is multiplied by"), Mark.DRAWN_AHEAD] = 1.0
+    interpolation: Annotated[
+        Interpolation, Quantity("", "between two times: straight lines, or the value before"), Mark.DRAWN_AHEAD
+    ] = "linear"
+    beyond: Annotated[
+        Beyond,
+        Quantity("", "before the first time and after the last: the value there, 0, or no run"),
+        Mark.DRAWN_AHEAD,
+    ] = "hold"
+    time_column: Annotated[str, Quantity("", "column of the times in the file"), Mark.DRAWN_AHEAD] = "t"
+    time_unit: Annotated[
+        str | None, Quantity("", "unit of the times (default: as the file says, else s)"), Mark.DRAWN_AHEAD
+    ] = None
+    times: Annotated[tuple[float, ...], Quantity("", "instead of a file: the times, ascending"), Mark.DRAWN_AHEAD] = (
+        NONE
+    )
+    values: Annotated[
+        tuple[float, ...], Quantity("", "instead of a file: the values at these times"), Mark.DRAWN_AHEAD
+    ] = NONE
+    digest: Annotated[
+        str | None, Quantity("", "of the numbers that were read; other ones are an error (default: any)"), Mark.DIGEST
+    ] = None
+    recording: Annotated[Recording | None, Mark.CONTENT] = field(default=None, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Read the numbers.
+
+        Raises:
+            ConfigurationError: they cannot be read, or make no signal.
+        """
+        keep = object.__setattr__
+        keep(self, "times", numbers_of(self.times))
+        keep(self, "values", numbers_of(self.values))
+        if self.file is not None:
+            keep(self, "file", str(Path(fspath(self.file)).absolute()))
+        if not self.given:
+            keep(self, "digest", None)
+            keep(self, "recording", None)
+            return
+        if self.file is not None and (self.times or self.values):
+            raise ConfigurationError("times, values: must not be given beside a file")
+        origin = Origin(
+            self.file, self.time_column, self.time_unit, (self.column,), Numbers(self.times), Numbers(self.values)
+        )
+        recording = recorded(origin, self.recording, self.digest)
+        keep(self, "recording", recording)
+        keep(self, "digest", recording.digest)
+
+    @classmethod
+    def from_file(
+        cls,
+        file: str | PathLike[str],
+        column: str | None = None,
+        *,
+        unit: str | None = None,
+        interpolation: Interpolation = "linear",
+        beyond: Beyond = "hold",
+        time_column: str = "t",
+    ) -> "Signal":
+        """A signal from a column of a CSV or Parquet file; arguments as the fields."""
+        return cls(fspath(file), column, unit, 1.0, interpolation, beyond, time_column)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        t: Iterable[float],
+        values: Iterable[float],
+        *,
+        unit: str,
+        interpolation: Interpolation = "linear",
+        beyond: Beyond = "hold",
+    ) -> "Signal":
+        """A signal from arrays.
+
+        Args:
+            t: (n,) times in s, ascending.
+            values: (n,) values at these times.
+            unit: of the values, such as ``kN``.
+            interpolation: as the field.
+            beyond: as the field.
+
+        Raises:
+            ConfigurationError: fewer than two values, not as many as times, or numbers that are not finite.
+        """
+        times, numbers = (Numbers(np.asarray(list(given), float).tolist()) for given in (t, values))
+        if not times:
+            raise ConfigurationError("times: is too short: must have two numbers or more")
+        return cls(unit=unit, interpolation=interpolation, beyond=beyond, times=times, values=numbers)
+
+    @property
+    def given(self) -> bool:
+        """Whether there is any signal."""
+        return self.file is not None or bool(self.times) or bool(self.values)
+
+    def sampled(self, t: Floats, si: str) -> Floats:
+        """The signal's values in an SI unit at the times t in s, (n,); zero where there is no signal.
+
+        Raises:
+            ConfigurationError: its unit is not stated, or is of another quantity.
+        """
+        if self.recording is None:
+            return np.zeros(len(t))
+        times, values = self.recording.t, self.scale * self.recording.column(0, self.unit, si)
+        if self.interpolation == "linear":
+            found = np.interp(t, times, values)
+        else:
+            found = values[np.searchsorted(times, t + EARLY, side="right").clip(1) - 1]
+        if self.beyond == "zero":
+            found[(t < times[0] - EARLY) | (t > times[-1] + EARLY)] = 0.0
+        return found
+
+    def check(self, si: str, last: float) -> None:
+        """Raise `ConfigurationError` where the signal cannot be had in an SI unit, or up to the time `last` in s."""
+        if self.recording is None:
+            return
+        self.recording.column(0, self.unit, si)
+        start, end = self.recording.t[[0, -1]]
+        if self.beyond == "error" and not (start <= EARLY and last <= end + EARLY):
+            raise ConfigurationError(
+                f"{self.file or 'times'}: is too short: holds {start:g} to {end:g} s, must hold 0 to {last:g} s; "
+                'or say what holds beyond, beyond = "hold" or "zero"'
+            )

@@ -1,0 +1,189 @@
+"""Given signals in every kind of run, against closed forms and the independent implementation."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dualwinch.commands.tuning_setup import definition_of, problem_from, tuning_problem
+from dualwinch.config.settings import override
+from dualwinch.model.disturbance import Disturbance
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.reference import Reference
+from dualwinch.model.signals.signal import Signal
+from dualwinch.simulation.analysis.required_force import required_force
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.check import check
+from dualwinch.simulation.ensembles.distributions import Uniform
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.exogenous.signals import sea_signals
+from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.simulate import simulate
+from tests.oracle.sampled import Scenario, run
+
+SHORT = Simulation(duration=4.0, integrator="exponential", substeps=8)
+STEP = Signal.from_arrays([0.0, 2.0, 3.0], [0.0, 0.6, 0.0], unit="kN", interpolation="previous")
+
+
+def pushed(force: Signal) -> Experiment:
+    return replace(case(2), disturbance=Disturbance(force=force), simulation=SHORT)
+
+
+@pytest.fixture(scope="module")
+def calm() -> Result:
+    return simulate(replace(case(2), simulation=SHORT))
+
+
+def test_before_the_ropes_answer_a_force_is_mass_times_acceleration(calm: Result) -> None:
+    result = simulate(pushed(STEP))
+    assert np.array_equal(result["x"][:2001], calm["x"][:2001])
+    change = result["v"] - calm["v"]
+    assert change[2001] == pytest.approx(600 * 1e-3 / 1e4, rel=1e-3)
+    assert result["d_true"][2000] - calm["d_true"][2000] == pytest.approx(600 / 1e4, rel=1e-6)
+
+
+def test_a_lasting_force_is_carried_by_the_ropes(calm: Result) -> None:
+    result = simulate(pushed(Signal.from_arrays([0, 1], [250, 250], unit="N")))
+    late = slice(3000, None)
+    net, without = (np.mean((run["F1"] - run["F2"])[late]) for run in (result, calm))
+    assert net - without == pytest.approx(-250, abs=1)
+
+
+@pytest.mark.parametrize("kind", ["fando-nftsm", "pid-cascade"])
+def test_a_force_is_the_rail_load_of_the_independent_implementation(kind: str) -> None:
+    """Above walking pace dry friction is its coefficient times the load: 0.1 times -6 kN pushes with 600 N."""
+    ours = simulate(replace(case(2, kind), disturbance=Disturbance(force=STEP), simulation=SHORT))
+    t = np.arange(4000) * 1e-3
+    load = np.where((t >= 2 - 1e-9) & (t < 3 - 1e-9), -6000.0, 0.0)
+    theirs = run(Scenario(kind, 2, signals={"load": load}), 4000)
+    assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-8
+    assert np.abs(ours["v"] - theirs["v"]).max() <= 1e-7
+    assert np.ptp(ours["e"][2000:3500]) > 1e3 * 1e-8
+
+
+def test_current_and_rail_load_are_those_of_the_independent_implementation() -> None:
+    current = Signal.from_arrays([0, 4], [0, 1.8], unit="km/h")
+    load = Signal.from_arrays([1, 3], [-0.2, 0.4], unit="kN", beyond="zero")
+    sea = Disturbance(current=current, normal_force_variation=load)
+    experiment = replace(case(2), disturbance=sea, simulation=SHORT)
+    t = np.arange(4000) * 1e-3
+    signals = {"current": t / 8, "load": np.where((t >= 1) & (t <= 3), -200 + 300 * (t - 1), 0.0)}
+    theirs = run(Scenario("fando-nftsm", 2, signals=signals), 4000)
+    assert np.abs(simulate(experiment)["x"] - theirs["x"]).max() <= 1e-8
+
+
+def test_given_and_random_current_add_up() -> None:
+    random = Disturbance(current_sigma=0.05)
+    given = replace(random, current=Signal.from_arrays([0, 1], [0.3, 0.3], unit="m/s"))
+    before, after = (sea_signals(replace(case(2), disturbance=sea)).current for sea in (random, given))
+    assert after == pytest.approx(before + 0.3)
+
+
+def test_rollouts_mix_scenarios_with_and_without_a_force() -> None:
+    scenarios = [pushed(Signal()), pushed(STEP)]
+    together = rollout(["controller.observer.l0"], [[5.0], [7.0]], scenarios)
+    for j, scenario in enumerate(scenarios):
+        alone = rollout(["controller.observer.l0"], [[5.0], [7.0]], [scenario])
+        assert together.metrics["mse"][:, j] == pytest.approx(alone.metrics["mse"][:, 0], rel=1e-6)
+        assert together.metrics["mse"][0, j] == pytest.approx(simulate(scenario).metrics.mse, rel=1e-3)
+    assert together.metrics["mse"][0, 1] > 100 * together.metrics["mse"][0, 0]
+
+
+def test_an_ensemble_draws_the_size_of_a_force() -> None:
+    drawn = {"disturbance.force.scale": Drawn(Uniform(0.5, 2.0))}
+    result = run_ensemble(Ensemble("gust", "", pushed(STEP), drawn), 4, 1)
+    for scale, mse in zip(result.draws["disturbance.force.scale"], result.metrics["mse"], strict=True):
+        alone = simulate(pushed(replace(STEP, scale=float(scale))))
+        assert mse == pytest.approx(alone.metrics.mse, rel=1e-3)
+
+
+def test_the_motors_have_to_give_what_the_force_takes() -> None:
+    with_it, without = required_force(pushed(STEP), 1), required_force(pushed(Signal()), 1)
+    assert (with_it - without)[[1999, 2000, 2999, 3000]] == pytest.approx([0, -600, -600, 0])
+
+
+def test_the_closed_loop_for_other_tools_has_the_force_as_an_input() -> None:
+    made = block("closed-loop", case(2))
+    force = next(variable for variable in made.inputs if variable.name == "force")
+    assert (force.unit, force.start) == ("N", 0.0)
+    states = np.array([variable.start for variable in made.states])
+    parameters = [variable.start for variable in made.parameters]
+    pushes = np.zeros((2, len(made.inputs)))
+    pushes[1, made.inputs.index(force)] = 500.0
+    speeds = [np.array(made.step(states, push, parameters)[0]).ravel()[1] for push in pushes]
+    assert speeds[1] - speeds[0] == pytest.approx(500 * 1e-3 / 1e4, rel=1e-3)
+
+
+def test_a_worker_has_the_very_numbers_of_the_study(tmp_path: Path) -> None:
+    file = tmp_path / "gust.csv"
+    file.write_text("t,F\n0,0\n1,0.5\n")
+    settings = [f'disturbance.force.file="{file}"', "disturbance.force.unit=kN", "simulation.duration=1.0"]
+    problem = tuning_problem(case=2, settings=settings, space=["controller.observer.l0"])
+    definition = definition_of(problem, "cmaes")
+    assert problem_from(definition) == problem
+    file.write_text("t,F\n0,0\n1,0.6\n")
+    with pytest.raises(ConfigurationError, match=r"disturbance\.force: .*gust\.csv: has changed") as caught:
+        problem_from(definition)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_worker_has_the_arrays_of_the_study() -> None:
+    problem = tuning_problem(case=2, space=["controller.observer.l0"])
+    problem = replace(problem, experiment=pushed(STEP))
+    assert problem_from(definition_of(problem, "cmaes")) == problem
+
+
+def test_way_points_and_recorded_motions_run(tmp_path: Path) -> None:
+    asked = override(Experiment(), {"reference.kind": "way-points", "reference.points": [4, 1]})
+    result = simulate(asked)
+    assert result["x"][-1] == pytest.approx(1.0, abs=1e-4)
+    assert result["x"].max() == pytest.approx(4.0, abs=1e-4)
+    file = tmp_path / "motion.csv"
+    rows = zip(result["t"][::20].tolist(), result["x_ref"][::20].tolist(), strict=True)
+    file.write_text("t,x\n" + "".join(f"{t!r},{x!r}\n" for t, x in rows))
+    again = simulate(replace(asked, reference=Reference("file", file=str(file), unit="m")))
+    assert again["x_ref"] == pytest.approx(result["x_ref"][: len(again["x_ref"])], abs=1e-4)
+
+
+WRONG = {
+    "no file": ({"reference.kind": "file"}, 'reference.file: must be given where reference.kind = "file"'),
+    "no points": ({"reference.kind": "way-points"}, "reference.points: must be one position or more"),
+    "off the track": (
+        {"reference.kind": "way-points", "reference.points": [20, 51]},
+        "reference.points[1] = 51: must be <= plant.track.length = 50 m",
+    ),
+    "pauses": (
+        {"reference.kind": "way-points", "reference.points": [20, 5], "reference.pauses": [1]},
+        "reference.pauses: has 1 numbers: must have 2, one a point",
+    ),
+    "unit": (
+        {"disturbance.current.times": [0, 1], "disturbance.current.values": [0, 1], "disturbance.current.unit": "N"},
+        'disturbance.current: values: unit "N": must be one of m/s',
+    ),
+    "no unit": (
+        {"disturbance.force.times": [0, 1], "disturbance.force.values": [0, 1]},
+        'disturbance.force: values: has no unit; say which: unit = "N"',
+    ),
+}
+
+
+@pytest.mark.parametrize(("values", "message"), WRONG.values(), ids=WRONG)
+def test_what_does_not_go_together_is_one_line(values: dict[str, object], message: str) -> None:
+    experiment = override(case(2), values)
+    with pytest.raises(ConfigurationError) as caught:
+        check(experiment)
+    assert str(caught.value).startswith(message)
+
+
+def test_a_recorded_motion_off_the_track_names_its_time(tmp_path: Path) -> None:
+    file = tmp_path / "far.csv"
+    file.write_text("t,x\n0,0\n5,20\n9,50.5\n")
+    with pytest.raises(
+        ConfigurationError, match=r"far\.csv: x = 50\.5 m at t = 9 s: must be 0 to plant\.track\.length"
+    ):
+        check(replace(case(2), reference=Reference("file", file=str(file), unit="m")))
