@@ -24,14 +24,14 @@ from dualwinch.controllers.signals import (
     Measurement,
     PositionOutput,
 )
-from dualwinch.model.description import describe, describe_parts
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.part import Choice, Part
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Key, Quantity
+from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.part import Choice, Part
+from dualwinch.model.quantities.quantity import Key, Quantity
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.tree import leaves, with_leaves
 
 
 @dataclass(frozen=True)

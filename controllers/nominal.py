@@ -6,7 +6,7 @@ from typing import Annotated
 import annotated_types as at
 
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ columns of a result, under their own names.
 from dataclasses import dataclass
 from typing import Annotated
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.scalar import Scalar
 
 

@@ -41,10 +41,10 @@ from .model.linear.system import LinearSystem as LinearSystem
 from .model.motions.setpoint import Setpoint as Setpoint
 from .model.plant import Plant as Plant
 from .model.plant import plant as plant
-from .model.quantity import Mark as Mark
-from .model.quantity import Quantity as Quantity
-from .model.quantity import Rule as Rule
-from .model.quantity import Tunable as Tunable
+from .model.quantities.quantity import Mark as Mark
+from .model.quantities.quantity import Quantity as Quantity
+from .model.quantities.quantity import Rule as Rule
+from .model.quantities.quantity import Tunable as Tunable
 from .model.reference import Reference as Reference
 from .model.signals.signal import Signal as Signal
 from .simulation.analysis.certificate import Certificate as Certificate

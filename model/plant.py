@@ -5,10 +5,10 @@ from typing import Annotated
 
 import casadi as ca
 
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
 from dualwinch.model.rope import Rope, Track, rope_lengths, spring_tension, stiffness
 from dualwinch.model.scalar import Scalar, reciprocals
-from dualwinch.model.tree import leaves, numbers, with_leaves
 from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
 from dualwinch.model.winch import Winch, drum_acceleration
 

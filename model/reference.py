@@ -18,8 +18,8 @@ from dualwinch.model.motions.recorded import RecordedMotion, recorded_motion
 from dualwinch.model.motions.s_curve import least_duration, speed_up
 from dualwinch.model.motions.setpoint import Setpoint, piece_at
 from dualwinch.model.motions.way_points import Limits, Move, longest_cruise, moves, way_point_motion
-from dualwinch.model.numbers import NONE, numbers_of
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.numbers import NONE, numbers_of
+from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.signals.recording import Origin, Recording, recorded
 

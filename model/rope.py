@@ -5,7 +5,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, maximum, minimum, where
 
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.s_curve import least_duration
+from dualwinch.model.quantities.validation import check_rules
 from dualwinch.model.reference import Reference, cruise_speed, setpoint
 from dualwinch.model.rope import Track
-from dualwinch.model.validation import check_rules
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, swing_rate
 from dualwinch.simulation.loop.closed_loop import initial_state_of

@@ -8,9 +8,9 @@ import annotated_types as at
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.validation import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
-from dualwinch.model.validation import check_values
 from dualwinch.simulation.exogenous.sensors import Sensors
 
 

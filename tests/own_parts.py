@@ -13,7 +13,7 @@ from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.signals import CoordinationOutput, Estimate, Measurement, PositionOutput
-from dualwinch.model.quantity import Mark, Quantity, Rule, Tunable
+from dualwinch.model.quantities.quantity import Mark, Quantity, Rule, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip
 

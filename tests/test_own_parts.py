@@ -17,9 +17,9 @@ from dualwinch.controllers.nominal import Nominal
 from dualwinch.controllers.signals import Measurement, PositionOutput
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.tree import leaves
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import behind_number, nearest
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.quantity import behind_number, nearest
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.scoring.measured import UNMEASURED

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import leaves, rules, with_leaves
+from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.paired_run import paper_controller

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.codegen.files import atomic
-from dualwinch.model.description import describe
-from dualwinch.model.quantity import behind_number
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.loop.metrics import Metrics

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantity import behind_number
+from dualwinch.model.quantities.quantity import behind_number
 
 Value: TypeAlias = float | str
 Point: TypeAlias = dict[str, Value]

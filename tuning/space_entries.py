@@ -1,6 +1,6 @@
 """A search space from names and bounds, written as ``--space`` texts or as a table of a TOML file.
 
-Bounds and scale that are not given are those that stand beside the gain itself (`model.quantity.Tunable`).
+Bounds and scale that are not given are those that stand beside the gain itself (`model.quantities.quantity.Tunable`).
 """
 
 import math
@@ -9,9 +9,9 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
-from dualwinch.model.description import describe, describe_parts
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import behind_number, nearest
+from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.quantity import behind_number, nearest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import Structure, structure_of

@@ -14,7 +14,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.controllers.controller import POSITION_LAWS
-from dualwinch.model.tree import with_leaves
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result

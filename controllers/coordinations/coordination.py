@@ -5,7 +5,7 @@ from typing import Any
 
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.signals import CoordinationOutput, Estimate
-from dualwinch.model.part import Part
+from dualwinch.model.quantities.part import Part
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 

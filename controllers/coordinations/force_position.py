@@ -20,7 +20,7 @@ from dualwinch.controllers.coordinations.differential_tension import TensionLoop
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.limits import within_limits
 from dualwinch.controllers.signals import CoordinationOutput, Estimate
-from dualwinch.model.quantity import Quantity, Tied, Tunable
+from dualwinch.model.quantities.quantity import Quantity, Tied, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, maximum
 

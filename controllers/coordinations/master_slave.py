@@ -19,7 +19,7 @@ from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.limits import Limits, within_limits
 from dualwinch.controllers.signals import CoordinationOutput, Estimate
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, either, where
 from dualwinch.model.winch import Winch

@@ -4,7 +4,7 @@ from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.force_position import ForcePosition
 from dualwinch.controllers.coordinations.master_slave import MasterSlave
-from dualwinch.model.part import Registry
+from dualwinch.model.quantities.part import Registry
 
 COORDINATIONS: Registry[Coordination] = Registry("coordination", DifferentialTension, MasterSlave, ForcePosition)
 """Every coordination by its kind."""

@@ -6,7 +6,7 @@ from typing import Annotated
 import annotated_types as at
 
 from dualwinch.controllers.context import Context
-from dualwinch.model.quantity import Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, clip, where
 from dualwinch.model.winch import Winch
 

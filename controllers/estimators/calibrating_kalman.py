@@ -20,7 +20,7 @@ from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, KalmanGains, KalmanState, filter_motion
 from dualwinch.controllers.signals import Measurement
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.rope import Rope, rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar, clip, exp, where

@@ -5,7 +5,7 @@ from typing import Any
 
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.signals import Estimate, Measurement
-from dualwinch.model.part import Part
+from dualwinch.model.quantities.part import Part
 from dualwinch.model.reference import Setpoint
 
 

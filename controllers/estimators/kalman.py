@@ -37,7 +37,7 @@ from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.matrix import Matrix, diagonal, plus, solve, times, transpose
 from dualwinch.model.plant import Environment, Plant, vehicle_acceleration
-from dualwinch.model.quantity import Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.rope import compliance, rope_lengths
 from dualwinch.model.scalar import Scalar, where

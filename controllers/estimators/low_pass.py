@@ -8,7 +8,7 @@ import annotated_types as at
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.signals import Estimate, Measurement
-from dualwinch.model.quantity import Key, Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Key, Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 

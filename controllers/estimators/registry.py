@@ -5,7 +5,7 @@ from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
-from dualwinch.model.part import Registry
+from dualwinch.model.quantities.part import Registry
 
 ESTIMATORS: Registry[Estimator] = Registry("estimator", Unfiltered, LowPass, Kalman, CalibratingKalman)
 """Every estimator by its kind."""

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.scalar import Scalar
 
 

@@ -10,7 +10,7 @@ from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.signals import Estimate
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 

@@ -10,7 +10,7 @@ from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_updat
 from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantity import Quantity, Rule, Tunable, TunableRatio
+from dualwinch.model.quantities.quantity import Quantity, Rule, Tunable, TunableRatio
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, power
 

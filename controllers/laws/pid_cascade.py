@@ -8,7 +8,7 @@ import annotated_types as at
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, both, clip, either, where
 from dualwinch.model.vehicle import inertia

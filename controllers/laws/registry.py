@@ -6,7 +6,7 @@ from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.super_twisting import SuperTwisting
-from dualwinch.model.part import Registry
+from dualwinch.model.quantities.part import Registry
 
 POSITION_LAWS: Registry[PositionLaw] = Registry("position law", FandoNftsm, Nftsm, PidCascade, SuperTwisting, Adrc)
 """Every position law by its kind."""

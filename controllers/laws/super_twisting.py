@@ -23,7 +23,7 @@ from dualwinch.controllers.laws.nftsm import NftsmOutput, odd_power
 from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.signals import Estimate
-from dualwinch.model.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, where
 

@@ -20,7 +20,7 @@ from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.paired import CONFIDENCE, RESAMPLES, Comparison
 from dualwinch.simulation.ensembles.paired_run import compare as run

@@ -21,7 +21,7 @@ from dualwinch.model.linear.linearisation import linearise_at
 from dualwinch.model.linear.mode_tracks import track_modes
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
 from dualwinch.model.linear.system import LinearSystem, save_sweep
-from dualwinch.model.quantity import nearest
+from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.experiment import Experiment
 
 Loop: TypeAlias = Callable[[Experiment, Sequence[OperatingPoint], float | None], list[LinearSystem]]

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from dualwinch.model.description import describe
 from dualwinch.model.linear.controllability import is_controllable, sufficient_sensors
 from dualwinch.model.linear.mode_label import plant_prefix
 from dualwinch.model.linear.mode_tracks import ModeTrack
@@ -17,7 +16,8 @@ from dualwinch.model.linear.operating_point import OperatingPoint
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.linear.zeros import dc_gains
 from dualwinch.model.plant import Plant
-from dualwinch.model.tree import numbers
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.tree import numbers
 
 SMALL = 8
 """Systems of up to so many states are printed whole."""

@@ -19,8 +19,8 @@ from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_
 from dualwinch.commands.folders import make_folder
 from dualwinch.commands.measured import measured
 from dualwinch.config.experiment_file import to_toml
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.comparison import percent, reductions
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case

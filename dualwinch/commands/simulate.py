@@ -15,8 +15,8 @@ from dualwinch.commands.measured import measured
 from dualwinch.config.experiment_file import load
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import parse_assignment
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.loop.metrics import Metrics

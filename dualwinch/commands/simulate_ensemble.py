@@ -14,7 +14,7 @@ from dualwinch.commands.measured import measured
 from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.toml_text import parse_assignment
-from dualwinch.model.description import describe
+from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble

@@ -7,9 +7,9 @@ from typing import Any
 from dualwinch.config.settings import leaf_of
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Leaf, Mark
-from dualwinch.model.tree import leaves, with_leaves
-from dualwinch.model.validation import validated
+from dualwinch.model.quantities.quantity import Leaf, Mark
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.validation import validated
 from dualwinch.simulation.ensembles.distributions import Choice, Distribution, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.simulation.experiment import Experiment

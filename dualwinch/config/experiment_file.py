@@ -7,10 +7,10 @@ from typing import Any
 
 from dualwinch.config.settings import from_folder, override, with_settings, without_digests
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
-from dualwinch.model.description import describe_parts
-from dualwinch.model.quantity import Leaf
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Leaf
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import cruise_speed
-from dualwinch.model.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.config.renamed import current
-from dualwinch.model.description import describe, describe_parts, owners
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Leaf, Mark, nearest
-from dualwinch.model.tree import leaves, with_leaves
-from dualwinch.model.validation import validated
+from dualwinch.model.quantities.description import describe, describe_parts, owners
+from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.validation import validated
 from dualwinch.simulation.experiment import Experiment
 
 

@@ -8,7 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from dualwinch.codegen.files import atomic
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.reproduction import data_uri, number_text
 from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.plots.files import encode

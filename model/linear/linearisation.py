@@ -8,13 +8,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.tree import leaves, numbers
 from dualwinch.model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
-from dualwinch.model.tree import leaves, numbers
 
 STATES = tuple(describe(PlantState))
 INPUTS = ("tau_1", "tau_2", "D", "current")

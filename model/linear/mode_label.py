@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from dualwinch.model.description import describe
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant, PlantState
+from dualwinch.model.quantities.description import describe
 from dualwinch.model.rope import rope_lengths, stiffness
 from dualwinch.model.vehicle import inertia
 

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_limits import FASTEST, check_position, check_range, remarks, violations
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tree import leaves, numbers
 from dualwinch.model.steady_cruise import (
     PRELOAD,
     TENSION_MAX,
@@ -21,7 +22,6 @@ from dualwinch.model.steady_cruise import (
     shared_tensions,
     steady_cruise,
 )
-from dualwinch.model.tree import leaves, numbers
 
 
 @dataclass(frozen=True)

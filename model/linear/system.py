@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 from dualwinch.model.linear.files import Content, write
-from dualwinch.model.quantity import nearest
+from dualwinch.model.quantities.quantity import nearest
 
 Array = NDArray[np.float64]
 

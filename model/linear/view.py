@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.html import page, readable_unit, section, table
+from dualwinch.model.quantities.html import page, readable_unit, section, table
 
 LARGEST = 16
 """Rows and columns of the largest matrix that is shown; of a larger system only the names are."""

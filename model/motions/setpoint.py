@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.scalar import Scalar, where
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.numbers import NONE, Numbers
+from dualwinch.model.quantities.numbers import NONE, Numbers
 from dualwinch.model.signals.tables import read_table
 from dualwinch.model.signals.units import factor
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.numbers import NONE, Numbers, numbers_of
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.numbers import NONE, Numbers, numbers_of
+from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.signals.recording import Origin, Recording, recorded
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import nearest
+from dualwinch.model.quantities.quantity import nearest
 
 KEPT = 32
 """Latest readings that are kept: the scenarios of an ensemble may read the same few files in turn."""

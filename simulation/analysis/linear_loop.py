@@ -12,10 +12,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.description import describe_parts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.quantity import nearest
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop, initial_loop_state

@@ -11,8 +11,8 @@ from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant, PlantState, tensions
-from dualwinch.model.quantity import Mark
-from dualwinch.model.tree import leaves, numbers, with_leaves
+from dualwinch.model.quantities.quantity import Mark
+from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
 from dualwinch.model.vehicle import drag, friction
 from dualwinch.simulation.check import check
 from dualwinch.simulation.exogenous.sensors import Sensors

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
-from dualwinch.model.tree import leaves, with_leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.analysis.certificate import Certificate, certify
 from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.analysis.stability import IDEAL, REAL, auxiliary_weight_needed

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, symbolic_plant, vehicle_acceleration
+from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.model.reference import setpoint
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.tree import numbers, with_leaves
 from dualwinch.model.vehicle import Vehicle, inertia
 from dualwinch.model.winch import drum_acceleration
 from dualwinch.simulation.exogenous.signals import sea_signals

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.nominal import nominal_plant
-from dualwinch.model.description import describe_parts
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.tree import leaves
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.experiment import Experiment

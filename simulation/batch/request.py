@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Leaf, Mark, nearest
-from dualwinch.model.tree import rules, with_leaves
+from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
+from dualwinch.model.quantities.tree import rules, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment

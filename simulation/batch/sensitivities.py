@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Mark
+from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.batch.rollout import NOT_RUN

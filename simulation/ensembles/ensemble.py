@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dualwinch.model.plant import Plant
-from dualwinch.model.tree import leaves, with_leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.ensembles.distributions import Distribution, Value
 from dualwinch.simulation.exogenous.streams import stream
 from dualwinch.simulation.experiment import Experiment

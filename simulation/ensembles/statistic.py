@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import nearest
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.loop.metrics import Metrics
 
 METRICS = tuple(field.name for field in fields(Metrics))

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.files import atomic
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Quantity
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.metrics import Metrics

@@ -8,7 +8,7 @@ import annotated_types as at
 
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, PlantState
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, maximum, rounded, where
 
 

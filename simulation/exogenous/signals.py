@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import given_signals
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
-from dualwinch.model.tree import leaves
 from dualwinch.simulation.exogenous.sensors import Noise
 from dualwinch.simulation.exogenous.streams import stream
 from dualwinch.simulation.experiment import Experiment

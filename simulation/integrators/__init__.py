@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.rope import Rope, Track, stiffness
 from dualwinch.model.scalar import Scalar, where
-from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.integrators.adaptive import taut_step
 from dualwinch.simulation.integrators.exponential import exponential

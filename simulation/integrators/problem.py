@@ -5,7 +5,7 @@ from typing import Annotated
 
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar
 
 

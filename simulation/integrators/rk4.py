@@ -4,8 +4,8 @@ Explicit: stable while the fastest rope–drum frequency times the sub-step stay
 where a rope goes slack or tight within a sub-step.
 """
 
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.integrators.problem import Motion, Problem
 
 

@@ -9,9 +9,9 @@ import casadi as ca
 from dualwinch.codegen.source.expressions import as_written
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar, minimum
-from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.loop.structure import Structure
 

@@ -11,8 +11,8 @@ import numpy as np
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, holding_torques, resting_state, tensions
-from dualwinch.model.quantity import Leaf, nearest
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.quantity import Leaf, nearest
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.equations import (

@@ -8,12 +8,12 @@ import casadi as ca
 
 from dualwinch.codegen.source.expressions import BUILDING
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
-from dualwinch.model.description import describe, describe_parts
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
-from dualwinch.model.quantity import Leaf, Mark, Quantity
+from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute
-from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.exogenous.sensors import EncoderState, Noise, Sensors, measure, read_encoders
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem

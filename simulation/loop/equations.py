@@ -10,13 +10,13 @@ import numpy as np
 
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
 from dualwinch.controllers.signals import Measurement
-from dualwinch.model.description import describe, describe_parts
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, resting_state, tensions
-from dualwinch.model.quantity import Leaf, Quantity
+from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.quantity import Leaf, Quantity
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.rope import rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.tree import leaves, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.loop.closed_loop import Exogenous, closed_loop, initial_loop_state, starting_state

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dualwinch.model.description import describe
-from dualwinch.model.html import readable, readable_unit, table
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.html import readable, readable_unit, table
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
 
 

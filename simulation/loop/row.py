@@ -5,13 +5,13 @@ from typing import Annotated
 
 from dualwinch.controllers.controller import own_signals
 from dualwinch.controllers.signals import ControllerOutput
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Environment, Plant, PlantState, vehicle_acceleration
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.tree import leaves
 from dualwinch.model.vehicle import drag, friction, inertia
 
 

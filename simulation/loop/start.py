@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.tree import with_leaves
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.loop.closed_loop import starting_state
 from dualwinch.simulation.loop.structure import Structure, parameters_of, template_of

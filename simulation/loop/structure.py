@@ -6,10 +6,10 @@ from functools import cache, lru_cache
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant
-from dualwinch.model.description import describe_parts
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Leaf, Mark
-from dualwinch.model.tree import numbers, with_leaves
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Leaf, Mark
+from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.simulation.experiment import Experiment, Simulation
 
 

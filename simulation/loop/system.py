@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.model.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.html import readable, readable_unit
-from dualwinch.model.quantity import Quantity, nearest
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.html import readable, readable_unit
+from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.simulation.batch.sweep import Grid
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.plots.headings import scenario

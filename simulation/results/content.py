@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 
 INFINITE = {"INF": math.inf, "-INF": -math.inf}
 """How infinite numbers are written in JSON, which has none: as XML Schema and the W3C's "CSV on the Web" write them."""

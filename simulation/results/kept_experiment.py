@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dualwinch.model.description import describe_parts
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Mark, nearest
-from dualwinch.model.tree import leaves, with_leaves
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Mark, nearest
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.experiment import Experiment
 
 

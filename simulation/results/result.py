@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.errors import UnknownNameError
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity, nearest
+from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.results import frames, view

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.metrics import Metrics
 

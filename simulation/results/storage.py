@@ -13,7 +13,7 @@ import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
-from dualwinch.model.tree import leaves, with_leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.results.content import Content, number, plain

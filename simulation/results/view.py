@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from dualwinch.model.description import describe
-from dualwinch.model.html import page, readable, readable_unit, section, table
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.html import page, readable, readable_unit, section, table
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.results.run_like import RunLike
 

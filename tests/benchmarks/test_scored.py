@@ -6,7 +6,7 @@ from benchmarks.document import times
 from benchmarks.left_out import COMPENSATION, LEFT_OUT, RAMP
 from benchmarks.scored import Point, Score
 from benchmarks.traded import front
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.tree import leaves
 
 SCORE = Score(
     paper=Point(

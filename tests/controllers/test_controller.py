@@ -36,10 +36,10 @@ from dualwinch.controllers.signals import (
 )
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.tree import leaves
 from tests.oracle.laws import LAWS, Seen, WinchPid, tension_commands
 from tests.oracle.values import DEFAULTS
 

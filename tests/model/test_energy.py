@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.rope import Track, rope_lengths, stiffness
-from dualwinch.model.tree import leaves
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 

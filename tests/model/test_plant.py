@@ -14,7 +14,7 @@ from dualwinch.model.plant import (
     resting_state,
     tensions,
 )
-from dualwinch.model.tree import leaves, numbers
+from dualwinch.model.quantities.tree import leaves, numbers
 from tests.oracle.plant import Held
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS

@@ -16,9 +16,9 @@ from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal
-from dualwinch.model.description import owners
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.description import owners
 from dualwinch.model.reference import Reference
 from dualwinch.model.rope import Track
 from dualwinch.model.vehicle import Vehicle

@@ -18,7 +18,6 @@ from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.signals import Estimate, Measurement
-from dualwinch.model.description import describe
 from dualwinch.model.disturbance import Disturbance, vortex_force
 from dualwinch.model.plant import (
     Environment,
@@ -30,9 +29,10 @@ from dualwinch.model.plant import (
     resting_state,
     tensions,
 )
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, setpoint
 from dualwinch.model.rope import Rope, stiffness, tension
-from dualwinch.model.tree import leaves
 from dualwinch.model.vehicle import Vehicle, drag, friction
 from dualwinch.model.winch import Winch, drum_acceleration
 from dualwinch.simulation.experiment import Simulation

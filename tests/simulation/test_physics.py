@@ -17,13 +17,13 @@ from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.limits import Limits
-from dualwinch.model.description import describe
 from dualwinch.model.disturbance import Disturbance
-from dualwinch.model.part import Registry
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Leaf
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.part import Registry
+from dualwinch.model.quantities.quantity import Leaf
+from dualwinch.model.quantities.tree import Group, with_leaves
 from dualwinch.model.rope import Rope
-from dualwinch.model.tree import Group, with_leaves
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.exogenous.sensors import Sensors

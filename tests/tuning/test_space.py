@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from dualwinch.commands.tuning_setup import _entries
 from dualwinch.config.settings import override
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.space import Interval, Pairs, Space

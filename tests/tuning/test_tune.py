@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.tuning import clock
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.plots.score import before_and_after, held_out

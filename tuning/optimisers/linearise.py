@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.tree import with_leaves
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dualwinch.model.description import describe
+from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment

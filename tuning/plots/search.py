@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dualwinch.model.quantity import behind_number
+from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.plots.style import (
     BLUE,

@@ -10,7 +10,7 @@ import numpy as np
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.results.content import Content, about, number
 
 LONGEST = 63

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from dualwinch.codegen.files import atomic
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.results.content import Content, about
 
 OWN = "dualwinch."

@@ -20,7 +20,7 @@ from dualwinch.codegen.source.precision import PRECISIONS
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.model.tree import with_leaves
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import block

@@ -9,7 +9,7 @@ from dualwinch.commands.compare import as_json, controllers
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.paired import Comparison, Contender
 from dualwinch.simulation.ensembles.paired_run import paper_controller
 from dualwinch.simulation.ensembles.statistic import METRICS

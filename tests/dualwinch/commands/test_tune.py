@@ -15,7 +15,7 @@ from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.experiment_file import load
 from dualwinch.config.settings import override
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.optimisers import METHODS

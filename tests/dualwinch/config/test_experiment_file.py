@@ -15,9 +15,9 @@ from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.laws.registry import POSITION_LAWS
-from dualwinch.model.description import owners
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.description import owners
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CASES, case
 

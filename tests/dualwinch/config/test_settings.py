@@ -12,9 +12,9 @@ from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.limits import Limits
-from dualwinch.model.description import describe, owners
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.description import describe, owners
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 
@@ -130,7 +130,7 @@ def test_all_keys_are_settable_where_they_count() -> None:
     for key, leaf in known_keys().items():
         choice, kinds = owners(Experiment, key)
         base = override(Experiment(), {choice: kinds[0]} if kinds else {})
-        for value in [*leaf.choices, True, False, 3, 7, 0.25, 0.05]:
+        for value in [*leaf.choices, True, False, 3, 7, 0.25, 0.05, (3.0, 7.0), "/gust.csv"]:
             if leaf.admits(value) and value != leaves(base)[key]:
                 changed = leaves(override(base, {key: value}))
                 assert changed[key] == value

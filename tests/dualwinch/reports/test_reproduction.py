@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.model.description import describe
+from dualwinch.model.quantities.description import describe
 from dualwinch.reports.errata import NOTES, errata_markdown
 from dualwinch.reports.reproduction import number_text, render_report, summary, write_report
 from dualwinch.simulation.experiment import Experiment

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import INPUTS, OUTPUTS, STATES, UNITS, linearise, linearise_sweep
 from dualwinch.model.plant import Plant
-from dualwinch.model.tree import with_leaves
+from dualwinch.model.quantities.tree import with_leaves
 from tests.model.linear.test_operating_point import CHANGED
 from tests.oracle.plant import Held
 from tests.oracle.plant import Plant as OraclePlant

@@ -12,9 +12,9 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.operating_point import operating_point, operating_points
 from dualwinch.model.plant import Plant, holding_torques, resting_state
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.rope import Track
 from dualwinch.model.steady_cruise import shared_tensions
-from dualwinch.model.tree import with_leaves
 from tests.oracle.plant import Held
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS

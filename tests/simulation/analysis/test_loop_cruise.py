@@ -10,7 +10,7 @@ from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Mark
+from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise
 from dualwinch.simulation.analysis.margins import margins

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques
-from dualwinch.model.tree import leaves
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from tests.oracle.collocation import Collocation
 from tests.oracle.plant import Held

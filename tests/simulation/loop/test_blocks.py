@@ -7,11 +7,11 @@ from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.signals import Measurement
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.tree import leaves
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import BLOCKS, block

@@ -13,7 +13,7 @@ from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.signals import Estimate, PositionOutput
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment

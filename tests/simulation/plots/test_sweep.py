@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.files import encode
 from dualwinch.simulation.plots.sweep_axis import swept_axis

@@ -9,7 +9,7 @@ from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import case

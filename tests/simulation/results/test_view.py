@@ -9,7 +9,7 @@ import pytest
 
 from dualwinch.config.settings import override
 from dualwinch.model.linear.linearisation import linearise
-from dualwinch.model.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result

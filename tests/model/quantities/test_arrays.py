@@ -2,7 +2,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.model.arrays import elements, is_array, rebuilt
+from dualwinch.model.quantities.arrays import elements, is_array, rebuilt
 
 MATRIX = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 

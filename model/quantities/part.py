@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantity import nearest
+from dualwinch.model.quantities.quantity import nearest
 
 
 class Part(ABC):

@@ -1,14 +1,15 @@
 """The fields of a group type, and what their keys begin with.
 
-A group is a frozen dataclass, of floats or of CasADi symbols, that may hold further groups and parts (`model.part`).
+A group is a frozen dataclass, of floats or of CasADi symbols, that may hold further groups and parts
+(`model.quantities.part`).
 """
 
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from dualwinch.model.part import Choice, Part
-from dualwinch.model.quantity import Key, Mark
+from dualwinch.model.quantities.part import Choice, Part
+from dualwinch.model.quantities.quantity import Key, Mark
 
 
 @dataclass(frozen=True)

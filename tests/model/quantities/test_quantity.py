@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.model.quantity import Leaf, Mark, Quantity, behind_number, nearest
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, behind_number, nearest
 
 SIZE = Leaf("inner.size", Quantity("m", "size", "Table 1"), float, constraints=(at.Gt(0), at.Le(2)))
 COUNT = Leaf("inner.count", Quantity("1", "count"), int, optional=True, constraints=(at.Ge(1),))

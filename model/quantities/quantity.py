@@ -16,7 +16,7 @@ from typing import Any
 
 import annotated_types as at
 
-from dualwinch.model.numbers import Numbers, numbers_of
+from dualwinch.model.quantities.numbers import Numbers, numbers_of
 
 
 @dataclass(frozen=True)

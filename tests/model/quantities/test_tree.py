@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.model.description import describe, describe_parts, owners
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.part import Choice, Part, Registry
-from dualwinch.model.quantity import Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
-from dualwinch.model.tree import leaves, numbers, pairs, rules, with_leaves
+from dualwinch.model.quantities.description import describe, describe_parts, owners
+from dualwinch.model.quantities.part import Choice, Part, Registry
+from dualwinch.model.quantities.quantity import Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
+from dualwinch.model.quantities.tree import leaves, numbers, pairs, rules, with_leaves
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from typing import ClassVar
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.part import Part, Registry
+from dualwinch.model.quantities.part import Part, Registry
 
 
 @dataclass(frozen=True)

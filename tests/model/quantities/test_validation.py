@@ -5,11 +5,11 @@ import annotated_types as at
 import numpy as np
 import pytest
 
-from dualwinch.model.description import describe
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.part import Choice, Part, Registry
-from dualwinch.model.quantity import Quantity, Rule
-from dualwinch.model.validation import check_rules, check_values, shown, validated
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.part import Choice, Part, Registry
+from dualwinch.model.quantities.quantity import Quantity, Rule
+from dualwinch.model.quantities.validation import check_rules, check_values, shown, validated
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from dualwinch.model.description import describe_parts
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.numbers import numbers_of
-from dualwinch.model.quantity import Leaf
-from dualwinch.model.tree import pairs, rules
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.numbers import numbers_of
+from dualwinch.model.quantities.quantity import Leaf
+from dualwinch.model.quantities.tree import pairs, rules
 
 
 def shown(value: Any) -> str:

@@ -8,10 +8,10 @@ from typing import Any, Literal, get_args, get_origin
 
 import annotated_types as at
 
-from dualwinch.model.arrays import elements, is_array
-from dualwinch.model.part import Part
-from dualwinch.model.quantity import Leaf, Mark, Quantity, Tied, Tunable, TunableRatio
-from dualwinch.model.slots import Slot, slots
+from dualwinch.model.quantities.arrays import elements, is_array
+from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, Tied, Tunable, TunableRatio
+from dualwinch.model.quantities.slots import Slot, slots
 
 
 def describe(group: type, prefix: str = "") -> dict[str, Leaf]:

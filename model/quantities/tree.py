@@ -4,12 +4,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass, replace
 from typing import Any, TypeVar
 
-from dualwinch.model.arrays import elements, is_array, rebuilt
-from dualwinch.model.description import describe_parts
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.part import Part
-from dualwinch.model.quantity import Rule
-from dualwinch.model.slots import slots
+from dualwinch.model.quantities.arrays import elements, is_array, rebuilt
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.quantity import Rule
+from dualwinch.model.quantities.slots import slots
 
 Group = TypeVar("Group")
 
