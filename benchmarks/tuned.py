@@ -28,14 +28,14 @@ def searched(minutes: int) -> Tuned:
 
 def table(studies: Sequence[Tuned]) -> str:
     """The held-out sets, each scored by every study, as a Markdown table."""
-    controllers = {f"{minutes} min": one.best.controller for minutes, one in zip(MINUTES, studies, strict=True)}
+    controllers = {f"{minutes} min": study.best.controller for minutes, study in zip(MINUTES, studies, strict=True)}
     rows: list[list[str]] = []
     for seed in HELD_OUT_SEEDS:
         rows += [[str(seed), *row] for row in scored(controllers, seed).rows()]
         sys.stderr.write(f"seed {seed} scored\n")
     trials = ", ".join(
-        f"{len(one.trials)} trials, {one.progress.rollouts} rollouts in {minutes} min"
-        for minutes, one in zip(MINUTES, studies, strict=True)
+        f"{len(study.trials)} trials, {study.progress.rollouts} rollouts in {minutes} min"
+        for minutes, study in zip(MINUTES, studies, strict=True)
     )
     return f"{markdown(['seed', 'tuned for', *HEADINGS], rows)}\n\n*Search with seed {SEED}: {trials}.*"
 

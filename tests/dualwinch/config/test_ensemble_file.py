@@ -221,10 +221,10 @@ def test_an_interrupt_writes_what_was_finished(
 
     add = Collector.add
 
-    def interrupted(self: Collector, one: Finished) -> None:
-        if one.scenario.index == 3:
+    def interrupted(self: Collector, finished: Finished) -> None:
+        if finished.scenario.index == 3:
             raise KeyboardInterrupt
-        add(self, one)
+        add(self, finished)
 
     monkeypatch.setattr(Collector, "add", interrupted)
     out = tmp_path / "sea.json"

@@ -88,7 +88,7 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
 
 
 def test_every_scenario_has_the_structure_of_the_ensemble() -> None:
-    assert {structure_of(one.experiment) for one in SEA.scenarios(20, 0)} == {structure_of(SEA.experiment)}
+    assert {structure_of(scenario.experiment) for scenario in SEA.scenarios(20, 0)} == {structure_of(SEA.experiment)}
 
 
 def test_the_controller_keeps_the_nominal_values() -> None:
