@@ -12,7 +12,8 @@ from pathlib import Path
 from benchmarks.document import markdown, put
 from benchmarks.scored import HEADINGS, HELD_OUT_SEED, SEED, scored
 from dualwinch import tuning_problem
-from dualwinch.tuning.tune import Tuned, tune
+from dualwinch.tuning.tune import tune
+from dualwinch.tuning.tuned import Tuned
 
 MINUTES = (1, 5)
 """Lengths of the searches."""

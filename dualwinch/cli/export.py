@@ -22,6 +22,13 @@ What = Literal["controller", "plant", "closed-loop"]
 Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
 
 
+def wrote(folder: Path, files: list[Path]) -> None:
+    """Say which files were written to a folder."""
+    from rich.console import Console
+
+    Console(stderr=True).print(f"wrote {folder}: {', '.join(path.name for path in files)}", soft_wrap=True)
+
+
 @app.command(
     name="c",
     help_epilogue="""Examples:
@@ -52,7 +59,7 @@ def export_c(
     from dualwinch.commands.export import export_c as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), what, precision, out, freeze=freeze)
+    wrote(out, run(experiment(case, config, None, set_ or []), out, what=what, precision=precision, freeze=freeze))
 
 
 @app.command(
@@ -88,10 +95,15 @@ def export_fmu(
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
+    from rich.console import Console
+
     from dualwinch.commands.export_fmu import export_fmu as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), what, out, fmi, kind, platforms)
+    chosen, console = experiment(case, config, None, set_ or []), Console(stderr=True)
+    with console.status("generating") as status:
+        words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=status.update)
+    console.print(f"wrote {words}", soft_wrap=True)
 
 
 @app.command(
@@ -106,7 +118,7 @@ def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assi
     from dualwinch.commands.export import export_mex as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), out)
+    wrote(out, run(experiment(case, config, None, set_ or []), out))
 
 
 @app.command(
@@ -121,4 +133,4 @@ def export_casadi(*, out: Out, case: Case = None, config: Config = None, set_: A
     from dualwinch.commands.export import export_casadi as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), out)
+    wrote(out, run(experiment(case, config, None, set_ or []), out))

@@ -28,8 +28,8 @@ from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.opening import is_database, open_store
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.summary import controller_in_words
-from dualwinch.tuning.tune import Tuned
 from dualwinch.tuning.tune import tune as run
+from dualwinch.tuning.tuned import Tuned
 
 REPORT_SECONDS = 2.0
 """Time in s that the files take, report and figures among them."""

@@ -5,12 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dualwinch.commands.simulate import experiment
+from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import constraints_from, default_constraints
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
@@ -24,11 +26,12 @@ ESTIMATOR = "controller.estimator"
 
 
 def tuning_problem(
+    experiment: Experiment | None = None,
     *,
     case: int | None = None,
     config: str | Path | None = None,
     settings: Sequence[str] = (),
-    ensemble: str | Path | None = None,
+    ensemble: str | Path | Ensemble | None = None,
     space: Sequence[str] = (),
     objectives: Sequence[str] = (),
     constraints: Sequence[str] | None = None,
@@ -37,14 +40,16 @@ def tuning_problem(
 ) -> Problem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
 
-    With an ensemble the calibrating Kalman filter is used unless a file or a setting says otherwise: sensors there are
-    noisy and ropes are not quite the nominal ones.
+    With an ensemble the calibrating Kalman filter is used unless an experiment, a file or a setting says otherwise:
+    sensors there are noisy and ropes are not quite the nominal ones.
 
     Args:
+        experiment: an experiment to start from, maybe with parts of your own.
         case: one of the paper's cases to start from.
         config: a configuration file to start from.
         settings: such as ``controller.estimator=none``.
-        ensemble: name or file of an ensemble; ``None``: the experiment is the only scenario.
+        ensemble: name or file of an ensemble, whose nominal values are set on what is started from; or an ensemble
+            of your own as it is, with the experiment's controller; ``None``: the experiment is the only scenario.
         space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
         objectives: statistics to minimise; default: ``mean.mse``.
         constraints: such as ``mean.chatter<=0.25*paper``; default: no slack, no peak, little chatter.
@@ -56,15 +61,23 @@ def tuning_problem(
     """
     values = dict(map(parse_assignment, settings))
     config = None if config is None else Path(config)
-    base, drawn = experiment(case, config, None, []), None
+    if experiment is not None and (case is not None or config is not None):
+        raise ConfigurationError("experiment: give it alone, without case or config")
+    base, drawn = experiment or experiment_from(case, config, None, []), None
     if ensemble is None:
         base = override(base, values)
         if scenarios is not None:
             raise ConfigurationError("--scenarios: needs --ensemble")
     else:
-        if config is None and ESTIMATOR not in values:
+        if config is None and experiment is None and ESTIMATOR not in values:
             values[ESTIMATOR] = "calibrating-kalman"
-        drawn = reset(load_ensemble(ensemble, base), values)
+        if not isinstance(ensemble, Ensemble):
+            drawn = load_ensemble(ensemble, base)
+        elif experiment is case is config is None:
+            drawn = ensemble
+        else:
+            drawn = replace(ensemble, experiment=replace(ensemble.experiment, controller=base.controller))
+        drawn = reset(drawn, values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):

@@ -16,7 +16,7 @@ from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, parallel_coordinates
 from dualwinch.tuning.summary import advice, authority, comparison, contenders, headings, headline, where
-from dualwinch.tuning.tune import Tuned
+from dualwinch.tuning.tuned import Tuned
 
 CAPTIONS = {
     "history": "Every dot is a candidate in all tuning scenarios. Pale ones break a constraint, or were given up after "
@@ -114,7 +114,7 @@ def _bounds(tuned: Tuned) -> list[dict[str, Any]]:
 
 
 def _gains(tuned: Tuned) -> list[dict[str, Any]]:
-    start, best = leaves(tuned.problem.experiment), tuned.problem.space.settings(tuned.verdict.best.point)
+    start, best = leaves(tuned.problem.experiment), tuned.gains
     return [
         {"key": key, "best": number_text(best[key]), "start": number_text(start[key]), "searched": dimension.allowed}
         for dimension in tuned.problem.space.dimensions
