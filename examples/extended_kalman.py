@@ -24,21 +24,19 @@ class Belief:
 class ExtendedKalman(dw.Estimator):
     """Position, speed and a wandering disturbance from position and speed sensor, friction and drag linearised."""
 
-    position: Annotated[float, at.Gt(0), dw.Quantity("m", "noise of the position"), dw.Tunable(1e-5, 1e-2)] = 6e-4
-    speed: Annotated[float, at.Gt(0), dw.Quantity("m/s", "noise of the speed"), dw.Tunable(1e-4, 1e-1)] = 2e-3
+    x: Annotated[float, at.Gt(0), dw.Quantity("m", "noise of the position"), dw.Tunable(1e-5, 1e-2)] = 6e-4
+    v: Annotated[float, at.Gt(0), dw.Quantity("m/s", "noise of the speed"), dw.Tunable(1e-4, 1e-1)] = 2e-3
     wander: Annotated[float, at.Gt(0), dw.Quantity("m/s^2.5", "random walk of d"), dw.Tunable(1e-3, 10)] = 0.3
 
     kind: ClassVar = "extended-kalman"
     label: ClassVar = "extended Kalman filter"
 
-    def initial_state(self) -> Belief:
+    def initial_state(self):
         return Belief()
 
-    def step(
-        self, state: Belief, measurement: dw.Measurement, setpoint: dw.Setpoint, context: dw.Context
-    ) -> tuple[Belief, dw.Estimate]:
+    def step(self, state, measurement, setpoint, context):
         T, C = context.sample_time, ca.DM([[1, 0, 0], [0, 1, 0]])
-        R, Q = ca.diag(ca.vertcat(self.position, self.speed) ** 2), ca.diag(ca.vertcat(0, 0, T * self.wander**2))
+        R, Q = ca.diag(ca.vertcat(self.x, self.v) ** 2), ca.diag(ca.vertcat(0, 0, T * self.wander**2))
         gain = state.P @ C.T @ ca.inv_minor(C @ state.P @ C.T + R)
         z = state.z + gain @ (ca.vertcat(measurement.x, measurement.v) - C @ state.z)
         point = ca.SX.sym("z", 3)  # the model at a symbol, differentiated, then taken at the estimate
@@ -50,5 +48,15 @@ class ExtendedKalman(dw.Estimator):
         return Belief(z_next, P_next), dw.Estimate(**vars(measurement) | {"x": z[0], "v": z[1], "d": z[2]})
 
 
+def main(trials: int = 300, out: str = "extended-kalman") -> None:
+    """Tune filter and law in a noisy sea, compare them with the paper's controller, write their C."""
+    start = dw.case(4, estimator=ExtendedKalman())
+    tuned = dw.tune(dw.tuning_problem(start, ensemble="sea"), trials=trials)
+    print(tuned)
+    contenders = {"paper": dw.paper_controller(), "filter": start.controller, "tuned": tuned.best.controller}
+    print(dw.compare(contenders, dw.load_ensemble("sea"), scenarios=40, seed=7))
+    print("wrote", *dw.export_c(tuned.best, out))
+
+
 if __name__ == "__main__":
-    experiment = dw.override(dw.load_ensemble("sea").experiment, {"simulation.duration": 20.0})
+    main()

@@ -28,12 +28,10 @@ class Lqi(dw.PositionLaw):
     kind: ClassVar = "lqi"
     label: ClassVar = "LQI"
 
-    def initial_state(self) -> Integral:
+    def initial_state(self):
         return Integral()
 
-    def step(
-        self, state: Integral, estimate: dw.Estimate, setpoint: dw.Setpoint, context: dw.Context
-    ) -> tuple[Integral, dw.PositionOutput]:
+    def step(self, state, estimate, setpoint, context):
         T, e, e_v = context.sample_time, estimate.x - setpoint.x, estimate.v - setpoint.v
         gain = riccati_gain(T, ca.vertcat(self.s, self.x, self.v) ** -2, self.a**2)
         forces = dw.nominal_forces(estimate.v, estimate.d, context.nominal)
@@ -43,7 +41,7 @@ class Lqi(dw.PositionLaw):
         return Integral(state.value + held), dw.PositionOutput(u, u_sat)
 
 
-def riccati_gain(T: ca.SX, weights: ca.SX, variance: ca.SX) -> ca.SX:
+def riccati_gain(T, weights, variance):
     """Gain (1 x 3) of integral, error and speed error; it depends on gains alone, so it is computed once a run."""
     A = ca.vertcat(ca.horzcat(1, T, T**2 / 2), ca.horzcat(0, 1, T), ca.horzcat(0, 0, 1))
     B = ca.vertcat(T**3 / 6, T**2 / 2, T)
@@ -54,11 +52,15 @@ def riccati_gain(T: ca.SX, weights: ca.SX, variance: ca.SX) -> ca.SX:
     return (B.T @ h @ A) / (1 / variance + B.T @ h @ B)
 
 
-if __name__ == "__main__":
-    experiment = dw.case(4, law=Lqi())
-    tuned = dw.tune(dw.tuning_problem(experiment), trials=300)
+def main(trials: int = 300, out: str = "lqi") -> None:
+    """Tune law and filter in a noisy sea, compare them with the paper's controller, write their C."""
+    start = dw.case(4, law=Lqi(), estimator=dw.CalibratingKalman())
+    tuned = dw.tune(dw.tuning_problem(start, ensemble="sea"), trials=trials)
     print(tuned)
-    for name, law in {"paper": None, "LQI": Lqi(), "LQI, tuned": tuned.best.controller.law}.items():
-        result = dw.simulate(dw.case(4, law=law))
-        print(f"{name:12} mse {result.metrics.mse:.3g} m^2, chatter {result.metrics.chatter:.3g} N")
-    print(*dw.export_c(tuned.best, "lqi"), sep="\n")
+    contenders = {"paper": dw.paper_controller(), "LQI": start.controller, "tuned": tuned.best.controller}
+    print(dw.compare(contenders, dw.load_ensemble("sea"), scenarios=40, seed=7))
+    print("wrote", *dw.export_c(tuned.best, out))
+
+
+if __name__ == "__main__":
+    main()

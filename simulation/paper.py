@@ -5,6 +5,10 @@ from itertools import product
 from numbers import Integral
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
@@ -48,13 +52,22 @@ FIGURES = tuple(
 """Figures 5 to 20; Figure 21 compares two controllers."""
 
 
-def case(number: int, controller: str = FandoNftsm.kind, *, law: PositionLaw | None = None) -> Experiment:
+def case(
+    number: int,
+    controller: str = FandoNftsm.kind,
+    *,
+    law: PositionLaw | None = None,
+    estimator: Estimator | None = None,
+    coordination: Coordination | None = None,
+) -> Experiment:
     """The experiment of a case of the paper.
 
     Args:
         number: 1 to 4.
         controller: a `controller.kind`.
         law: a position law with its gains, in place of `controller`; also one of your own.
+        estimator: in place of none; likewise.
+        coordination: in place of differential tension; likewise.
 
     Raises:
         ConfigurationError: there is no such case or controller; the message names the nearest controller.
@@ -64,5 +77,9 @@ def case(number: int, controller: str = FandoNftsm.kind, *, law: PositionLaw | N
     return Experiment(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
-        controller=Controller(law=law or POSITION_LAWS.find(controller)()),
+        controller=Controller(
+            estimator=estimator or Unfiltered(),
+            law=law or POSITION_LAWS.find(controller)(),
+            coordination=coordination or DifferentialTension(),
+        ),
     )

@@ -9,7 +9,7 @@ class Tuned(Finished):
     """A finished study that shows what it has found; fields are those of `Finished`."""
 
     def __repr__(self) -> str:
-        return f"Tuned({headline(self)}; {comparison(self)})"
+        return f"Tuned({'; '.join(filter(None, (headline(self), comparison(self), authority(self))))})"
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""

@@ -75,7 +75,7 @@ def test_a_notebook_and_a_prompt_show_what_was_found(tuned: Tuned) -> None:
     for key, value in tuned.gains.items():
         assert f">{key}</td>" in shown
         assert f"{value:.6g}</td>" in shown
-    assert repr(tuned) == f"Tuned({headline(tuned)}; {comparison(tuned)})"
+    assert repr(tuned) == f"Tuned({headline(tuned)}; {comparison(tuned)})", "no scenario is beyond the authority"
 
 
 def test_a_budget_is_needed(make_problem: MakeProblem) -> None:
