@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri, number_text
 from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.plots.files import encode
@@ -44,15 +44,8 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
     Raises:
         OSError: the file cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("dualwinch.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     kept = "; ".join(constraint.label for constraint in tuned.prepared.constraints) or "nothing"
-    page = environment.get_template("tuning.html.j2").render(
+    page = template("tuning.html.j2").render(
         summary=_summary(tuned),
         advice=advice(tuned),
         constraints=f"Kept to in the search: {kept}.",
