@@ -41,12 +41,14 @@ from .model.linear.system import LinearSystem as LinearSystem
 from .model.motions.setpoint import Setpoint as Setpoint
 from .model.plant import Plant as Plant
 from .model.plant import plant as plant
+from .model.quantities.arrays import Elements as Elements
 from .model.quantities.quantity import Mark as Mark
 from .model.quantities.quantity import Quantity as Quantity
 from .model.quantities.quantity import Rule as Rule
 from .model.quantities.quantity import Tunable as Tunable
 from .model.reference import Reference as Reference
 from .model.signals.signal import Signal as Signal
+from .plugins.register import register as register
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint

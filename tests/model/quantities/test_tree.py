@@ -57,7 +57,7 @@ def test_a_scalar_without_a_quantity_is_an_error() -> None:
         size: float = 1.0
 
     for describe_it in (lambda: describe(Bare), lambda: describe_parts(Bare())):
-        with pytest.raises(TypeError, match=r"Bare\.size has no Quantity"):
+        with pytest.raises(ConfigurationError, match=r"Bare\.size has no Quantity"):
             describe_it()
 
 
@@ -71,7 +71,9 @@ def test_an_interval_bounds_like_its_ends_and_what_is_no_bound_is_an_error() -> 
         share: Annotated[float, at.MultipleOf(0.1), Quantity("1", "share")] = 0.5
 
     assert describe(Bounded)["share"].constraints == (at.Gt(0), at.Le(1))
-    with pytest.raises(TypeError, match=r"Stepped\.share: MultipleOf\(multiple_of=0\.1\) is no bound; use Gt, Ge"):
+    with pytest.raises(
+        ConfigurationError, match=r"Stepped\.share: MultipleOf\(multiple_of=0\.1\) is no bound; use Gt, Ge"
+    ):
         describe(Stepped)
 
 
