@@ -53,7 +53,7 @@ def digest(part: type) -> str:
     from their own package. Libraries do not count.
     """
     texts = [_text(module) or _text_of(part) for module in _modules(part)]
-    if not all(texts):
+    if part.__module__ not in sys.modules or not all(texts):
         return ""
     digests = sorted(hashlib.sha256(text.encode()).hexdigest() for text in texts)
     return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
@@ -112,7 +112,7 @@ def _beside(other: ModuleType, module: ModuleType) -> bool:
 
 def _path(module: ModuleType) -> Path | None:
     file = getattr(module, "__file__", None)
-    return Path(file).resolve() if file else None
+    return Path(file).resolve() if file and Path(file).is_file() else None
 
 
 @cache
