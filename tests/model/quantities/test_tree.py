@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.arrays import Elements
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.part import Choice, Part, Registry
 from dualwinch.model.quantities.quantity import Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
@@ -244,6 +245,25 @@ def test_vectors_and_matrices_are_scalars_by_their_places() -> None:
     assert (known["m.z.1"].quantity.unit, known["m.P.1.0"].quantity.unit) == ("m", "m^2")
     assert known["m.z.1"].marks == {Mark.SPEED}
     assert list(leaves(Memory(), whole=True)) == ["z", "P", "single"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    z: Annotated[Any, Elements((Quantity("m", "position"), Mark.POSITION), Quantity("m/s", "speed"))] = field(
+        default_factory=lambda: np.zeros(2)
+    )
+
+
+def test_elements_of_a_vector_have_their_own_units_and_marks() -> None:
+    known = describe_parts(Motion(), "m.")
+    assert list(known) == [leaf.key for leaf in known.values()] == ["m.z.0", "m.z.1"]
+    assert [leaf.quantity.meaning for leaf in known.values()] == ["position", "speed"]
+    assert [leaf.marks for leaf in known.values()] == [{Mark.POSITION}, frozenset()]
+    for size in (1, 3):
+        with pytest.raises(ConfigurationError, match=rf"^Motion\.z: has {size} elements; its Elements.* not 2$"):
+            describe_parts(Motion(np.zeros(size)))
+    with pytest.raises(ConfigurationError, match=r"^Motion\.z: has 1 elements; its Elements"):
+        describe_parts(Motion(ca.SX.sym("z")))
 
 
 def test_vectors_and_matrices_are_put_together_of_numbers_and_of_symbols() -> None:
