@@ -46,6 +46,7 @@ from .model.linear.system import LinearSystem as LinearSystem
 from .model.motions.setpoint import Setpoint as Setpoint
 from .model.plant import Plant as Plant
 from .model.plant import plant as plant
+from .model.quantities.arrays import Elements as Elements
 from .model.quantities.quantity import Mark as Mark
 from .model.quantities.quantity import Quantity as Quantity
 from .model.quantities.quantity import Rule as Rule
@@ -54,6 +55,7 @@ from .model.reference import Reference as Reference
 from .model.scalar import clip as clip
 from .model.scalar import where as where
 from .model.signals.signal import Signal as Signal
+from .plugins.register import register as register
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint

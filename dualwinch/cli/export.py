@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import Assignments, Case, Config
+from dualwinch.cli.options import Assignments, Case, Config, Plugins, use_parts
 
 app = App(
     name="export",
@@ -51,6 +51,7 @@ def export_c(
     case: Case = None,
     config: Config = None,
     set_: Assignments = None,
+    plugin: Plugins = None,
 ) -> None:
     """Write a self-contained C99 package: source, header, CMake file, README and an example.
 
@@ -59,6 +60,7 @@ def export_c(
     from dualwinch.commands.export import export_c as run
     from dualwinch.commands.simulate import experiment
 
+    use_parts(plugin)
     wrote(out, run(experiment(case, config, None, set_ or []), out, what=what, precision=precision, freeze=freeze))
 
 
@@ -90,6 +92,7 @@ def export_fmu(
     case: Case = None,
     config: Config = None,
     set_: Assignments = None,
+    plugin: Plugins = None,
 ) -> None:
     """Write a Functional Mock-up Unit: model description, C sources and binaries.
 
@@ -100,6 +103,7 @@ def export_fmu(
     from dualwinch.commands.export_fmu import export_fmu as run
     from dualwinch.commands.simulate import experiment
 
+    use_parts(plugin)
     chosen, console = experiment(case, config, None, set_ or []), Console(stderr=True)
     with console.status("generating") as status:
         words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=status.update)
@@ -113,11 +117,14 @@ def export_fmu(
     dualwinch export mex --case 4 --out mex
 """,
 )
-def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
+def export_mex(
+    *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
+) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
     from dualwinch.commands.export import export_mex as run
     from dualwinch.commands.simulate import experiment
 
+    use_parts(plugin)
     wrote(out, run(experiment(case, config, None, set_ or []), out))
 
 
@@ -128,9 +135,12 @@ def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assi
     dualwinch export casadi --case 4 --out functions
 """,
 )
-def export_casadi(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
+def export_casadi(
+    *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
+) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
     from dualwinch.commands.export import export_casadi as run
     from dualwinch.commands.simulate import experiment
 
+    use_parts(plugin)
     wrote(out, run(experiment(case, config, None, set_ or []), out))

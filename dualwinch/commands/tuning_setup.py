@@ -18,6 +18,7 @@ from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space_entries import entry_from, space_of
 from dualwinch.tuning.space_record import space_from, space_to_record
+from dualwinch.tuning.storage.noted_parts import noted_parts
 
 SCENARIOS = 8
 """Scenarios a candidate is tuned on where nothing else is asked for."""
@@ -102,6 +103,7 @@ def definition_of(problem: Problem, method: str) -> dict[str, Any]:
     return {
         "configuration": configuration(problem),
         "ensemble": problem.ensemble.name if problem.ensemble else "",
+        "parts": noted_parts(problem),
         "space": space_to_record(problem.space),
         "objectives": [objective.name for objective in problem.objectives],
         "constraints": [constraint.text for constraint in problem.constraints],
