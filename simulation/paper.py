@@ -1,5 +1,6 @@
 """The paper's four simulated cases, its three controllers and its figures (Section 4)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from numbers import Integral
@@ -14,6 +15,7 @@ from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metric import Metric
 
 CASES = {
     1: "uniform speed, no disturbance",
@@ -48,13 +50,20 @@ FIGURES = tuple(
 """Figures 5 to 20; Figure 21 compares two controllers."""
 
 
-def case(number: int, controller: str = FandoNftsm.kind, *, law: PositionLaw | None = None) -> Experiment:
+def case(
+    number: int,
+    controller: str = FandoNftsm.kind,
+    *,
+    law: PositionLaw | None = None,
+    metrics: Sequence[Metric] = (),
+) -> Experiment:
     """The experiment of a case of the paper.
 
     Args:
         number: 1 to 4.
         controller: a `controller.kind`.
         law: a position law with its gains, in place of `controller`; also one of your own.
+        metrics: figures of merit of your own, beside the built-in ones.
 
     Raises:
         ConfigurationError: there is no such case or controller; the message names the nearest controller.
@@ -65,4 +74,5 @@ def case(number: int, controller: str = FandoNftsm.kind, *, law: PositionLaw | N
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
         controller=Controller(law=law or POSITION_LAWS.find(controller)()),
+        metrics=metrics,
     )

@@ -32,7 +32,7 @@ REPORTED = (
     "mean.saturated_share",
     "mean.continuous_load",
 )
-"""Statistics kept of every candidate, beside objectives and constraints."""
+"""Statistics kept of every candidate, beside objectives, constraints and the means of the experiment's own metrics."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,13 @@ class Problem:
     def reported(self) -> tuple[Statistic, ...]:
         """Every statistic that is kept of a candidate, without repetition."""
         used = (*self.objectives, *(constraint.statistic for constraint in self.constraints))
-        return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED))))
+        own = [Statistic("mean", metric.table(), metric) for metric in self.experiment.metrics]
+        return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED), *own)))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Name of a reported statistic → its unit."""
+        return {statistic.name: statistic.unit for statistic in self.reported}
 
     def margin(self, constraint: Constraint) -> float:
         """Distance that a constraint has to keep from its bound in tuning, as a share of the bound."""

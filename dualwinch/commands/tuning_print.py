@@ -4,7 +4,6 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.tuning.plots.names import shown_unit
 from dualwinch.tuning.scoring.ranking import pareto_front
 from dualwinch.tuning.summary import advice, authority, comparison, contenders, endings, headings, headline
@@ -54,5 +53,5 @@ def _table(tuned: Tuned) -> Table:
         theirs = verdict.statistics("paper")[name]
         ratio = [f"{value / theirs:.3g}" if theirs else ""] if compared else []
         values = [f"{verdict.statistics(column)[name]:.4g}" for column in columns]
-        table.add_row(name, *values, *ratio, shown_unit(statistic_from(name).unit))
+        table.add_row(name, *values, *ratio, shown_unit(tuned.problem.units[name]))
     return table

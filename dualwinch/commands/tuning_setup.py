@@ -5,12 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dualwinch.commands.simulate import experiment
+from dualwinch.commands.simulate import experiment as experiment_of
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import constraints_from, default_constraints
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
@@ -25,6 +26,7 @@ ESTIMATOR = "controller.estimator"
 
 def tuning_problem(
     *,
+    experiment: Experiment | None = None,
     case: int | None = None,
     config: str | Path | None = None,
     settings: Sequence[str] = (),
@@ -37,10 +39,11 @@ def tuning_problem(
 ) -> Problem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
 
-    With an ensemble the calibrating Kalman filter is used unless a file or a setting says otherwise: sensors there are
-    noisy and ropes are not quite the nominal ones.
+    With an ensemble the calibrating Kalman filter is used unless an experiment, a file or a setting says otherwise:
+    sensors there are noisy and ropes are not quite the nominal ones.
 
     Args:
+        experiment: what to start from, in place of `case` and `config`; it may have parts of your own.
         case: one of the paper's cases to start from.
         config: a configuration file to start from.
         settings: such as ``controller.estimator=none``.
@@ -56,13 +59,15 @@ def tuning_problem(
     """
     values = dict(map(parse_assignment, settings))
     config = None if config is None else Path(config)
-    base, drawn = experiment(case, config, None, []), None
+    if experiment is not None and (case is not None or config is not None):
+        raise ConfigurationError("experiment: give it alone, without case and config")
+    base, drawn = experiment or experiment_of(case, config, None, []), None
     if ensemble is None:
         base = override(base, values)
         if scenarios is not None:
             raise ConfigurationError("--scenarios: needs --ensemble")
     else:
-        if config is None and ESTIMATOR not in values:
+        if config is None and experiment is None and ESTIMATOR not in values:
             values[ESTIMATOR] = "calibrating-kalman"
         drawn = reset(load_ensemble(ensemble, base), values)
         base = drawn.experiment
@@ -75,7 +80,7 @@ def tuning_problem(
         experiment=base,
         ensemble=drawn,
         space=space_of(_entries(space), base),
-        objectives=objectives_from(objectives or DEFAULT_OBJECTIVES),
+        objectives=objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics),
         constraints=constraints_from(wanted, base),
         scenarios=count if drawn else 1,
         seed=seed,
@@ -110,7 +115,7 @@ def problem_from(definition: Mapping[str, Any]) -> Problem:
         experiment=base,
         ensemble=drawn,
         space=space_from(definition["space"]),
-        objectives=objectives_from(definition["objectives"]),
+        objectives=objectives_from(definition["objectives"], base.metrics),
         constraints=constraints_from(definition["constraints"], base),
         scenarios=definition["scenarios"],
         seed=definition["seed"],

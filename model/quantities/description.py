@@ -33,6 +33,10 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
             found[slot.choice_key] = _choice_leaf(slot, tuple(slot.choice.registry))
             for part in slot.choice.registry.values():
                 found |= {key: leaf for key, leaf in describe(part, prefix).items() if key not in found}
+        elif slot.choices:
+            found[slot.key] = _kinds_leaf(slot, tuple(slot.choices.registry))
+            for part in slot.choices.registry.values():
+                found |= describe(part, slot.below)
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
             found |= _tied(describe(slot.hint, slot.below), slot)
         else:
@@ -69,7 +73,9 @@ def _shape(group: Any) -> tuple[Any, ...]:
         value = getattr(group, slot.field)
         if slot.choice:
             found.append(len(slot.choice.registry))
-        if is_dataclass(value):
+        if slot.choices:
+            found.append((len(slot.choices.registry), *map(_shape, value)))
+        elif is_dataclass(value):
             found.append(_shape(value))
         elif is_array(value):
             found.append(value.shape)
@@ -85,6 +91,11 @@ def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
                 choices = dict.fromkeys((*slot.choice.registry, value.kind))
                 found[slot.choice_key] = _choice_leaf(slot, tuple(choices))
             found |= describe_parts(value, prefix)
+        elif slot.choices:
+            kinds = dict.fromkeys((*slot.choices.registry, *(part.kind for part in value)))
+            found[slot.key] = _kinds_leaf(slot, tuple(kinds))
+            for part in value:
+                found |= describe_parts(part, slot.below)
         elif is_dataclass(value):
             found |= _tied(describe_parts(value, slot.below), slot)
         elif is_array(value):
@@ -106,6 +117,11 @@ def _tied(found: Mapping[str, Leaf], slot: Slot) -> Mapping[str, Leaf]:
 @cache
 def _choice_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
     return Leaf(slot.choice_key, slot.find(Quantity), str, choices, marks=frozenset({Mark.PART}))
+
+
+@cache
+def _kinds_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
+    return Leaf(slot.key, slot.find(Quantity), tuple, choices, marks=frozenset({Mark.PARTS}), default=())
 
 
 @cache
@@ -152,6 +168,9 @@ def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...
         if slot.choice:
             kinds = slot.choice.registry.items()
             found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, prefix))
+        elif slot.choices:
+            kinds = slot.choices.registry.items()
+            found = slot.key, tuple(kind for kind, part in kinds if key in describe(part, slot.below))
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
             found = owners(slot.hint, key, slot.below)
         if found[1]:

@@ -71,6 +71,8 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         """
         if isinstance(kind, str) and kind in self._parts:
             return self._parts[kind]
+        if not self._parts:
+            raise ConfigurationError(f"unknown {self.what} {kind!r}: none is registered")
         near, known = nearest(str(kind).lower(), self._parts), ", ".join(self._parts)
         raise ConfigurationError(f"unknown {self.what} {kind!r}; did you mean '{near}'? Must be one of {known}")
 
@@ -80,4 +82,11 @@ class Choice:
     """A field that holds a part: the key of its kind, and the registry that knows the other kinds."""
 
     key: str
+    registry: Registry[Any]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """A field that holds a tuple of parts, no two of a kind, and the registry that knows the kinds there are."""
+
     registry: Registry[Any]

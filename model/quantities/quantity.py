@@ -80,6 +80,7 @@ class Mark(Enum):
     """What else a field is."""
 
     PART = "the kind of a part"
+    PARTS = "the kinds of several parts"
     SHAPES_CODE = "a number that is written into the compiled code"
     TIMING = "sets the instants of the samples"
     FILE = "the path of a file that is read; in a file, relative to that file"
@@ -169,6 +170,10 @@ class Leaf:
     @property
     def wanted(self) -> str:
         """What a value must be, in words."""
+        if Mark.PARTS in self.marks:
+            return (
+                f"a list of {self.allowed}, each once" if self.choices else "an empty list: no such part is registered"
+            )
         if self.choices or self.kind is bool:
             return self.allowed
         if self.kind is str:
@@ -211,8 +216,8 @@ class Leaf:
         """Whether a value is of the right type and within the bounds."""
         if value is None:
             return self.optional
-        if self.choices:
-            return value in self.choices
+        if self.choices or Mark.PARTS in self.marks:
+            return self._is_chosen(value)
         if self.kind in {bool, str} or isinstance(value, bool):
             return self.kind in {bool, str} and isinstance(value, self.kind)
         if self.kind is tuple:
@@ -220,6 +225,14 @@ class Leaf:
         if not isinstance(value, Integral if self.kind is int else Real):
             return False
         return _finite(value) and all(_keeps(constraint, value) for constraint in self.constraints)
+
+    def _is_chosen(self, value: Any) -> bool:
+        if Mark.PARTS not in self.marks:
+            return value in self.choices
+        kinds = [value] if isinstance(value, str) else value
+        if not isinstance(kinds, (list, tuple)):
+            return False
+        return all(kind in self.choices and kinds.count(kind) == 1 for kind in kinds)
 
 
 def _finite(value: Any) -> bool:

@@ -5,7 +5,7 @@ from typing import Any
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.numbers import numbers_of
-from dualwinch.model.quantities.quantity import Leaf
+from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import pairs, rules
 
 
@@ -28,6 +28,8 @@ def validated(leaf: Leaf, value: Any) -> Any:
     """
     if not leaf.admits(value):
         raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}")
+    if Mark.PARTS in leaf.marks:
+        return (value,) if isinstance(value, str) else tuple(value)
     if leaf.kind is tuple:
         return numbers_of(value)
     return float(value) if leaf.kind is float and value is not None else value

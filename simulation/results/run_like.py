@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 
 
 class RunLike(Protocol):

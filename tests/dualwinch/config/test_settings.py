@@ -17,6 +17,8 @@ from dualwinch.model.quantities.description import describe, owners
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from tests.own_metrics import Room
+from tests.registering import register
 
 
 @pytest.mark.parametrize(
@@ -125,12 +127,13 @@ def test_gains_that_do_not_count_are_told() -> None:
     assert experiment == override(case(4), {"controller.nftsm.beta": 0.1})
 
 
-def test_all_keys_are_settable_where_they_count() -> None:
+def test_all_keys_are_settable_where_they_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """With another value than the default where there is one: it arrives, and nothing else changes."""
+    register(monkeypatch, Room)
     for key, leaf in known_keys().items():
         choice, kinds = owners(Experiment, key)
         base = override(Experiment(), {choice: kinds[0]} if kinds else {})
-        for value in [*leaf.choices, True, False, 3, 7, 0.25, 0.05, (3.0, 7.0), "/gust.csv"]:
+        for value in [*leaf.choices, leaf.choices, True, False, 3, 7, 0.25, 0.05, (3.0, 7.0), "/gust.csv"]:
             if leaf.admits(value) and value != leaves(base)[key]:
                 changed = leaves(override(base, {key: value}))
                 assert changed[key] == value
@@ -146,6 +149,7 @@ def test_the_keys_that_choose_parts() -> None:
         "controller.estimator",
         "controller.kind",
         "controller.coordination.kind",
+        "metrics",
     ]
 
 
