@@ -47,7 +47,8 @@ def as_json(found: Sweep) -> str:
     """The content as JSON: units, and an object for each run."""
     content = content_of(found)
     rows = zip(*(values.tolist() for values in content.columns.values()), strict=True)
-    runs = [plain(dict(zip(content.columns, row, strict=True))) for row in rows]
+    points = [dict(zip(found.keys, point, strict=True)) for point in product(*found.values)]
+    runs = [plain(dict(zip(content.columns, row, strict=True)) | at) for row, at in zip(rows, points, strict=True)]
     return json.dumps({"keys": found.keys, "units": content.units, "runs": runs}, indent=1, allow_nan=False)
 
 
