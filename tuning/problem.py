@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check
@@ -33,6 +34,10 @@ REPORTED = (
     "mean.continuous_load",
 )
 """Statistics kept of every candidate, beside objectives, constraints and the means of the experiment's own metrics."""
+
+
+def _strength(limits: Limits) -> tuple[float, float]:
+    return limits.tension_min, limits.tension_max
 
 
 @dataclass(frozen=True)
@@ -98,9 +103,15 @@ class Problem:
 
     @property
     def paper_experiment(self) -> Experiment:
-        """The experiment with the paper's controller, whatever law is tuned."""
-        controller = replace(paper_controller(), nominal=self.experiment.controller.nominal)
-        return replace(self.experiment, controller=controller)
+        """The experiment with the paper's controller, whatever law is tuned.
+
+        Where the winches have other limits than the paper's it keeps to those, and has the experiment's preload: the
+        paper's gains say nothing of how strong a machine is.
+        """
+        own, paper = self.experiment.controller, paper_controller()
+        papers_machine = _strength(own.limits) == _strength(paper.limits)
+        limits = paper.limits if papers_machine else own.limits
+        return replace(self.experiment, controller=replace(paper, nominal=own.nominal, limits=limits))
 
     @property
     def paper_point(self) -> Point | None:

@@ -38,15 +38,24 @@ class Tunable:
     """Where a gain is searched for when it is tuned, in its own unit.
 
     Attributes:
-        lower, upper: bounds of the search.
+        lower, upper: bounds of the search, where what they follow has its default value.
         log: whether factors count, not differences.
         standard: whether it is tuned where nobody says what to tune.
+        of: what the bounds are proportional to: keys, as a product such as ``1/plant.vehicle.mass`` (a name
+            without a dot stands in the gain's own table, whose name is ``{table}``), or one for each bound; empty:
+            they are what they are on any machine.
     """
 
     lower: float
     upper: float
     log: bool = True
     standard: bool = True
+    of: str | tuple[str, str] = ""
+
+    @property
+    def followed(self) -> tuple[str, str]:
+        """What the lower bound follows, and the upper one."""
+        return (self.of, self.of) if isinstance(self.of, str) else self.of
 
 
 @dataclass(frozen=True)
