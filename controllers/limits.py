@@ -18,7 +18,7 @@ class Limits:
         float,
         at.Gt(0),
         Quantity("N", "sum of both tension commands", "paper Section 4.1"),
-        Tunable(800, 10000, log=False),
+        Tunable(800, 10000, log=False, of=("tension_min", "tension_max")),
     ] = PRELOAD
     tension_min: Annotated[float, at.Gt(0), Quantity("N", "lower force limit of a winch", "Table 1")] = TENSION_MIN
     tension_max: Annotated[float, at.Gt(0), Quantity("N", "upper force limit of a winch", "Table 1")] = TENSION_MAX
@@ -26,7 +26,7 @@ class Limits:
         float,
         at.Ge(0),
         Quantity("N", "distance that tension commands keep from tension_max, for overshoot and noise", "assumption"),
-        Tunable(0, 700, log=False, standard=False),
+        Tunable(0, 700, log=False, standard=False, of="tension_max"),
     ] = 0.0
 
     rules: ClassVar = (

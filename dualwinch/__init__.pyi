@@ -70,6 +70,8 @@ from .simulation.batch.rollout import BatchResult as BatchResult
 from .simulation.batch.rollout import rollout as rollout
 from .simulation.batch.sensitivities import Sensitivities as Sensitivities
 from .simulation.batch.sensitivities import sensitivities as sensitivities
+from .simulation.ensembles.distributions import Distribution as Distribution
+from .simulation.ensembles.ensemble import Drawn as Drawn
 from .simulation.ensembles.ensemble import Ensemble as Ensemble
 from .simulation.ensembles.ensemble import Scenario as Scenario
 from .simulation.ensembles.paired import Comparison as Comparison
@@ -82,7 +84,9 @@ from .simulation.exogenous.sensors import Sensors as Sensors
 from .simulation.experiment import Experiment as Experiment
 from .simulation.experiment import Simulation as Simulation
 from .simulation.loop.blocks import block as block
-from .simulation.loop.metrics import Metrics as Metrics
+from .simulation.metrics.metric import Metric as Metric
+from .simulation.metrics.metrics import Metrics as Metrics
+from .simulation.metrics.sample import Sample as Sample
 from .simulation.paper import case as case
 from .simulation.results.result import Result as Result
 from .simulation.results.storage import load_result as load_result

@@ -1,5 +1,6 @@
 """One experiment: plant, controller, reference, disturbances, sensors and how to simulate them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -8,10 +9,14 @@ import annotated_types as at
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.part import Choices
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.validation import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
 from dualwinch.simulation.exogenous.sensors import Sensors
+from dualwinch.simulation.metrics.check import checked_metrics
+from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.registry import METRICS
 
 
 @dataclass(frozen=True)
@@ -58,9 +63,13 @@ class Experiment:
     disturbance: Disturbance = field(default_factory=Disturbance)
     sensors: Sensors = field(default_factory=Sensors)
     simulation: Simulation = field(default_factory=Simulation)
+    metrics: Annotated[
+        Sequence[Metric], Quantity("", "figures of merit beside the built-in ones"), Choices(METRICS)
+    ] = ()
 
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` where a value is of the wrong type or out of its range."""
+        object.__setattr__(self, "metrics", checked_metrics(self.metrics))
         check_values(self)
 
     @property

@@ -1,14 +1,13 @@
 """The paper's four simulated cases, its three controllers and its figures (Section 4)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from numbers import Integral
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.coordination import Coordination
-from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.estimators.estimator import Estimator
-from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
@@ -18,6 +17,7 @@ from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metric import Metric
 
 CASES = {
     1: "uniform speed, no disturbance",
@@ -59,6 +59,7 @@ def case(
     law: PositionLaw | None = None,
     estimator: Estimator | None = None,
     coordination: Coordination | None = None,
+    metrics: Sequence[Metric] = (),
 ) -> Experiment:
     """The experiment of a case of the paper.
 
@@ -66,20 +67,19 @@ def case(
         number: 1 to 4.
         controller: a `controller.kind`.
         law: a position law with its gains, in place of `controller`; also one of your own.
-        estimator: in place of none; likewise.
+        estimator: in place of the low-pass filter; likewise.
         coordination: in place of differential tension; likewise.
+        metrics: figures of merit of your own, beside the built-in ones.
 
     Raises:
         ConfigurationError: there is no such case or controller; the message names the nearest controller.
     """
     if isinstance(number, bool) or not isinstance(number, Integral) or number not in CASES:
         raise ConfigurationError(f"case {number!r}: must be 1, 2, 3 or 4")
+    parts = {"law": law or POSITION_LAWS.find(controller)(), "estimator": estimator, "coordination": coordination}
     return Experiment(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
-        controller=Controller(
-            estimator=estimator or Unfiltered(),
-            law=law or POSITION_LAWS.find(controller)(),
-            coordination=coordination or DifferentialTension(),
-        ),
+        controller=Controller(**{name: part for name, part in parts.items() if part is not None}),
+        metrics=metrics,
     )

@@ -12,8 +12,8 @@ from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import EngineName, engine
-from dualwinch.simulation.loop.metrics import metrics_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.results.result import Result
 
 OUTCOMES = ("completed", "diverged", "left_track")
@@ -71,7 +71,7 @@ def simulate(
     final = dict(zip(loop.states, state.tolist(), strict=True))
     return Result(
         columns=columns,
-        metrics=metrics_of(final, completed=outcome == COMPLETED),
+        metrics=metrics_of(final, completed=outcome == COMPLETED, own=experiment.metrics),
         outcome=OUTCOMES[outcome],
         end_time=done * experiment.simulation.sample_time,
         final_state=final,

@@ -76,7 +76,7 @@ def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Cons
 
     Args:
         texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``.
-        experiment: where configuration keys are looked up.
+        experiment: where configuration keys are looked up, and metrics beside the built-in ones.
 
     Raises:
         ConfigurationError: anything else, or an unknown name.
@@ -94,7 +94,7 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     if not parts:
         raise ConfigurationError(f"--constraint {text}: must be STATISTIC<=BOUND, e.g. worst.peak_tension<=6000")
     name, sign, factor, term = parts.groups()
-    statistic = statistic_from(name)
+    statistic = statistic_from(name, experiment.metrics)
     scale = 1.0 if factor is None else _number(factor, text)
     if term == "paper":
         return Constraint(text, statistic, sign == ">=", scale, of_paper=True)

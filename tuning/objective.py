@@ -4,17 +4,22 @@ from collections.abc import Sequence
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
+from dualwinch.simulation.metrics.metric import Metric
 
 DEFAULT_OBJECTIVES = ("mean.mse",)
 
 
-def objectives_from(texts: Sequence[str]) -> tuple[Statistic, ...]:
+def objectives_from(texts: Sequence[str], own: Sequence[Metric] = ()) -> tuple[Statistic, ...]:
     """The statistics to minimise, e.g. ``["mean.mse", "mean.chatter"]``; more than one makes a Pareto front.
+
+    Args:
+        texts: their names.
+        own: the experiment's own metrics.
 
     Raises:
         ConfigurationError: an unknown name, one named twice, or one whose small values are the bad ones.
     """
-    found = tuple(map(statistic_from, texts))
+    found = tuple(statistic_from(text, own) for text in texts)
     for index, statistic in enumerate(found):
         if statistic in found[:index]:
             raise ConfigurationError(f"--objective {statistic.name}: is named twice")

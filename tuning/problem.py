@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check
@@ -32,7 +33,11 @@ REPORTED = (
     "mean.saturated_share",
     "mean.continuous_load",
 )
-"""Statistics kept of every candidate, beside objectives and constraints."""
+"""Statistics kept of every candidate, beside objectives, constraints and the means of the experiment's own metrics."""
+
+
+def _strength(limits: Limits) -> tuple[float, float]:
+    return limits.tension_min, limits.tension_max
 
 
 @dataclass(frozen=True)
@@ -98,9 +103,15 @@ class Problem:
 
     @property
     def paper_experiment(self) -> Experiment:
-        """The experiment with the paper's controller, whatever law is tuned."""
-        controller = replace(paper_controller(), nominal=self.experiment.controller.nominal)
-        return replace(self.experiment, controller=controller)
+        """The experiment with the paper's controller, whatever law is tuned.
+
+        Where the winches have other limits than the paper's it keeps to those, and has the experiment's preload: the
+        paper's gains say nothing of how strong a machine is.
+        """
+        own, paper = self.experiment.controller, paper_controller()
+        papers_machine = _strength(own.limits) == _strength(paper.limits)
+        limits = paper.limits if papers_machine else own.limits
+        return replace(self.experiment, controller=replace(paper, nominal=own.nominal, limits=limits))
 
     @property
     def paper_point(self) -> Point | None:
@@ -117,7 +128,13 @@ class Problem:
     def reported(self) -> tuple[Statistic, ...]:
         """Every statistic that is kept of a candidate, without repetition."""
         used = (*self.objectives, *(constraint.statistic for constraint in self.constraints))
-        return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED))))
+        own = [Statistic("mean", metric.table(), metric) for metric in self.experiment.metrics]
+        return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED), *own)))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Name of a reported statistic → its unit."""
+        return {statistic.name: statistic.unit for statistic in self.reported}
 
     def margin(self, constraint: Constraint) -> float:
         """Distance that a constraint has to keep from its bound in tuning, as a share of the bound."""

@@ -11,8 +11,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.statistic import statistic_from
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metrics_with
 from dualwinch.tuning.problem import HELD_OUT, SELECTION
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import pareto_front
@@ -41,7 +40,7 @@ def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, An
     lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
     lines += [f"{where(tuned)}{', ' * bool(others)}{' and '.join(others)} in brackets:"]
     for name, value in scored.statistics.items():
-        unit = behind_number(statistic_from(name).unit)
+        unit = behind_number(problem.units[name])
         beside = ", ".join(f"{verdict.statistics(other)[name]:.6g}" for other in others)
         lines.append(f"    {name} = {value:.6g}{unit}" + (f" ({beside})" if others else ""))
     lines += ["constraints there:"]
@@ -65,6 +64,7 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
         configuration: TOML of ensemble or experiment.
     """
     problem, verdict, plan = tuned.problem, tuned.verdict, tuned.verdict.plan
+    merits = describe(metrics_with(problem.experiment.metrics))
     content = {
         **facts,
         "seeds": {
@@ -90,7 +90,7 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
             for constraint in tuned.prepared.constraints
         ],
         "space": space_to_record(problem.space),
-        "units": {statistic.name: statistic.unit for statistic in problem.reported},
+        "units": problem.units,
         "trials": trial_columns(tuned),
         "pareto_front": [tuned.trials[index].number for index in pareto_front(tuned.trials)],
         "best": {
@@ -106,7 +106,7 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
         "paper": _scores(verdict.scores["paper"].evaluation),
         "held_out": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.held_out},
         "within_authority": verdict.within_authority.tolist() if verdict.held_out else [],
-        "metric_units": {name: leaf.quantity.unit for name, leaf in describe(Metrics).items()},
+        "metric_units": {name: leaf.quantity.unit for name, leaf in merits.items()},
         "cost": {"trials": len(tuned.trials), "seconds": tuned.cost.seconds, **asdict(tuned.cost)},
         "interrupted": tuned.interrupted,
         "configuration": configuration,

@@ -1,6 +1,6 @@
 """A search space from names and bounds, written as ``--space`` texts or as a table of a TOML file.
 
-Bounds and scale that are not given are those that stand beside the gain itself (`model.quantities.quantity.Tunable`).
+Bounds and scale that are not given are those that stand beside the gain itself (`tuning.own_bounds`).
 """
 
 import math
@@ -11,10 +11,11 @@ from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.quantity import behind_number, nearest
+from dualwinch.model.quantities.quantity import Tunable, behind_number, nearest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import Structure, structure_of
+from dualwinch.tuning.own_bounds import own_bounds
 from dualwinch.tuning.space import Dimension, Interval, Pairs, Space
 
 
@@ -84,6 +85,7 @@ class _Gains:
 
     def __init__(self, experiment: Experiment) -> None:
         """Collect them."""
+        self.experiment = experiment
         self.leaves = {
             key: leaf
             for key, leaf in {**describe(Experiment), **describe_parts(experiment)}.items()
@@ -131,11 +133,9 @@ def _effective(structure: Structure) -> frozenset[str]:
 
 def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Interval:
     leaf = gains.leaves[keys[0]]
-    known = leaf.tunable
     if not isinstance(entry, Mapping) or set(entry) - {"lower", "upper", "log"}:
         raise ConfigurationError(f"space: {name}: must be a table of lower, upper and log")
-    given = {} if known is None else {"lower": known.lower, "upper": known.upper, "log": known.log}
-    given |= dict(entry)
+    given = _own(keys, leaf.tunable, gains.experiment) | dict(entry)
     if not {"lower", "upper"} <= set(given):
         raise ConfigurationError(f"space: {name}: has no bounds of its own; give them, e.g. {name}=0.1:10:log")
     lower, upper = given["lower"], given["upper"]
@@ -154,6 +154,14 @@ def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Inte
             allowed = leaf.allowed + behind_number(leaf.quantity.unit)
             raise ConfigurationError(f"space: {name}: bound {bound:g} must be {allowed}")
     return Interval(name, tuple(keys), float(lower), float(upper), log, leaf.quantity.unit)
+
+
+def _own(keys: Sequence[str], tunable: Tunable | None, experiment: Experiment) -> dict[str, Any]:
+    """The bounds that stand beside a gain, as an entry."""
+    if tunable is None:
+        return {}
+    lower, upper = own_bounds(keys, tunable, experiment)
+    return {"lower": lower, "upper": upper, "log": tunable.log}
 
 
 def _pairs(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Pairs:

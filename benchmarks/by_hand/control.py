@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from benchmarks.by_hand.compilable import compilable
 from benchmarks.by_hand.parameters import Parameters
 from benchmarks.by_hand.plant import Constants, Motion, tensions
-from dualwinch.simulation.loop.metrics import Accumulators
+from dualwinch.simulation.metrics.metrics import Accumulators
 
 
 class Memory(NamedTuple):
@@ -22,7 +22,7 @@ class Memory(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Running sums behind the figures of merit, in the order of `simulation.loop.metrics.Accumulators`."""
+    """Running sums behind the figures of merit, in the order of `simulation.metrics.metrics.Accumulators`."""
 
     sum_abs: float
     max_abs: float

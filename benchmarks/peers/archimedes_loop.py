@@ -8,7 +8,7 @@ from benchmarks.by_hand.parameters import parameters_from
 from benchmarks.by_hand.plant import constants
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 
 PLANT = 6
 """Elements of the carried vector that are the plant's; the controller's and the sum of squares follow."""

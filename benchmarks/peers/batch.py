@@ -9,7 +9,7 @@ from benchmarks.peers.candidates import GAIN, gains
 from benchmarks.peers.peer import Answer, Run, UnavailableError
 from dualwinch.codegen import CompilerNotFoundError
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 
 
 def prepare_with(threads: int) -> Callable[[Case], Run]:

@@ -11,7 +11,7 @@ from benchmarks.by_hand.parameters import parameters_from
 from benchmarks.case import Case
 from benchmarks.peers import gcc
 from benchmarks.peers.peer import Answer, Run
-from dualwinch.simulation.loop.metrics import finish
+from dualwinch.simulation.metrics.metrics import finish
 
 FOLDER = Path(__file__).parent.parent
 

@@ -16,7 +16,7 @@ from benchmarks.by_hand.plant import constants
 from benchmarks.case import Case
 from benchmarks.peers.candidates import gains
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 
 Advance = Callable[[ByHand, Any, Any, Any, Any], Any]
 """``(by_hand, t, motion, tau_1, tau_2) -> motion`` at the sample's end."""

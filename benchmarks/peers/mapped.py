@@ -12,7 +12,7 @@ from benchmarks.case import Case
 from benchmarks.peers import gcc
 from benchmarks.peers.candidates import GAIN, gains
 from benchmarks.peers.peer import Answer, Run, closed_loop_answer
-from dualwinch.simulation.loop.metrics import metrics_of
+from dualwinch.simulation.metrics.metrics import metrics_of
 
 LONGEST = 1000
 """Most samples of a piece."""

@@ -11,7 +11,7 @@ from benchmarks.by_hand.plant import constants, rk4
 from benchmarks.case import Case
 from benchmarks.peers.candidates import gains
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from dualwinch.simulation.loop.metrics import finish
+from dualwinch.simulation.metrics.metrics import finish
 
 try:
     from numba import prange  # pyright: ignore[reportMissingImports]

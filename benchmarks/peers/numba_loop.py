@@ -9,7 +9,7 @@ from benchmarks.by_hand.parameters import Parameters, parameters_from
 from benchmarks.by_hand.plant import Motion, constants, rk4
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from dualwinch.simulation.loop.metrics import finish
+from dualwinch.simulation.metrics.metrics import finish
 
 
 def _loop(p: Parameters, reference: Any, substeps: int, motion: Motion, positions: Any) -> tuple[Motion, Sums]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.case import Case
-from dualwinch.simulation.loop.metrics import Metrics, metrics_of
+from dualwinch.simulation.metrics.metrics import Metrics, metrics_of
 
 
 class UnavailableError(Exception):

@@ -10,7 +10,7 @@ from benchmarks.by_hand.parameters import parameters_from
 from benchmarks.by_hand.plant import constants, derivative
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run
-from dualwinch.simulation.loop.metrics import finish
+from dualwinch.simulation.metrics.metrics import finish
 
 RTOL, ATOL = 1e-8, 1e-10
 """Tolerances; both methods then keep the position within 1e-6 m over the run, at 1e-6 LSODA does not."""

@@ -13,7 +13,7 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.simulate import simulate
 
 SEED = 7

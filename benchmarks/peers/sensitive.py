@@ -6,7 +6,7 @@ from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError
 from dualwinch import sensitivities
 from dualwinch.codegen import CompilerNotFoundError
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 
 GAINS = (
     "controller.nftsm.beta",

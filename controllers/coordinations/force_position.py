@@ -33,7 +33,7 @@ class ForcePosition(Coordination):
         float,
         at.Gt(0),
         Quantity("N", "largest force at which both winches still share the tension control", "by hand"),
-        Tunable(1, 2000),
+        Tunable(1, 2000, of="controller.coordination.tension_max"),
     ] = 100.0
     winch_1: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)
     winch_2: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)

@@ -24,6 +24,9 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, either, where
 from dualwinch.model.winch import Winch
 
+TORQUE_LIMIT = "controller.coordination.tension_max*plant.winch_{winch}.drum_radius/plant.winch_{winch}.gear_ratio"
+"""What gains from drum speeds to torques are proportional to."""
+
 
 @dataclass(frozen=True)
 class MasterSlaveState:
@@ -56,16 +59,19 @@ class MasterSlave(Coordination):
         float,
         at.Ge(0),
         Quantity("N m s/rad", "master: proportional gain on the drum speed", "by hand"),
-        Tunable(0.1, 100),
+        Tunable(0.1, 100, of=TORQUE_LIMIT.format(winch=1)),
     ] = 5.0
     ki: Annotated[
-        float, at.Ge(0), Quantity("N m/rad", "master: integral gain on the drum speed", "by hand"), Tunable(0.1, 200)
+        float,
+        at.Ge(0),
+        Quantity("N m/rad", "master: integral gain on the drum speed", "by hand"),
+        Tunable(0.1, 200, of=TORQUE_LIMIT.format(winch=1)),
     ] = 10.0
     synchronisation: Annotated[
         float,
         at.Ge(0),
         Quantity("N m s/rad", "slave: gain on the difference of the drum speeds", "by hand"),
-        Tunable(0.1, 100),
+        Tunable(0.1, 100, of=TORQUE_LIMIT.format(winch=2)),
     ] = 5.0
 
     kind: ClassVar = "master-slave"

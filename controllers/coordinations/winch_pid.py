@@ -10,18 +10,21 @@ from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, clip, where
 from dualwinch.model.winch import Winch
 
+LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
+"""Motor torque for a tension: what gains from tensions to torques are proportional to."""
+
 
 @dataclass(frozen=True)
 class WinchGains:
     """PID gains of one winch."""
 
-    kp: Annotated[float, at.Ge(0), Quantity("N m/N", "proportional gain", "A11"), Tunable(1e-5, 1e-2)] = 5e-4
-    ki: Annotated[float, at.Ge(0), Quantity("N m/(N s)", "integral gain", "A11"), Tunable(1e-3, 1)] = 2e-2
+    kp: Annotated[float, at.Ge(0), Quantity("N m/N", "proportional gain", "A11"), Tunable(1e-5, 1e-2, of=LEVER)] = 5e-4
+    ki: Annotated[float, at.Ge(0), Quantity("N m/(N s)", "integral gain", "A11"), Tunable(1e-3, 1, of=LEVER)] = 2e-2
     kd: Annotated[
         float,
         at.Ge(0),
         Quantity("N m s/N", "derivative gain", "A11"),
-        Tunable(0, 1e-5, log=False, standard=False),
+        Tunable(0, 1e-5, log=False, standard=False, of=LEVER),
         Mark.OFF_AT_ZERO,
     ] = 0.0
 

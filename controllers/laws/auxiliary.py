@@ -17,7 +17,7 @@ class AuxiliaryGains:
         float,
         at.Ge(0),
         Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10"),
-        Tunable(1e-8, 1e-3),
+        Tunable(1e-8, 1e-3, of="1/plant.vehicle.mass"),
     ] = 1e-5
     gamma_force: Annotated[
         float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10"), Tunable(1e-6, 10, standard=False)

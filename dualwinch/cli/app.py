@@ -8,7 +8,7 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError
 
 from dualwinch import __version__
-from dualwinch.cli import certify, compare, config, doctor, export, linearise, reproduce, simulate, tune, worker
+from dualwinch.cli import certify, compare, config, doctor, export, linearise, reproduce, simulate, sweep, tune, worker
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 """Exit codes."""
@@ -29,7 +29,7 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-for module in (reproduce, simulate, linearise, compare, tune, worker, config, certify, export, doctor):
+for module in (reproduce, simulate, sweep, linearise, compare, tune, worker, config, certify, export, doctor):
     app.command(module.app)
 
 

@@ -20,6 +20,7 @@ from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.html import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.paired import CONFIDENCE, RESAMPLES, Comparison
@@ -172,7 +173,15 @@ def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
     files = facts["files"]
     table = _table(files)
-    for key, (words, unit, factor) in ROWS.items():
+    own = {
+        f"mean_{metric.table()}": (
+            f"{metric.table()}, mean".replace("_", " "),
+            readable_unit(metric.quantity.unit),
+            1.0,
+        )
+        for metric in ensemble.experiment.metrics
+    }
+    for key, (words, unit, factor) in (ROWS | own).items():
         table.add_row(words, *(_number(file[key], factor) for file in files), unit)
     for outcome in dict.fromkeys(outcome for file in files for outcome in file["outcomes"]):
         table.add_row(outcome.replace("_", " "), *(str(file["outcomes"].get(outcome, 0)) for file in files), "")

@@ -3,7 +3,6 @@
 The module does not bear the command's name: importing it would hide the function ``dualwinch.linearise``.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -13,6 +12,7 @@ from rich.console import Console
 
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.linearise_tables import print_point, print_sweep
+from dualwinch.commands.ranges import numbers_between
 from dualwinch.commands.simulate import check_plot
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
@@ -30,7 +30,6 @@ Loop: TypeAlias = Callable[[Experiment, Sequence[OperatingPoint], float | None],
 FigureName: TypeAlias = Literal["amplitude", "bode", "modes", "poles", "shapes"]
 
 SWEPT = ("x", "v", "preload")
-MOST_POINTS = 10_000
 
 
 def open_loop(experiment: Experiment, points: Sequence[OperatingPoint], dt: float | None) -> list[LinearSystem]:
@@ -143,20 +142,11 @@ def _swept_name(sweep: str) -> str:
 
 
 def _range(sweep: str) -> list[float]:
-    text = sweep.partition("=")[2]
-    wrong = f"--sweep {sweep}: must be name=first:last:step, e.g. x=1:47:2"
-    try:
-        first, last, step = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise ConfigurationError(wrong) from None
-    if not all(map(math.isfinite, (first, last, step))) or step == 0 or (last - first) / step < 0:
-        raise ConfigurationError(f"{wrong}; the step must be finite, not 0, and lead from first to last")
-    count = math.floor((last - first) / step * (1 + 1e-12) + 1e-9) + 1
-    if count < 2:
-        raise ConfigurationError(f"--sweep {sweep}: one point only; give --{sweep.partition('=')[0]} {first:g}")
-    if count > MOST_POINTS:
-        raise ConfigurationError(f"--sweep {sweep}: {count} points, must be <= {MOST_POINTS}")
-    return [round(first + k * step, 12) for k in range(count)]
+    name, _, text = sweep.partition("=")
+    values = numbers_between(text, f"--sweep {sweep}: must be name=first:last:step, e.g. x=1:47:2")
+    if len(values) < 2:
+        raise ConfigurationError(f"--sweep {sweep}: one point only; give --{name} {values[0]:g}")
+    return [float(value) for value in values]
 
 
 def _operating_points(experiment: Experiment, values: dict[str, list[float]]) -> list[OperatingPoint]:

@@ -22,7 +22,7 @@ from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.comparison import percent, reductions
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save

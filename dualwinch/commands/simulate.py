@@ -16,10 +16,8 @@ from dualwinch.config.experiment_file import load
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.engine import EngineName
-from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.results.formats import format_of
 from dualwinch.simulation.results.result import Result
@@ -108,7 +106,7 @@ def print_result(result: Result) -> None:
     table.add_column(justify="right")
     table.add_column()
     table.add_column(style="dim")
-    for name, leaf in describe(Metrics).items():
-        unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
-        table.add_row(name, measured(getattr(result.metrics, name), ".6g"), unit, leaf.quantity.meaning)
+    for name, quantity in result.metrics.quantities.items():
+        unit = "" if quantity.unit == "1" else quantity.unit.replace("^2", "²")
+        table.add_row(name, measured(result.metrics[name], ".6g"), unit, quantity.meaning)
     console.print(table)

@@ -19,7 +19,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.ensembles.storage import ensemble_writer, save_ensemble
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metrics_with
 
 SCENARIOS, SEED = 100, 0
 """How many scenarios are drawn, and from which seed, where nothing else is asked for."""
@@ -96,7 +96,7 @@ def print_ensemble(result: EnsembleResult) -> None:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("")
     statistics = result.statistics
-    for name, leaf in describe(Metrics).items():
+    for name, leaf in describe(metrics_with(result.ensemble.experiment.metrics)).items():
         unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
         table.add_row(name, *(measured(value) for value in statistics[name].values()), unit)
     console.print(table)

@@ -45,6 +45,8 @@ def sweep(
         DualwinchError: no compiler, or no usable cache folder.
     """
     grid = {current(key): _listed(key, given) for key, given in values.items()}
+    if "metrics" in grid:
+        raise ConfigurationError("metrics: is the same for all runs of a sweep; add every metric to the experiment")
     if not grid:
         raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
     shape = tuple(map(len, grid.values()))

@@ -1,24 +1,36 @@
-"""Entries of the table ``[distributions]``: how a file says what a value is drawn from."""
+"""Entries of the table ``[distributions]``: how a file says what a value is drawn from.
+
+Every distribution can be written by its kind and its numbers, ``{ kind = "uniform", low = 0.9, high = 1.1 }``; the
+built-in ones are shorter as ``{ uniform = [0.9, 1.1] }``.
+"""
 
 import difflib
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import MISSING, fields
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import annotated_types as at
 
 from dualwinch.config.settings import leaf_of
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import Leaf, Mark
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.quantities.validation import validated
-from dualwinch.simulation.ensembles.distributions import Choice, Distribution, Normal, Uniform
+from dualwinch.simulation.ensembles.distributions import DISTRIBUTIONS, Choice, Distribution, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.simulation.experiment import Experiment
 
 SHAPES = ("uniform", "normal", "choice")
-"""Kinds of distributions; an entry has one of these keys."""
+"""Distributions with a short form; an entry has one of these keys, or a kind."""
 
-OPTIONS = ("within", "of", "together")
-"""What else an entry may have."""
+OPTIONS = ("of", "together")
+"""What else any entry may have."""
+
+
+def is_entry(value: Any) -> bool:
+    """Whether a table of a file is an entry, and not a table of entries."""
+    return isinstance(value, dict) and (isinstance(value.get("kind"), str) or not set(SHAPES).isdisjoint(value))
 
 
 def drawn_from(key: str, entry: Any, experiment: Experiment) -> Drawn:
@@ -35,11 +47,14 @@ def drawn_from(key: str, entry: Any, experiment: Experiment) -> Drawn:
     leaf = leaf_of(key, experiment)
     _check_leaf(leaf, experiment)
     _check_words(key, entry)
-    drawn = Drawn(_distribution(leaf, entry), relative="of" in entry, together=entry.get("together"))
+    distribution = _of_kind(key, entry) if "kind" in entry else _in_short(key, entry)
+    if isinstance(distribution, Choice):
+        distribution = _checked(leaf, distribution, relative="of" in entry)
+    drawn = Drawn(distribution, relative="of" in entry, together=entry.get("together"))
     numbers = all(type(end) in {int, float} for end in drawn.distribution.ends)
     if drawn.relative and not numbers:
         raise ConfigurationError(f'{key}: of = "nominal": must stand beside numbers')
-    if leaf.kind is not float and (drawn.relative or not isinstance(drawn.distribution, Choice)):
+    if leaf.kind is not float and (drawn.relative or isinstance(distribution, (Uniform, Normal))):
         raise ConfigurationError(f"{key}: is no decimal number, must be a choice, e.g. {{ choice = [...] }}")
     check_range(key, drawn, experiment)
     return drawn
@@ -57,12 +72,13 @@ def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
 
 
 def _check_words(key: str, entry: Any) -> None:
-    if not isinstance(entry, dict) or sum(shape in entry for shape in SHAPES) != 1:
+    if not isinstance(entry, dict) or sum(shape in entry for shape in (*SHAPES, "kind")) != 1:
         raise ConfigurationError(f'{key}: must be one distribution, e.g. {{ uniform = [0.9, 1.1], of = "nominal" }}')
+    allowed = (*_names(key, entry["kind"]), *OPTIONS) if "kind" in entry else (*SHAPES, "within", *OPTIONS)
     for word in entry:
-        if word not in SHAPES + OPTIONS:
-            near = difflib.get_close_matches(word, SHAPES + OPTIONS, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"must be one of {', '.join(SHAPES + OPTIONS)}"
+        if word not in (*allowed, "kind"):
+            near = difflib.get_close_matches(word, allowed, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"must be one of {', '.join(allowed)}"
             raise ConfigurationError(f"{key}: unknown word '{word}'; {hint}")
     if "of" in entry and entry["of"] != "nominal":
         raise ConfigurationError(f'{key}: of = {entry["of"]!r}: must be "nominal"')
@@ -70,15 +86,58 @@ def _check_words(key: str, entry: Any) -> None:
         raise ConfigurationError(f"{key}: together = {entry['together']!r}: must be a text, the name of a group")
 
 
-def _distribution(leaf: Leaf, entry: Mapping[str, Any]) -> Distribution:
-    key = leaf.key
+def _names(key: str, kind: Any) -> tuple[str, ...]:
+    """Names of the numbers of a kind of distribution."""
+    try:
+        return tuple(field.name for field in fields(DISTRIBUTIONS.find(kind)))  # pyright: ignore[reportArgumentType]
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{key}: {error}") from error
+
+
+def _of_kind(key: str, entry: Mapping[str, Any]) -> Distribution:
+    """A distribution from its kind and its numbers."""
+    part = DISTRIBUTIONS.find(entry["kind"])
+    hints = get_type_hints(part, include_extras=True)
+    given: dict[str, Any] = {}
+    for field in fields(part):  # pyright: ignore[reportArgumentType]
+        if field.name in entry:
+            given[field.name] = _number(f"{key}: {field.name}", hints[field.name], entry[field.name])
+        elif field.default is MISSING and field.default_factory is MISSING:
+            raise ConfigurationError(f"{key}: kind = \"{part.kind}\": must have '{field.name}' beside it")
+    try:
+        made = part(**given)
+    except (ConfigurationError, ValueError) as error:  # what a distribution of a user's own says of its numbers
+        raise ConfigurationError(f"{key}: {error}") from error
+    for rule in getattr(made, "rules", ()):
+        if not rule.holds(made):
+            name = rule.fields[0]
+            raise ConfigurationError(f"{key}: {name} = {getattr(made, name):g}: {rule.wanted(made, '')}")
+    return made
+
+
+def _number(name: str, hint: Any, value: Any) -> Any:
+    """A number of a distribution, of its field's type and within its bounds; a list as a tuple."""
+    kind, *metadata = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    if kind not in {float, int, bool, str}:
+        return tuple(value) if isinstance(value, list) else value
+    constraints = tuple(item for item in metadata if isinstance(item, at.BaseMetadata))
+    return validated(Leaf(name, Quantity("1", ""), kind, constraints=constraints), value)
+
+
+def _checked(leaf: Leaf, choice: Choice, *, relative: bool) -> Choice:
+    """A choice whose values are those of a key; factors are not."""
+    if not isinstance(choice.values, tuple) or not choice.values:
+        raise ConfigurationError(f"{leaf.key}: choice = {choice.values}: must be a list of one value or more")
+    return choice if relative else Choice(tuple(validated(leaf, value) for value in choice.values))
+
+
+def _in_short(key: str, entry: Mapping[str, Any]) -> Distribution:
+    """A built-in distribution from its short form."""
     if "within" in entry and "normal" not in entry:
         raise ConfigurationError(f"{key}: within: must stand beside normal only")
     if "choice" in entry:
         values = entry["choice"]
-        if not isinstance(values, list) or not values:
-            raise ConfigurationError(f"{key}: choice = {values}: must be a list of one value or more")
-        return Choice(tuple(values) if "of" in entry else tuple(validated(leaf, value) for value in values))
+        return Choice(tuple(values) if isinstance(values, list) else values)
     if "uniform" in entry:
         return Uniform(*_bounds(key, "uniform", entry["uniform"]))
     mean, sigma = _pair(key, "normal", entry["normal"])
@@ -123,22 +182,28 @@ def entry_of(key: str, drawn: Drawn) -> str:
     """The entry of a file that `drawn_from` reads.
 
     Raises:
-        ConfigurationError: a distribution that no entry stands for.
+        ConfigurationError: a distribution that is not registered.
     """
-    match drawn.distribution:
-        case Uniform(low, high):
-            words = [f"uniform = [{low!r}, {high!r}]"]
-        case Normal(mean, sigma, low, high):
-            words = [f"normal = [{mean!r}, {sigma!r}], within = [{low!r}, {high!r}]"]
-        case Choice(values):
-            words = [f"choice = [{', '.join(map(toml_value, values))}]"]
-        case other:
-            raise ConfigurationError(
-                f"{key}: a distribution of type {type(other).__name__} cannot stand in a file; "
-                f"must be one of {', '.join(SHAPES)}"
-            )
+    words = _words(key, drawn.distribution)
     if drawn.relative:
         words.append('of = "nominal"')
     if drawn.together is not None:
         words.append(f"together = {toml_value(drawn.together)}")
     return f"{{ {', '.join(words)} }}"
+
+
+def _words(key: str, distribution: Distribution) -> list[str]:
+    if DISTRIBUTIONS.get(distribution.kind) is not type(distribution):
+        raise ConfigurationError(
+            f"{key}: a distribution of type {type(distribution).__name__} cannot stand in a file, it is not "
+            f"registered; must be one of {', '.join(DISTRIBUTIONS)}"
+        )
+    match distribution:
+        case Uniform(low, high):
+            return [f"uniform = [{low!r}, {high!r}]"]
+        case Normal(mean, sigma, low, high):
+            return [f"normal = [{mean!r}, {sigma!r}], within = [{low!r}, {high!r}]"]
+        case Choice(values):
+            return [f"choice = {toml_value(values)}"]
+    numbers = {field.name: getattr(distribution, field.name) for field in fields(distribution)}  # pyright: ignore[reportArgumentType]
+    return [f'kind = "{distribution.kind}"', *(f"{name} = {toml_value(value)}" for name, value in numbers.items())]

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from dualwinch.config.distribution_entries import SHAPES, check_range, drawn_from, entry_of
+from dualwinch.config.distribution_entries import check_range, drawn_from, entry_of, is_entry
 from dualwinch.config.experiment_file import from_table, to_toml
 from dualwinch.config.renamed import current
 from dualwinch.config.settings import from_folder, known_keys, override
@@ -94,9 +94,12 @@ def _from_source(source: Source, base: Experiment | None, name: str) -> Ensemble
 
 def _located(key: str, entry: Any, source: Source) -> Any:
     """An entry with the files among its choices relative to the ensemble's own."""
-    if not (isinstance(entry, dict) and isinstance(entry.get("choice"), list)):
+    if not isinstance(entry, dict):
         return entry
-    return entry | {"choice": [from_folder({key: value}, source.folder)[key] for value in entry["choice"]]}
+    lists = {word: entry[word] for word in ("choice", "values") if isinstance(entry.get(word), list)}
+    return entry | {
+        word: [from_folder({key: value}, source.folder)[key] for value in values] for word, values in lists.items()
+    }
 
 
 def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
@@ -139,9 +142,10 @@ def _check_heading(key: str, value: Any) -> None:
 
 def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted key and content of every distribution, however the tables are nested."""
+    known = known_keys()
     for name, value in table.items():
         key = prefix + name
-        if key in known_keys() or not (isinstance(value, dict) and value) or set(SHAPES) & set(value):
+        if key in known or not (isinstance(value, dict) and value) or is_entry(value):
             yield key, value
         else:
             yield from _entries(value, f"{key}.")

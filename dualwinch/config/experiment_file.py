@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
+from dualwinch.config.metric_entries import with_metric_kinds
 from dualwinch.config.settings import describe_choices, from_folder, override, with_settings, without_digests
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
 from dualwinch.model.quantities.description import describe_parts, every_leaf
 from dualwinch.model.quantities.origin import built_in
-from dualwinch.model.quantities.quantity import Leaf
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.plugins.entry_points import load_entry_points
@@ -55,6 +56,8 @@ def from_table(
     table: Mapping[str, Any], source: Source, base: Experiment, settings: Mapping[str, Any] | None = None
 ) -> Experiment:
     """The experiment of a TOML table, as `load` gives it."""
+    with source.located("metrics"):
+        table = with_metric_kinds(table, tuple(base.metrics))
     values, settings = from_folder(dict(flattened(table)), source.folder), dict(settings or {})
     with_settings(base, values, source.located)  # what is wrong with the file is said of the file
     experiment, _ = with_settings(base, without_digests(values) | settings)
@@ -94,17 +97,24 @@ def _tables(experiment: Experiment, described: Mapping[str, Leaf]) -> list[str]:
     """Lines of some keys of an experiment, table by table."""
     values, taken = leaves(experiment), _taken_from_elsewhere(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
+    headings: dict[str, Quantity] = {}
+    lines: list[str] = []
     for key, leaf in described.items():
         table, _, name = key.rpartition(".")
         value = values[key]
+        if Mark.PARTS in leaf.marks:
+            headings |= {f"{key}.{part.table()}": part.quantity for part in experiment.metrics}
+            tables |= {heading: [] for heading in headings}
+            lines += [] if value else [f"# {key} = []  # {_comment(leaf)}"]
+            continue
         entry = f"{name} = {toml_value(value)}"
         if value is None:
             entry = f"# {name} = {toml_value(taken[key]) if key in taken else ''}".rstrip()
         tables.setdefault(table, []).append((entry, _comment(leaf)))
-    lines: list[str] = []
     for table, entries in tables.items():
-        width = min(max(len(entry) for entry, _ in entries), WIDEST)
-        lines += ["", f"[{table}]", *(f"{entry:<{width}}  # {comment}" for entry, comment in entries)]
+        width = min(max((len(entry) for entry, _ in entries), default=0), WIDEST)
+        heading = f"[{table}]  # {_said(headings[table])}" if table in headings else f"[{table}]"
+        lines += ["", heading, *(f"{entry:<{width}}  # {comment}" for entry, comment in entries)]
     return lines
 
 
@@ -121,8 +131,11 @@ def _taken_from_elsewhere(experiment: Experiment) -> dict[str, Any]:
 
 
 def _comment(leaf: Leaf) -> str:
-    quantity = leaf.quantity
+    allowed = f"; {leaf.allowed}" if leaf.allowed else ""
+    return _said(leaf.quantity, allowed)
+
+
+def _said(quantity: Quantity, allowed: str = "") -> str:
     unit = "" if quantity.unit in {"", "1"} else f"[{quantity.unit}] "
     source = f" ({quantity.source})" if quantity.source else ""
-    allowed = f"; {leaf.allowed}" if leaf.allowed else ""
     return f"{unit}{quantity.meaning}{allowed}{source}"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.config.renamed import current
+from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
@@ -34,8 +35,10 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     experiment, idle = with_settings(experiment, values)
     for key in idle:
         choice, kinds = owners(Experiment, key)
-        whose = " or ".join(f'"{kind}"' for kind in kinds)
-        raise ConfigurationError(f'{key}: belongs to {choice} = {whose}, here it is "{leaves(experiment)[choice]}"')
+        whose, here = " or ".join(f'"{kind}"' for kind in kinds), leaves(experiment)[choice]
+        if isinstance(here, tuple):
+            raise ConfigurationError(f"{key}: belongs to {whose}, which is not among {choice} = {toml_value(here)}")
+        raise ConfigurationError(f'{key}: belongs to {choice} = {whose}, here it is "{here}"')
     return experiment
 
 
@@ -110,7 +113,8 @@ def marks_of(key: str) -> frozenset[Mark]:
 
 def describe_choices(experiment: Experiment) -> dict[str, Leaf]:
     """The keys that choose parts."""
-    return {key: leaf for key, leaf in describe_parts(experiment).items() if Mark.PART in leaf.marks}
+    kinds = {Mark.PART, Mark.PARTS}
+    return {key: leaf for key, leaf in describe_parts(experiment).items() if not kinds.isdisjoint(leaf.marks)}
 
 
 def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:

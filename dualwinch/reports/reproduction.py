@@ -26,7 +26,7 @@ class Column:
         group: heading above several columns.
         heading: what it shows.
         unit: unit of what it shows.
-        metric: field of `simulation.loop.metrics.Metrics`.
+        metric: field of `simulation.metrics.metrics.Metrics`.
         scale: factor from that field to the unit shown.
         high_is_good: whether the largest value is the best; else the smallest.
     """

@@ -10,7 +10,6 @@ from dualwinch.codegen.files import atomic
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri, number_text
-from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.simulation.plots.files import encode
 from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.plots.score import before_and_after, held_out
@@ -88,7 +87,7 @@ def _scores(tuned: Tuned) -> list[dict[str, Any]]:
                 "name": shown_name(name),
                 "values": [number_text(verdict.statistics(column)[name]) for column in columns],
                 "ratio": number_text(value / theirs) if theirs else "–",
-                "unit": shown_unit(statistic_from(name).unit),
+                "unit": shown_unit(tuned.problem.units[name]),
             }
         )
     return rows

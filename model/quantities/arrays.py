@@ -57,9 +57,13 @@ def elements(value: Any) -> dict[str, Any]:
 
 
 def rebuilt(value: Any, element: Callable[[str], Any]) -> Any:
-    """An array shaped like another, by the ends of its elements' keys: NumPy's where all are floats, else CasADi's."""
+    """An array shaped like another, by the ends of its elements' keys: NumPy's where all are floats, else CasADi's.
+
+    Elements that are themselves NumPy arrays, of many runs, add their axes behind.
+    """
     found = [element(end) for end in elements(value)]
     if any(isinstance(item, (ca.SX, ca.MX)) for item in found):
         rows, columns = (*value.shape, 1)[:2]
         return ca.reshape(ca.vertcat(*found), columns, rows).T
-    return np.array(found, float).reshape(value.shape)
+    stacked = np.array(found, float)
+    return stacked.reshape(value.shape + stacked.shape[1:])

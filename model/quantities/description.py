@@ -42,6 +42,10 @@ def every_leaf(group: type, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
             yield group, _choice_leaf(slot, tuple(slot.choice.registry))
             for part in slot.choice.registry.values():
                 yield from ((part, leaf) for _, leaf in every_leaf(part, prefix))
+        elif slot.choices:
+            yield group, _kinds_leaf(slot, tuple(slot.choices.registry))
+            for part in slot.choices.registry.values():
+                yield from ((part, leaf) for _, leaf in every_leaf(part, slot.below))
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
             for owner, leaf in every_leaf(slot.hint, slot.below):
                 yield owner, _tied(leaf, slot)
@@ -79,7 +83,9 @@ def _shape(group: Any) -> tuple[Any, ...]:
         value = getattr(group, slot.field)
         if slot.choice:
             found.append(tuple(slot.choice.registry))
-        if is_dataclass(value):
+        if slot.choices:
+            found.append((tuple(slot.choices.registry), *map(_shape, value)))
+        elif is_dataclass(value):
             found.append(_shape(value))
         elif is_array(value):
             found.append(value.shape)
@@ -90,6 +96,11 @@ def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
     described: list[tuple[type, Mapping[str, Leaf]]] = []
     for slot in slots(type(group), prefix):
         value = getattr(group, slot.field)
+        if slot.choices:
+            kinds = dict.fromkeys((*slot.choices.registry, *(part.kind for part in value)))
+            described.append((type(group), {slot.key: _kinds_leaf(slot, tuple(kinds))}))
+            described += [(type(part), describe_parts(part, slot.below)) for part in value]
+            continue
         if isinstance(value, Part) and slot.choice:
             choices = dict.fromkeys((*slot.choice.registry, value.kind))
             described.append((type(group), {slot.choice_key: _choice_leaf(slot, tuple(choices))}))
@@ -125,6 +136,8 @@ def check_keys(part: type, own: Mapping[str, Leaf], others: Iterable[tuple[type,
     """
     tables = {key[:end] for key in own for end, character in enumerate(key) if character == "."}
     for owner, leaf in others:
+        if Mark.PARTS in leaf.marks:  # a list of kinds, and the table of those parts' own numbers
+            continue
         mine, above = own.get(leaf.key), (key for key in own if leaf.key.startswith(f"{key}."))
         if leaf.key in tables or any(above) or (mine is not None and not _alike(mine, leaf)):
             raise ConfigurationError(
@@ -161,6 +174,11 @@ def _element_leaves(group: type, slot: Slot, ends: tuple[str, ...]) -> Mapping[s
 @cache
 def _choice_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
     return Leaf(slot.choice_key, slot.find(Quantity), str, choices, marks=frozenset({Mark.PART}))
+
+
+@cache
+def _kinds_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
+    return Leaf(slot.key, slot.find(Quantity), tuple, choices, marks=frozenset({Mark.PARTS}), default=())
 
 
 @cache
@@ -215,6 +233,9 @@ def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...
         if slot.choice:
             kinds = slot.choice.registry.items()
             found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, prefix))
+        elif slot.choices:
+            kinds = slot.choices.registry.items()
+            found = slot.key, tuple(kind for kind, part in kinds if key in describe(part, slot.below))
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
             found = owners(slot.hint, key, slot.below)
         if found[1]:

@@ -61,16 +61,17 @@ PartType = TypeVar("PartType", bound=Part)
 class Registry(Mapping[str, type[PartType]], Generic[PartType]):
     """Parts of one base that files and command lines know, by kind; in the order they are listed to people."""
 
-    def __init__(self, what: str, *parts: type[PartType]) -> None:
+    def __init__(self, what: str, *parts: type[PartType], base: type[PartType] | None = None) -> None:
         """Make a registry.
 
         Args:
             what: what its parts are, in one or two words, e.g. ``position law``.
             parts: the built-in ones. Where they share a base, this is its registry.
+            base: their base, where there are no built-in ones.
         """
         self.what = what
         self._parts = {part.kind: part for part in parts}
-        bases = set(map(base_of, parts))
+        bases = {base} if base else set(map(base_of, parts))
         if len(bases) == 1:
             bases.pop().registry = self
 
@@ -119,6 +120,8 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         """
         if isinstance(kind, str) and kind in self._parts:
             return self._parts[kind]
+        if not self._parts:
+            raise ConfigurationError(f"unknown {self.what} {kind!r}: none is registered")
         near, known = nearest(str(kind).lower(), self._parts), ", ".join(self._parts)
         raise ConfigurationError(
             f"unknown {self.what} {kind!r}; did you mean '{near}'? Must be one of {known} ({HOW_TO_REGISTER})"
@@ -130,4 +133,11 @@ class Choice:
     """A field that holds a part: the key of its kind, and the registry that knows the other kinds."""
 
     key: str
+    registry: Registry[Any]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """A field that holds a tuple of parts, no two of a kind, and the registry that knows the kinds there are."""
+
     registry: Registry[Any]

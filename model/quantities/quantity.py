@@ -38,15 +38,24 @@ class Tunable:
     """Where a gain is searched for when it is tuned, in its own unit.
 
     Attributes:
-        lower, upper: bounds of the search.
+        lower, upper: bounds of the search, where what they follow has its default value.
         log: whether factors count, not differences.
         standard: whether it is tuned where nobody says what to tune.
+        of: what the bounds are proportional to: keys, as a product such as ``1/plant.vehicle.mass`` (a name
+            without a dot stands in the gain's own table, whose name is ``{table}``), or one for each bound; empty:
+            they are what they are on any machine.
     """
 
     lower: float
     upper: float
     log: bool = True
     standard: bool = True
+    of: str | tuple[str, str] = ""
+
+    @property
+    def followed(self) -> tuple[str, str]:
+        """What the lower bound follows, and the upper one."""
+        return (self.of, self.of) if isinstance(self.of, str) else self.of
 
 
 @dataclass(frozen=True)
@@ -80,6 +89,7 @@ class Mark(Enum):
     """What else a field is."""
 
     PART = "the kind of a part"
+    PARTS = "the kinds of several parts"
     SHAPES_CODE = "a number that is written into the compiled code"
     TIMING = "sets the instants of the samples"
     FILE = "the path of a file that is read; in a file, relative to that file"
@@ -169,6 +179,10 @@ class Leaf:
     @property
     def wanted(self) -> str:
         """What a value must be, in words."""
+        if Mark.PARTS in self.marks:
+            return (
+                f"a list of {self.allowed}, each once" if self.choices else "an empty list: no such part is registered"
+            )
         if self.choices or self.kind is bool:
             return self.allowed
         if self.kind is str:
@@ -211,8 +225,8 @@ class Leaf:
         """Whether a value is of the right type and within the bounds."""
         if value is None:
             return self.optional
-        if self.choices:
-            return value in self.choices
+        if self.choices or Mark.PARTS in self.marks:
+            return self._is_chosen(value)
         if self.kind in {bool, str} or isinstance(value, bool):
             return self.kind in {bool, str} and isinstance(value, self.kind)
         if self.kind is tuple:
@@ -220,6 +234,14 @@ class Leaf:
         if not isinstance(value, Integral if self.kind is int else Real):
             return False
         return _finite(value) and all(_keeps(constraint, value) for constraint in self.constraints)
+
+    def _is_chosen(self, value: Any) -> bool:
+        if Mark.PARTS not in self.marks:
+            return value in self.choices
+        kinds = [value] if isinstance(value, str) else value
+        if not isinstance(kinds, (list, tuple)):
+            return False
+        return all(kind in self.choices and kinds.count(kind) == 1 for kind in kinds)
 
 
 def _finite(value: Any) -> bool:

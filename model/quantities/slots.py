@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from dualwinch.model.quantities.part import Choice, Part
+from dualwinch.model.quantities.part import Choice, Choices, Part
 from dualwinch.model.quantities.quantity import Key, Mark
 
 
@@ -24,6 +24,7 @@ class Slot:
         plain: whether it can only hold a scalar.
         choice: where it holds a part: what there is to choose from.
         choice_key: key of the kind of that part.
+        choices: where it holds a tuple of parts: what there is to choose from. Its key is that of their kinds.
     """
 
     field: str
@@ -36,6 +37,7 @@ class Slot:
     plain: bool
     choice: Choice | None
     choice_key: str
+    choices: Choices | None
 
     def find(self, kind: type) -> Any:
         """The first piece of metadata of a type."""
@@ -68,6 +70,7 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
                 plain=hint in PLAIN or get_origin(hint) is Literal or _all_plain(get_args(hint)),
                 choice=choice,
                 choice_key=prefix + choice.key if choice else "",
+                choices=next((item for item in metadata if isinstance(item, Choices)), None),
             )
         )
     return tuple(found)

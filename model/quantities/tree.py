@@ -1,13 +1,13 @@
 """Groups of numbers as trees: taken apart into named scalars, and put together again from others."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import is_dataclass, replace
 from typing import Any, TypeVar
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.arrays import elements, is_array, rebuilt
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.part import Choices, Part
 from dualwinch.model.quantities.quantity import Rule
 from dualwinch.model.quantities.slots import slots
 
@@ -38,6 +38,10 @@ def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tupl
             if slot.choice:
                 yield slot.choice_key, value.kind
             yield from pairs(value, prefix, whole=whole)
+        elif slot.choices:
+            yield slot.key, tuple(part.kind for part in value)
+            for part in value:
+                yield from pairs(part, slot.below, whole=whole)
         elif is_dataclass(value):
             yield from pairs(value, slot.below, whole=whole)
         elif is_array(value) and not whole:
@@ -49,7 +53,8 @@ def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tupl
 def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Group:
     """A copy of a dataclass with some of its scalars replaced.
 
-    Another kind of a part is that part with its own defaults, and with what it shares with the one before.
+    Another kind of a part is that part with its own defaults, and with what it shares with the one before. Of several
+    parts those stay that are among the kinds asked for; others come with their own defaults.
 
     Args:
         group: an instance of a (nested) dataclass.
@@ -71,6 +76,9 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
             if slot.choice and kind != value.kind:
                 value = with_leaves(slot.choice.registry.find(kind)(), leaves(value, prefix), prefix)
             changes[slot.field] = with_leaves(value, values, prefix)
+        elif slot.choices:
+            chosen = _chosen(slot.choices, value, values.get(slot.key))
+            changes[slot.field] = tuple(with_leaves(part, values, slot.below) for part in chosen)
         elif is_dataclass(value):
             changes[slot.field] = with_leaves(value, values, slot.below)
         elif is_array(value):
@@ -79,6 +87,13 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         elif slot.key in values:
             changes[slot.field] = values[slot.key]
     return _changed(group, changes, prefix)
+
+
+def _chosen(choices: Choices, parts: tuple[Part, ...], kinds: Sequence[str] | None) -> tuple[Part, ...]:
+    if kinds is None:
+        return parts
+    known = {part.kind: part for part in parts}
+    return tuple(known[kind] if kind in known else choices.registry.find(kind)() for kind in kinds)
 
 
 def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
@@ -106,5 +121,8 @@ def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
         value = None if slot.plain else getattr(group, slot.field)
         if isinstance(value, Part):
             yield from rules(value, prefix)
+        elif slot.choices and value:
+            for part in value:
+                yield from rules(part, slot.below)
         elif is_dataclass(value):
             yield from rules(value, slot.below)

@@ -29,8 +29,10 @@ def validated(leaf: Leaf, value: Any) -> Any:
         ConfigurationError: it is of another type or out of range.
     """
     if not leaf.admits(value):
-        hint = f" ({HOW_TO_REGISTER})" if Mark.PART in leaf.marks else ""
+        hint = f" ({HOW_TO_REGISTER})" if leaf.marks & {Mark.PART, Mark.PARTS} else ""
         raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}{hint}")
+    if Mark.PARTS in leaf.marks:
+        return (value,) if isinstance(value, str) else tuple(value)
     if leaf.kind is tuple:
         return numbers_of(value)
     return float(value) if leaf.kind is float and value is not None else value

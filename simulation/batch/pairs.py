@@ -6,6 +6,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.request import check_batch
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.exogenous.kept_signals import signals
@@ -13,6 +14,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop
 from dualwinch.simulation.loop.start import starts
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.metrics.metric import Metric
 
 Floats = NDArray[np.float64]
 
@@ -66,6 +68,19 @@ class Pairs:
     def sample_time(self) -> float:
         """Sampling period in s."""
         return self.experiments[0].simulation.sample_time
+
+    @property
+    def metrics(self) -> tuple[Metric, ...]:
+        """The scenarios' own metrics; numbers of theirs that are not the same in all pairs broadcast to (n, m)."""
+        numbers: dict[str, float | Floats] = {}
+        for index, name in enumerate(self.loop.parameters):
+            if not name.startswith("metrics."):
+                continue
+            given = self._vectors[:, index]
+            numbers[name] = float(given[0]) if (given == given[0]).all() else given[np.newaxis]
+            if name in self.names:
+                numbers[name] = self.values[:, [self.names.index(name)]]
+        return tuple(with_leaves(metric, numbers, "metrics.") for metric in self.experiments[0].metrics)
 
     def vectors(self, indices: NDArray[np.int64]) -> Floats:
         """All parameters of some pairs as the loop takes them, (pairs, parameters)."""

@@ -12,7 +12,7 @@ from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.metrics import FINAL, metrics_of
+from dualwinch.simulation.metrics.metrics import final_states, metrics_of
 from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ class BatchResult:
     Attributes:
         outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track`` or, after an interrupt, ``not_run``.
         end_times: (n, m) in s.
-        metrics: name → (n, m), as in `Metrics`; NaN where a pair was not completed.
+        metrics: name → (n, m), as in `Metrics`, the scenarios' own among them; NaN where a pair was not completed.
         columns: name → (n, m, kept) where rows were asked for, NaN after an early end; else empty.
         interrupted: whether an interrupt ended the batch, even if every pair was under way by then and is finished.
     """
@@ -77,8 +77,9 @@ def rollout(
     shape, kept = pairs.shape, -(-samples // stride) if stride else 0
     outcomes, end_times = np.full(shape, NOT_RUN, dtype="U10"), np.full(shape, np.nan)
     columns = {name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {}
-    final = np.full((len(FINAL), *shape), np.nan)
-    summed = [loop.states.index(name) for name in FINAL]
+    kept_states = final_states(pairs.structure.metrics)
+    final = np.full((len(kept_states), *shape), np.nan)
+    summed = [loop.states.index(name) for name in kept_states]
 
     def block(chosen: NDArray[np.int64]) -> None:
         filled = np.resize(chosen, (LANES, 2))  # idle lanes repeat the block's pairs
@@ -96,5 +97,5 @@ def rollout(
     blocks = [pairs.indices[first : first + LANES] for first in range(0, len(pairs.indices), LANES)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
     completed = outcomes == OUTCOMES[COMPLETED]
-    metrics = vars(metrics_of(dict(zip(FINAL, final, strict=True)), completed=completed))
-    return BatchResult(outcomes, end_times, metrics, columns, interrupted=not whole)
+    metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=completed, own=pairs.metrics)
+    return BatchResult(outcomes, end_times, vars(metrics), columns, interrupted=not whole)

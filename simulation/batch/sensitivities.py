@@ -1,7 +1,7 @@
 """How runs change with their gains: exact derivatives of the tracking error and of the figures of merit."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
@@ -16,9 +17,11 @@ from dualwinch.simulation.batch.rollout import NOT_RUN
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
-from dualwinch.simulation.loop.metrics import Metrics, metrics_of
 from dualwinch.simulation.loop.start import start_slopes
 from dualwinch.simulation.loop.structure import Structure, described_parameters
+from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.metrics import metrics_of, metrics_with
+from dualwinch.simulation.metrics.own import slopes_of
 from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
@@ -85,28 +88,32 @@ def sensitivities(
     run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.columns))
     shape, p = pairs.shape, len(pairs.names)
     kept = -(-pairs.samples // stride) if stride else 0
+    merits = describe(metrics_with(pairs.structure.metrics))
     result = Sensitivities(
         names=pairs.names,
         outcomes=np.full(shape, NOT_RUN, dtype="U10"),
-        metrics={field.name: np.full(shape, np.nan) for field in fields(Metrics)},
-        gradients={field.name: np.full((*shape, p), np.nan) for field in fields(Metrics)},
+        metrics={name: np.full(shape, np.nan) for name in merits},
+        gradients={name: np.full((*shape, p), np.nan) for name in merits},
         errors=np.full((*shape, kept), np.nan),
         slopes=np.full((*shape, kept, p), np.nan),
     )
     wanted = pairs.loop.exogenous.index("reference.x")
 
     def one(i: int, j: int) -> None:
+        own = pairs.experiments[j].metrics
         for first in range(0, p, run.directions):
             gains = range(first, min(first + run.directions, p))
             outcome, final, tangent, x, slopes = _run(run, pairs, i, j, gains, stride)
             result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
             completed = outcome == COMPLETED
-            for name, gradient in _gradients(pairs.loop.states, final, tangent, completed=completed).items():
+            gradients = _gradients(pairs.loop.states, final, tangent, own, completed=completed)
+            for name, gradient in gradients.items():
                 result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
             result.errors[i, j, : len(x)] = x - pairs.signals(j)[:: max(stride, 1), wanted][: len(x)]
-            metrics = metrics_of(dict(zip(pairs.loop.states, final.tolist(), strict=True)), completed=completed)
+            reached = dict(zip(pairs.loop.states, final.tolist(), strict=True))
+            metrics = metrics_of(reached, completed=completed, own=own)
             for name, table in result.metrics.items():
-                table[i, j] = getattr(metrics, name)
+                table[i, j] = metrics[name]
             result.outcomes[i, j] = OUTCOMES[outcome]
 
     whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices.tolist()], threads, progress)
@@ -145,12 +152,20 @@ def _run(
     return outcome, state, tangent, x, slopes
 
 
-def _gradients(names: tuple[str, ...], final: Floats, tangents: Floats, *, completed: bool) -> dict[str, Floats]:
-    """Derivatives of the metrics along tangents of the final state (states, directions), by a complex step."""
+def _gradients(
+    names: tuple[str, ...], final: Floats, tangents: Floats, own: Sequence[Metric], *, completed: bool
+) -> dict[str, Floats]:
+    """Derivatives of the metrics along tangents of the final state (states, directions), by a complex step.
+
+    Own metrics need not take complex numbers: theirs are by differences of what they make of the final state.
+    """
     moved = np.empty(tangents.shape, complex)
     moved.real, moved.imag = final[:, np.newaxis], TINY * tangents
     with np.errstate(invalid="ignore"):  # a run that diverged
         metrics = metrics_of(dict(zip(names, moved, strict=True)), completed=completed)
-    return {
+    built_in = {
         name: np.where(np.isnan(np.real(value)), np.nan, np.imag(value) / TINY) for name, value in vars(metrics).items()
     }
+    samples = final[names.index("sample")] * completed
+    reached = dict(zip(names, final.tolist(), strict=True))
+    return built_in | slopes_of(own, reached, dict(zip(names, tangents, strict=True)), samples)

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
+from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.metrics.metrics import metrics_with
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +51,11 @@ class Grid(Runs):
     keys: tuple[str, ...]
     values: tuple[tuple[Any, ...], ...]
     quantities: Mapping[str, Quantity]
+
+    @property
+    def merits(self) -> dict[str, Quantity]:
+        """Figure of merit → unit and meaning."""
+        return {name: leaf.quantity for name, leaf in describe(metrics_with(self.experiment.metrics)).items()}
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -1,14 +1,13 @@
 """Gathers finished scenarios into a result; each takes about 2 kB, however long its run was."""
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
-from dualwinch.simulation.ensembles.statistic import METRICS
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 
 TRACED = ("e", "F1", "F2")
 """Columns whose traces are kept."""
@@ -43,6 +42,7 @@ class Collector:
         self.ensemble = ensemble
         self._draws: list[tuple] = []
         self._ends: list[tuple[str, float]] = []
+        self._merits: tuple[str, ...] = ()
         self._metrics: list[NDArray[np.float64]] = []
         self._t = np.empty(0)
         self._sampled: list[NDArray[np.float32]] = []
@@ -62,7 +62,8 @@ class Collector:
             self._highest = np.maximum(self._highest, run.trace)
         self._draws.append(tuple(run.scenario.draws.values()))
         self._ends.append((run.outcome, run.end_time))
-        self._metrics.append(np.array(astuple(run.metrics)))
+        self._merits = tuple(run.metrics)
+        self._metrics.append(np.array(list(vars(run.metrics).values())))
 
     def result(self, seed: int, asked: int) -> EnsembleResult:
         """The result of the scenarios taken in; of an interrupted `add` nothing is seen.
@@ -81,7 +82,7 @@ class Collector:
             draws={key: np.array(values) for key, values in zip(self.ensemble.drawn_keys, draws, strict=True)},
             outcomes=outcomes,
             end_times=np.array(end_times),
-            metrics=dict(zip(METRICS, np.array(self._metrics).T, strict=True)),
+            metrics=dict(zip(self._merits, np.array(self._metrics).T, strict=True)),
             traces=self._traces() if self._sampled else None,
         )
 

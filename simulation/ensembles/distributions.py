@@ -7,32 +7,48 @@ SciPy's frozen distributions (``scipy.stats.truncnorm(...).ppf``) give the same 
 times as long for each of them, and a second to import.
 """
 
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Annotated, Any, ClassVar, TypeAlias
+
+import annotated_types as at
+
+from dualwinch.model.quantities.part import Part, Registry
+from dualwinch.model.quantities.quantity import Quantity, Rule
 
 Value: TypeAlias = float | int | bool | str
 """A value of an experiment."""
 
 
-class Distribution(Protocol):
-    """What a value is drawn from."""
+class Distribution(Part):
+    """What a value is drawn from: a frozen dataclass of its numbers, in the unit of the value.
 
+    Where a draw is a factor on the nominal value they are factors.
+    """
+
+    @abstractmethod
     def quantile(self, share: float) -> Value:
         """The value that a `share` (0 to 1) of all draws do not exceed."""
-        ...
 
     @property
+    @abstractmethod
     def ends(self) -> tuple[Value, ...]:
         """The values that show whether every draw is allowed: both bounds, or all choices."""
-        ...
+
+
+def _must_be_below(name: str) -> Any:
+    return lambda distribution, _: f"must be < {name} = {getattr(distribution, name):g}"
 
 
 @dataclass(frozen=True)
-class Uniform:
+class Uniform(Distribution):
     """Equally likely anywhere from `low` to `high`."""
 
-    low: float
-    high: float
+    low: Annotated[float, Quantity("", "least value")]
+    high: Annotated[float, Quantity("", "largest value")]
+
+    kind: ClassVar = "uniform"
+    rules: ClassVar = (Rule(("low", "high"), lambda drawn: drawn.low < drawn.high, _must_be_below("high")),)
 
     def quantile(self, share: float) -> float:
         """The value that a `share` (0 to 1) of all draws do not exceed."""
@@ -45,13 +61,23 @@ class Uniform:
 
 
 @dataclass(frozen=True)
-class Normal:
+class Normal(Distribution):
     """Normal around `mean` with the standard deviation `sigma` before the tails beyond `low` and `high` are cut off."""
 
-    mean: float
-    sigma: float
-    low: float
-    high: float
+    mean: Annotated[float, Quantity("", "mean before the tails are cut off")]
+    sigma: Annotated[float, at.Gt(0), Quantity("", "standard deviation before the tails are cut off")]
+    low: Annotated[float, Quantity("", "least value")]
+    high: Annotated[float, Quantity("", "largest value")]
+
+    kind: ClassVar = "normal"
+    rules: ClassVar = (
+        Rule(("low", "high"), lambda drawn: drawn.low < drawn.high, _must_be_below("high")),
+        Rule(
+            ("mean", "low", "high"),
+            lambda drawn: drawn.low <= drawn.mean <= drawn.high,
+            lambda drawn, _: f"must be {drawn.low:g} to {drawn.high:g} (low to high)",
+        ),
+    )
 
     def quantile(self, share: float) -> float:
         """The value that a `share` (0 to 1) of all draws do not exceed."""
@@ -68,10 +94,12 @@ class Normal:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Choice(Distribution):
     """One of some values, each equally likely."""
 
-    values: tuple[Value, ...]
+    values: Annotated[tuple[Value, ...], Quantity("", "the values")]
+
+    kind: ClassVar = "choice"
 
     def quantile(self, share: float) -> Value:
         """The value at a `share` (0 to 1) of the list."""
@@ -81,3 +109,7 @@ class Choice:
     def ends(self) -> tuple[Value, ...]:
         """All of them."""
         return self.values
+
+
+DISTRIBUTIONS: Registry[Distribution] = Registry("distribution", Uniform, Normal, Choice)
+"""Every distribution by its kind."""

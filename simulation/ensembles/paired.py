@@ -11,6 +11,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.simulation.analysis.least_error import least_mse
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.metrics.metrics import BUILT_IN
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ class Contender:
     Attributes:
         controller: its laws and gains.
         outcomes: (scenarios,) ``completed``, ``diverged`` or ``left_track``.
-        metrics: figure of merit → (scenarios,), as in `simulation.loop.metrics.Metrics`.
+        metrics: figure of merit → (scenarios,), as in `simulation.metrics.metrics.Metrics`.
     """
 
     controller: Controller
@@ -88,14 +89,21 @@ class Contender:
         """A statistic over the scenarios that ran to their end; NaN without any."""
         return statistic.over(self.metrics[statistic.metric][self.completed])
 
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the figures of merit that are none of the built-in ones."""
+        return tuple(name for name in self.metrics if name not in BUILT_IN)
+
     def summary(self) -> dict[str, float | int | dict[str, int]]:
         """Statistics over the scenarios that ran to their end (a run that ended early measured something else).
 
         Returns:
             The names of `SUMMARY`, each in the unit of its figure of merit and NaN where no scenario ran to its end;
+            likewise ``mean_*`` of the ensemble's own metrics;
             ``slack_scenarios``, the number of scenarios with any slack sample; ``outcomes``, counts of all scenarios.
         """
-        found = {name: self.over(statistic) for name, statistic in SUMMARY.items()}
+        statistics = SUMMARY | {f"mean_{name}": Statistic("mean", name) for name in self.own}
+        found = {name: self.over(statistic) for name, statistic in statistics.items()}
         slack = self.metrics["slack_share"][self.completed] > 0
         return found | {
             "slack_scenarios": int(slack.sum()),
@@ -166,13 +174,14 @@ class Comparison:
         """Ratios of a controller's figures of merit to the first controller's.
 
         Returns:
-            Name of `COMPARED` → ratios; NaN where no scenario was run to its end by both.
+            Name of `COMPARED`, or of one of the ensemble's own metrics → ratios; NaN where no scenario was run to its
+            end by both.
         """
         first, other = next(iter(self.contenders.values())), self.contenders[name]
         both = first.completed & other.completed
         return {
             metric: paired_ratio(other.metrics[metric][both], first.metrics[metric][both], self.seed)
-            for metric in COMPARED
+            for metric in (*COMPARED, *first.own)
         }
 
 

@@ -13,7 +13,6 @@ from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.paired import Comparison, Contender
-from dualwinch.simulation.ensembles.statistic import METRICS
 
 
 def paper_controller() -> Controller:
@@ -114,5 +113,5 @@ def _with_controller(ensemble: Ensemble, name: str, controller: Controller) -> E
 
 
 def _gathered(controller: Controller, parts: list[BatchResult]) -> Contender:
-    metrics = {name: np.concatenate([part.metrics[name][0] for part in parts]) for name in METRICS}
+    metrics = {name: np.concatenate([part.metrics[name][0] for part in parts]) for name in parts[0].metrics}
     return Contender(controller, np.concatenate([part.outcomes[0] for part in parts]), metrics)

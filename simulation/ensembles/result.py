@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.statistic import KINDS, METRICS, Statistic, statistic_from
+from dualwinch.simulation.ensembles.statistic import KINDS, Statistic, statistic_from
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class EnsembleResult:
         draws: key → (scenarios,) drawn values.
         outcomes: (scenarios,) ``completed``, ``diverged`` or ``left_track``.
         end_times: (scenarios,) time in s at which each run ended.
-        metrics: figure of merit → (scenarios,), as in `simulation.loop.metrics.Metrics`.
+        metrics: figure of merit → (scenarios,), as in `simulation.metrics.metrics.Metrics`.
         traces: of the scenarios that ran to their end; ``None`` where none were kept or none completed.
     """
 
@@ -84,12 +84,12 @@ class EnsembleResult:
         Raises:
             ConfigurationError: unknown statistic or figure of merit.
         """
-        return self._over(statistic_from(name))
+        return self._over(statistic_from(name, self.ensemble.experiment.metrics))
 
     @property
     def statistics(self) -> dict[str, dict[str, float]]:
         """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
-        return {metric: {kind: self._over(Statistic(kind, metric)) for kind in KINDS} for metric in METRICS}
+        return {metric: {kind: self.statistic(f"{kind}.{metric}") for kind in KINDS} for metric in self.metrics}
 
     def _over(self, statistic: Statistic) -> float:
         return statistic.over(self.metrics[statistic.metric][self.completed])

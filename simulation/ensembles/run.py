@@ -12,7 +12,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.collector import TRACED, Collector, Finished
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.result import EnsembleResult
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metrics_with
 
 POINTS = 500
 """Instants of a trace."""
@@ -53,7 +53,8 @@ def _finished(portion: list[Scenario], result: BatchResult) -> Iterator[Finished
         outcome = str(result.outcomes[0, index])
         if outcome == NOT_RUN:
             return
-        metrics = Metrics(**{name: float(values[0, index]) for name, values in result.metrics.items()})
+        reached = {name: float(values[0, index]) for name, values in result.metrics.items()}
+        metrics = metrics_with(scenario.experiment.metrics)(**reached)
         columns = {name: result.columns[name][0, index] for name in ("t", *TRACED)} if result.columns else {}
         trace = np.array([columns[name].clip(-LARGEST, LARGEST) for name in TRACED if columns], dtype=np.float32)
         t = columns.get("t", np.empty(0))

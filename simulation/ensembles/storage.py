@@ -12,19 +12,21 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metrics_with
 from dualwinch.simulation.results.content import Content, plain
 from dualwinch.simulation.results.formats import FORMATS
 
 
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> Content:
     """What a file holds: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
-    drawn, merits = describe(Experiment), describe(Metrics)
+    experiment = result.ensemble.experiment
+    drawn = {**describe(Experiment), **describe_parts(experiment)}
+    merits = describe(metrics_with(experiment.metrics))
     columns: dict[str, tuple[NDArray[Any], Quantity]] = {
         "scenario": (np.arange(len(result)), Quantity("", "number of the scenario")),
         **{key: (values, drawn[key].quantity) for key, values in result.draws.items()},
@@ -39,9 +41,9 @@ def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> Content:
         "scenarios_asked": result.asked,
         "outcomes": result.outcome_counts,
         "statistics": result.statistics,
-        "experiment": leaves(result.ensemble.experiment),
+        "experiment": leaves(experiment),
         "distributions": {
-            key: {"kind": type(drawn.distribution).__name__, **asdict(drawn)}
+            key: {"kind": drawn.distribution.kind, **asdict(drawn)}
             for key, drawn in result.ensemble.distributions.items()
         },
     }

@@ -1,5 +1,6 @@
 """Plant and controller as one symbolic step of the sampled closed loop."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Annotated
@@ -9,8 +10,8 @@ import casadi as ca
 from dualwinch.codegen.source.expressions import BUILDING
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
-from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute
@@ -18,10 +19,13 @@ from dualwinch.simulation.exogenous.sensors import EncoderState, Noise, Sensors,
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
 from dualwinch.simulation.loop.between import ZeroOrderHold, between_samples, named_function, problem_of
-from dualwinch.simulation.loop.metrics import Accumulators, Sample, accumulate
-from dualwinch.simulation.loop.row import row_of
+from dualwinch.simulation.loop.row import COLUMNS, row_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, template_of
 from dualwinch.simulation.loop.system import ClosedLoop
+from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.metrics import Accumulators, accumulate
+from dualwinch.simulation.metrics.own import states_after, states_before
+from dualwinch.simulation.metrics.sample import Sample
 
 CUTS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}
 """Where the loop can be cut for analysis: signal → the column of what arrives at the cut."""
@@ -72,17 +76,19 @@ def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -
     )
 
 
-def _sums() -> dict[str, Leaf]:
-    """The sums behind the figures of merit, as states."""
-    known = describe(Accumulators, "metrics.")
-    return {key: replace(leaf, marks=frozenset({Mark.BOOKKEEPING})) for key, leaf in known.items()}
+def _marks(start: LoopState, sums: Iterable[str]) -> dict[str, frozenset[Mark]]:
+    """What else every state is; the sums behind the figures of merit move nothing."""
+    known = {name: leaf.marks for name, leaf in describe_parts(start).items()}
+    return known | dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))
 
 
 def _queue_names(delay_samples: int) -> list[str]:
     return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
-def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay_samples: int = 0) -> dict[str, Scalar]:
+def starting_state(
+    controller: Controller, plant: Plant, sensors: Sensors, delay_samples: int = 0, metrics: Sequence[Metric] = ()
+) -> dict[str, Scalar]:
     """State before the first sample by name: at rest at x = 0, both ropes at preload/2, equilibrium torques under way.
 
     Args:
@@ -90,17 +96,20 @@ def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay
         plant: floats or symbols.
         sensors: errors of the encoders.
         delay_samples: samples a torque is late at the motor.
+        metrics: figures of merit beside the built-in ones.
     """
     start = initial_loop_state(controller, plant, sensors)
     holding = leaves(holding_torques(controller.limits.preload, plant))
     queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
-    return leaves(start) | queue | leaves(Accumulators(), "metrics.")
+    return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(metrics)
 
 
 def initial_state_of(experiment: Experiment) -> dict[str, float]:
     """`starting_state` of an experiment, as floats."""
     delay_samples = experiment.simulation.delay_samples
-    start = starting_state(experiment.controller, experiment.plant, experiment.sensors, delay_samples)
+    start = starting_state(
+        experiment.controller, experiment.plant, experiment.sensors, delay_samples, experiment.metrics
+    )
     return {key: float(value) for key, value in start.items()}
 
 
@@ -143,7 +152,6 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     sensors = with_leaves(template.sensors, values, "sensors.")
     sample_time = values["simulation.sample_time"]
     start = initial_loop_state(template.controller, template.plant, template.sensors)
-    known = {**describe_parts(start), **_sums()}
     state = with_leaves(start, of_state)
     exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
     plant_state = state.motion.plant
@@ -193,26 +201,29 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     )
     power_1 = plant.winch_1.gear_ratio * hold.torques.tau_1 * plant_state.omega_1
     power_2 = plant.winch_2.gear_ratio * hold.torques.tau_2 * plant_state.omega_2
+    columns = {name: value for name, (value, _) in row.items()}
     sample = Sample(
+        **{name: columns[name] for name in COLUMNS},
         number=state.sample,
-        error=row["e"][0],
-        F1=forces[0],
-        F2=forces[1],
-        tau_1=hold.torques.tau_1,
-        tau_2=hold.torques.tau_2,
+        torque_1=hold.torques.tau_1,
+        torque_2=hold.torques.tau_2,
         power=absolute(power_1) + absolute(power_2),
         saturated=output.saturated,
         torque_saturated=winches.torque_saturated,
         steady=exogenous.steady,
+        signals={name: value for name, value in columns.items() if name not in COLUMNS},
     )
-    sums = accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time)
+    sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")
+    own = tuple(with_leaves(metric, values, "metrics.") for metric in template.metrics)
+    sums |= states_after(own, of_state, sample, sample_time)
     following = leaves(LoopState(state.motion, controller_state, encoders, state.sample + 1))
-    following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
+    following |= dict(zip(queued, queue[2:], strict=True)) | sums
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "hold": ca.vertcat(*leaves(hold).values())}
     if cuts:
         returned = pulls | {"u": output.position.u_sat, "tau_1": winches.tau_1, "tau_2": winches.tau_2}
         at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
+    marks = _marks(start, sums)
     move, one_step = between_samples(structure, problem, symbols["parameters"])
     return ClosedLoop(
         sample=named_function("sample", symbols, at_sample),
@@ -223,6 +234,6 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         states=vectors["state"],
         exogenous=vectors["exogenous"],
         parameters=vectors["parameters"],
-        marks={name: known[name].marks if name in known else frozenset() for name in vectors["state"]},
+        marks={name: marks.get(name, frozenset()) for name in vectors["state"]},
         quantities={name: quantity for name, (_, quantity) in row.items()},
     )

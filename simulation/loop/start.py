@@ -52,5 +52,6 @@ def _start(structure: Structure, *, steps: bool) -> tuple[ca.SX, ca.SX]:
         with_leaves(template.plant, symbols, "plant."),
         with_leaves(Sensors(), symbols, "sensors.") if steps else Sensors(),
         structure.delay_samples,
+        [with_leaves(metric, symbols, "metrics.") for metric in template.metrics],
     )
     return ca.vertcat(*symbols.values()), ca.densify(ca.vertcat(*state.values()))

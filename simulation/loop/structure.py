@@ -1,8 +1,9 @@
 """What of an experiment shapes the compiled code, and what are numbers it takes at run time."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from typing import TypeVar
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant
@@ -11,6 +12,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.metrics.metric import Metric
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,7 @@ class Structure:
     Attributes:
         controller: its parts, with all their numbers alike: only what they are made of counts.
         rope_slack, integrator, substeps, delay_samples: as in an experiment.
+        metrics: figures of merit beside the built-in ones, as the controller.
     """
 
     controller: Controller
@@ -27,6 +30,7 @@ class Structure:
     integrator: str
     substeps: int
     delay_samples: int
+    metrics: tuple[Metric, ...] = ()
 
 
 def template_of(structure: Structure) -> Experiment:
@@ -35,6 +39,7 @@ def template_of(structure: Structure) -> Experiment:
         plant=Plant(rope_slack=structure.rope_slack),
         controller=structure.controller,
         simulation=Simulation(delay_samples=structure.delay_samples),
+        metrics=structure.metrics,
     )
 
 
@@ -51,15 +56,23 @@ def structure_of(experiment: Experiment) -> Structure:
         integrator=simulation.integrator,
         substeps=simulation.substeps,
         delay_samples=simulation.delay_samples,
+        metrics=tuple(map(_with_some_numbers, experiment.metrics)),
     )
 
 
 @lru_cache(maxsize=KEPT)
 def _alike(controller: Controller) -> Controller:
     """A controller of the same structure with numbers of no controller in particular; nothing computes with them."""
-    known = describe_parts(controller)
-    some = {key: known[key].some_value for key in numbers(controller)}
-    return replace(with_leaves(controller, some), nominal=Nominal())
+    return replace(_with_some_numbers(controller), nominal=Nominal())
+
+
+Group = TypeVar("Group", bound=Hashable)
+
+
+@lru_cache(maxsize=KEPT)
+def _with_some_numbers(group: Group) -> Group:
+    known = describe_parts(group)
+    return with_leaves(group, {key: known[key].some_value for key in numbers(group)})
 
 
 @cache
@@ -98,6 +111,7 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
         | numbers(experiment.disturbance, "disturbance.")
         | numbers(experiment.sensors, "sensors.")
         | {"simulation.sample_time": experiment.simulation.sample_time}
+        | {key: value for metric in experiment.metrics for key, value in numbers(metric, "metrics.").items()}
     )
     return {key: float(value) for key, value in values.items()}
 

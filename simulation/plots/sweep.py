@@ -10,11 +10,9 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.html import readable, readable_unit
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.simulation.batch.sweep import Grid
-from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.plots.headings import scenario
 from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import BLUE, INK, LIGHT, VERMILION, house_style, law_label
@@ -41,7 +39,7 @@ def sweep_figure(found: Grid, metric: str, *, ax: GivenAxes = None) -> Figure:
     if len(found.keys) not in {1, 2}:
         raise ConfigurationError(f"a sweep of {len(found.keys)} keys cannot be drawn; at(key, value) takes one away")
     axes_of = [swept_axis(values) for values in found.values]
-    merit = describe(Metrics)[metric].quantity
+    merit = found.merits[metric]
     title = f"{metric} over {' and '.join(key.rsplit('.', 1)[-1] for key in found.keys)}"
     law = "" if "controller.kind" in found.keys else f"{law_label(found.experiment)}; "
     with house_style():

@@ -43,7 +43,7 @@ def _attributes(result: Run, name: str) -> Mapping[str, str]:
 
 
 def _facts(result: Run) -> dict[str, Any]:
-    return {"outcome": result.outcome, "end_time": result.end_time, **vars(result.metrics)}
+    return {"outcome": result.outcome, "end_time": result.end_time, **result.metrics}
 
 
 def _extra(name: str) -> ModuleType:

@@ -7,6 +7,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, nearest
 from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.validation import shown
 from dualwinch.simulation.experiment import Experiment
 
 
@@ -21,9 +22,9 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
         ConfigurationError: a part of a kind that is not known here, a key that is not, or a value out of range.
     """
     for key, leaf in describe_parts(base).items():
-        if Mark.PART in leaf.marks and values.get(key, leaf.choices[0]) not in leaf.choices:
+        if key in values and not {Mark.PART, Mark.PARTS}.isdisjoint(leaf.marks) and not leaf.admits(values[key]):
             raise ConfigurationError(
-                f'{key} = "{values[key]}": no such part is registered; '
+                f"{key} = {shown(values[key])}: no such part is registered; "
                 "give an experiment that has it, as load_result(path, base)"
             )
     experiment = with_leaves(base, values)

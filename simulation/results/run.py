@@ -10,7 +10,7 @@ from dualwinch.model.errors import UnknownNameError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.results.resampling import interpolation
 
 
@@ -81,6 +81,7 @@ class Run:
         return (
             all(getattr(self, name) == getattr(other, name) for name in plain)
             and _same(self.columns, other.columns)
+            and self.metrics.quantities == other.metrics.quantities
             and _same(vars(self.metrics), vars(other.metrics))
             and _same(self.final_state, other.final_state)
         )

@@ -15,7 +15,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metrics_with
 from dualwinch.simulation.results.content import Content, number, plain
 from dualwinch.simulation.results.formats import format_of
 from dualwinch.simulation.results.kept_experiment import rebuilt
@@ -89,13 +89,15 @@ def _result_of(content: Content, base: Experiment) -> Result:
     facts = {key: content.facts[key] for key in ("end_time", "metrics", "final_state", "experiment")}
     facts |= {"nominal": content.facts.get("nominal")}
     facts = {key: json.loads(value) if isinstance(value, str) else value for key, value in facts.items()}
+    experiment = rebuilt(facts["experiment"], base)
+    metrics = {name: number(value) for name, value in facts["metrics"].items()}
     return Result(
         columns={name: np.asarray(values, float) for name, values in content.columns.items()},
-        metrics=Metrics(**{name: number(value) for name, value in facts["metrics"].items()}),
+        metrics=metrics_with(experiment.metrics)(**metrics),
         outcome=content.facts["outcome"],
         end_time=number(facts["end_time"]),
         final_state={name: number(value) for name, value in facts["final_state"].items()},
-        experiment=rebuilt(facts["experiment"], base),
+        experiment=experiment,
         quantities=content.quantities,
         nominal=None if facts["nominal"] is None else with_leaves(Plant(), facts["nominal"]),
     )

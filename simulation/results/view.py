@@ -4,22 +4,22 @@ import math
 
 import numpy as np
 
-from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.html import page, readable, readable_unit, section, table
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.run import Run
 
 SHOWN = ("mse", "max_abs_error", "chatter")
-"""Figures of merit that stand in the text of a result."""
+"""Built-in figures of merit that stand in the text of a result; an experiment's own all do."""
 
 
 def text(result: Run) -> str:
     """A line that says what was run and what came out."""
-    known, values = describe(Metrics), vars(result.metrics)
+    metrics, known = result.metrics, result.metrics.quantities
+    own = [name for name in metrics if name not in BUILT_IN]
     merits = [
-        f"{name} {values[name]:.4g} {readable_unit(known[name].quantity.unit)}".rstrip()
-        for name in SHOWN
-        if not math.isnan(values[name])
+        f"{name} {metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()
+        for name in (*SHOWN, *own)
+        if not math.isnan(metrics[name])
     ]
     return f"Result({_law(result)}: {'; '.join([_words(result), *merits])})"
 

@@ -26,7 +26,7 @@ class Solver(Protocol):
     """Moves the plant from one sample to the next."""
 
     def advance(
-        self, t: float, duration: float, position: Triple, speed: Triple, held: Hold
+        self, t: float, duration: float, position: Triple, speed: Triple, hold: Hold
     ) -> tuple[Triple, Triple]: ...
 
 
@@ -130,8 +130,8 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
                 *(F1_cmd, F2_cmd, said.u, said.u_sat, said.d_hat, said.L1, said.Z_a, said.s, tau_1, tau_2),
             )
         )
-        held = Hold(*queue.popleft(), current=signal("current", k), load=signal("load", k))
-        position, speed = solver.advance(t, Ts, position, speed, held)
+        hold = Hold(*queue.popleft(), current=signal("current", k), load=signal("load", k))
+        position, speed = solver.advance(t, Ts, position, speed, hold)
         if not plant.on_track(position[0]):
             break
     return dict(zip(COLUMNS, np.array(rows).T, strict=True))

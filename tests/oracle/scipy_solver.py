@@ -17,19 +17,19 @@ class SciPySolver:
     def __init__(self, plant: Plant, *, rtol: float = 1e-11) -> None:
         self.plant, self.rtol = plant, rtol
 
-    def advance(self, t: float, duration: float, position: Triple, speed: Triple, held: Hold) -> tuple[Triple, Triple]:
-        """Position and speed after `duration` with the inputs held."""
+    def advance(self, t: float, duration: float, position: Triple, speed: Triple, hold: Hold) -> tuple[Triple, Triple]:
+        """Position and speed after `duration` with the inputs hold."""
         taut = self.plant.taut(position, speed)
         now, end = np.array([*position, *speed]), t + duration
         while end - t > 1e-9 * duration:
             done = solve_ivp(
-                lambda at, y, taut=taut: [*y[3:], *self._motion(at, y, held, taut)[0]],
+                lambda at, y, taut=taut: [*y[3:], *self._motion(at, y, hold, taut)[0]],
                 (t, end),
                 now,
                 method="Radau",
                 rtol=self.rtol,
                 atol=1e-13,
-                events=[self._gate(rope, held, taut) for rope in (0, 1)],
+                events=[self._gate(rope, hold, taut) for rope in (0, 1)],
             )
             t, now = done.t[-1], done.y[:, -1]
             if done.status == 1:
@@ -38,13 +38,13 @@ class SciPySolver:
         x, theta_1, theta_2, v, omega_1, omega_2 = now.tolist()
         return (x, theta_1, theta_2), (v, omega_1, omega_2)
 
-    def _motion(self, t: float, y: Vector, held: Hold, taut: Taut) -> tuple[Triple, Gates]:
+    def _motion(self, t: float, y: Vector, hold: Hold, taut: Taut) -> tuple[Triple, Gates]:
         x, theta_1, theta_2, v, omega_1, omega_2 = y.tolist()
-        return self.plant.motion(t, (x, theta_1, theta_2), (v, omega_1, omega_2), held, taut)
+        return self.plant.motion(t, (x, theta_1, theta_2), (v, omega_1, omega_2), hold, taut)
 
-    def _gate(self, rope: int, held: Hold, taut: Taut) -> Callable[[float, Vector], float]:
+    def _gate(self, rope: int, hold: Hold, taut: Taut) -> Callable[[float, Vector], float]:
         def gate(t: float, y: Vector) -> float:
-            return self._motion(t, y, held, taut)[1][rope] if self.plant.slack else 1.0
+            return self._motion(t, y, hold, taut)[1][rope] if self.plant.slack else 1.0
 
         gate.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
         gate.direction = -1.0 if taut[rope] else 1.0  # pyright: ignore[reportFunctionMemberAccess]

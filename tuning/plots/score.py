@@ -10,7 +10,7 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure, time_axis
 from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.problem import HELD_OUT, Problem

@@ -51,6 +51,7 @@ class Evaluator:
         self.prepared = prepared
         self.rollouts, self.seconds = 0, 0.0
         self._threads, problem = threads, prepared.problem
+        self._units = problem.units
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
     @property
@@ -136,6 +137,7 @@ class Evaluator:
             outcomes=dict(Counter(outcomes.tolist())),
             scenarios=len(outcomes),
             pruned=pruned,
+            units=self._units,
         )
 
     def _tried(

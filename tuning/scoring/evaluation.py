@@ -1,6 +1,7 @@
 """What evaluating a candidate gave."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from dualwinch.tuning.space import Point
 
@@ -31,6 +32,7 @@ class Evaluation:
         scenarios: number of scenarios that were run.
         pruned: whether it was given up before the last scenario.
         number: of the trial in the storage; -1 where it has none.
+        units: unit of each of the statistics.
     """
 
     candidate: Candidate
@@ -41,6 +43,7 @@ class Evaluation:
     scenarios: int
     pruned: bool = False
     number: int = -1
+    units: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     @property
     def point(self) -> Point:

@@ -2,7 +2,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.space import Interval, Space
 
@@ -28,7 +27,7 @@ def distributions(space: Space) -> "dict[str, BaseDistribution]":
 
 def attributes(evaluation: Evaluation) -> dict[str, Any]:
     """What is kept of an evaluation as user attributes, named and with units."""
-    statistics = {_titled(name): value for name, value in evaluation.statistics.items()}
+    statistics = {f"{name} [{evaluation.units[name]}]": value for name, value in evaluation.statistics.items()}
     own = {ORIGIN: evaluation.candidate.origin, OUTCOMES: evaluation.outcomes, SCENARIOS: evaluation.scenarios}
     return own | statistics
 
@@ -54,19 +53,15 @@ def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
 
     kept = dict(trial.user_attrs)
     candidate = Candidate(dict(trial.params), kept.get(ORIGIN, ""))
-    named = {name.partition(" [")[0]: value for name, value in kept.items() if name.partition(" [")[0].count(".") == 1}
+    titled = {name: title for title in kept if (name := title.partition(" [")[0]).count(".") == 1}
     return Evaluation(
         candidate=candidate,
         objectives=tuple(trial.values or ()),
         violations=dict(trial.constraints),
-        statistics=named,
+        statistics={name: kept[title] for name, title in titled.items()},
         outcomes=kept.get(OUTCOMES, {}),
         scenarios=kept.get(SCENARIOS, 0),
         pruned=trial.state == TrialState.PRUNED,
         number=trial.number,
+        units={name: title[len(name) + 2 : -1] for name, title in titled.items()},
     )
-
-
-def _titled(name: str) -> str:
-    unit = statistic_from(name).unit
-    return f"{name} [{unit}]"

@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.paired import Comparison, Contender
 from dualwinch.simulation.ensembles.paired_run import paper_controller
-from dualwinch.simulation.ensembles.statistic import METRICS
+from dualwinch.simulation.metrics.metrics import BUILT_IN
 
 SHORT = ("--scenarios", "3", "--seed", "5", "--set", "simulation.duration=0.2")
 
@@ -66,7 +66,7 @@ def test_only_the_controller_of_a_file_counts(calm: Path) -> None:
 
 
 def test_json_says_null_where_nothing_completed() -> None:
-    lost = Contender(paper_controller(), np.array(["diverged"]), {name: np.array([np.inf]) for name in METRICS})
+    lost = Contender(paper_controller(), np.array(["diverged"]), {name: np.array([np.inf]) for name in BUILT_IN})
     facts = as_json(Comparison(load_ensemble("sea"), 0, 1, {"a": lost, "b": lost}))
     assert facts["files"][0]["mean_mse"] is None
     assert facts["files"][1]["over_first"]["mse"]["ratio_of_means"]["low"] is None

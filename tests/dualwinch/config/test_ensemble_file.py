@@ -1,17 +1,21 @@
 import json
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, reset
+from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
-from dualwinch.simulation.ensembles.ensemble import Drawn
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.ensembles.storage import save_ensemble
 from dualwinch.simulation.paper import case
+from tests.own_distributions import Triangular
+from tests.registering import register
 
 MASS = "plant.vehicle.mass"
 
@@ -79,32 +83,57 @@ def test_every_kind_of_entry_is_read_and_printed(tmp_path: Path) -> None:
     assert load_ensemble(written(ensemble_to_toml(ensemble), tmp_path)) == ensemble
 
 
-@dataclass(frozen=True)
-class Triangular:
-    """A user's own distribution, which no file knows."""
-
-    low: float
-    high: float
-
-    def quantile(self, share: float) -> float:
-        half = (self.high - self.low) / 2
-        edge = half * math.sqrt(2 * min(share, 1 - share))
-        return self.low + edge if share < 0.5 else self.high - edge
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        return self.low, self.high
+TRIANGULAR = 'plant.vehicle.mass = { kind = "triangular", low = 0.9, mode = 1.05, high = 1.1'
 
 
-def test_a_distribution_that_no_file_can_hold_is_drawn_and_not_saved() -> None:
-    ensemble = replace(load_ensemble("sea"), distributions={MASS: Drawn(Triangular(8e3, 1.2e4))})
+def test_a_distribution_that_is_not_registered_is_drawn_and_not_saved() -> None:
+    ensemble = replace(load_ensemble("sea"), distributions={MASS: Drawn(Triangular(8e3, 1e4, 1.2e4))})
     assert 8e3 < float(ensemble.scenario(0, 0).draws[MASS]) < 1.2e4
     with pytest.raises(ConfigurationError) as caught:
         ensemble_to_toml(ensemble)
     assert str(caught.value) == (
-        "plant.vehicle.mass: a distribution of type Triangular cannot stand in a file; "
+        "plant.vehicle.mass: a distribution of type Triangular cannot stand in a file, it is not registered; "
         "must be one of uniform, normal, choice"
     )
+
+
+def test_a_distribution_of_a_users_own_stands_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    register(monkeypatch, Triangular)
+    path = written(f'[distributions]\n{TRIANGULAR}, of = "nominal", together = "load" }}\n', tmp_path)
+    ensemble = load_ensemble(path)
+    assert dict(ensemble.distributions) == {
+        MASS: Drawn(Triangular(0.9, 1.05, 1.1), relative=True, together="load"),
+    }
+    assert load_ensemble(written(ensemble_to_toml(ensemble), tmp_path)) == ensemble
+    drawn = [float(scenario.draws[MASS]) for scenario in ensemble.scenarios(400, 1)]
+    assert min(drawn) > 9e3
+    assert np.mean(drawn) == pytest.approx(1e4 * (0.9 + 1.05 + 1.1) / 3, rel=5e-3)
+    nested = "[distributions.plant.vehicle]\nmass = { kind = 'triangular', low = 9e3, mode = 1e4, high = 2e4 }\n"
+    assert load_ensemble(written(nested, tmp_path)).distributions[MASS] == Drawn(Triangular(9e3, 1e4, 2e4))
+
+
+def test_a_scenario_of_a_users_own_distribution_is_kept_with_the_result(tmp_path: Path) -> None:
+    short = override(case(4), {"simulation.duration": 0.1})
+    ensemble = Ensemble("loads", "", short, {MASS: Drawn(Triangular(0.9, 1.0, 1.1), relative=True)})
+    result = run_ensemble(ensemble, 3, 5, traces=False)
+    save_ensemble(result, tmp_path / "loads.json")
+    kept = json.loads((tmp_path / "loads.json").read_text())
+    assert kept["distributions"][MASS]["kind"] == "triangular"
+    assert kept["distributions"][MASS]["distribution"] == {"low": 0.9, "mode": 1.0, "high": 1.1}
+
+
+@pytest.mark.parametrize(
+    ("long", "short"),
+    [
+        ('kind = "uniform", low = 9e3, high = 1e4', "uniform = [9e3, 1e4]"),
+        ('kind = "normal", mean = 9e3, sigma = 10, low = 8e3, high = 1e4', "normal = [9e3, 10], within = [8e3, 1e4]"),
+        ('kind = "choice", values = [9e3, 1e4]', "choice = [9e3, 1e4]"),
+    ],
+)
+def test_built_in_distributions_have_a_long_form_too(long: str, short: str) -> None:
+    ours, theirs = (loads_ensemble(f"[distributions]\n{MASS} = {{ {words} }}\n") for words in (long, short))
+    assert ours.distributions == theirs.distributions
+    assert ensemble_to_toml(ours) == ensemble_to_toml(theirs)
 
 
 def test_a_case_gives_what_the_file_does_not_say() -> None:
@@ -155,10 +184,34 @@ def test_relative_distributions_follow_the_nominal_value_and_others_refuse_it() 
         ("simulation.delay_samples = { choice = [0, 1] }", "cannot be drawn, it shapes the compiled code"),
         ("simulation.duration = { uniform = [1, 2] }", "all scenarios share their instants"),
         ("sensors.encoder_counts = { uniform = [1, 2] }", "must be a choice"),
+        ('plant.vehicle.mass = { kind = "triangle", low = 1 }', "unknown distribution 'triangle'; did you mean 'tri"),
+        ("plant.vehicle.mass = { kind = 3 }", "unknown distribution 3"),
+        ('plant.vehicle.mass = { kind = "triangular", low = 1, high = 2 }', "must have 'mode' beside it"),
+        (f"{TRIANGULAR}, hihg = 2 }}", "unknown word 'hihg'; did you mean 'high'"),
+        ('plant.vehicle.mass = { kind = "triangular", low = 1, mode = "a", high = 2 }', 'mode = "a": must be a finite'),
+        ('plant.vehicle.mass = { kind = "triangular", low = 1, mode = 3, high = 2 }', "mode = 3: must be between low"),
+        (
+            'plant.vehicle.mass = { kind = "triangular", low = -1, mode = 1, high = 2 }',
+            "its distribution reaches a value that is not allowed: plant.vehicle.mass = -1.0: must be a finite number",
+        ),
+        ('plant.vehicle.mass = { kind = "uniform", low = 2, high = 1 }', "low = 2: must be < high = 1"),
+        (
+            'plant.vehicle.mass = { kind = "normal", mean = 1, sigma = 0, low = 1, high = 2 }',
+            "sigma = 0: must be a finite number > 0",
+        ),
+        (
+            'plant.vehicle.mass = { kind = "normal", mean = 0.5, sigma = 1, low = 1, high = 2 }',
+            "mean = 0.5: must be 1 to 2 (low to high)",
+        ),
+        ('plant.vehicle.mass = { kind = "choice", values = [] }', "a list of one value or more"),
+        ('plant.vehicle.mass = { kind = "choice", values = 3 }', "a list of one value or more"),
         ('controller.nominal.mass = { uniform = [1, 2], of = "nominal" }', "no nominal value of its own"),
     ],
 )
-def test_wrong_entries_are_one_line_with_file_and_line(entry: str, message: str, tmp_path: Path) -> None:
+def test_wrong_entries_are_one_line_with_file_and_line(
+    entry: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register(monkeypatch, Triangular)
     with pytest.raises(ConfigurationError) as caught:
         load_ensemble(written(f"[distributions]\n{entry}\n", tmp_path))
     assert message in str(caught.value)

@@ -46,7 +46,7 @@ def entries(text: str) -> dict[str, str]:
         if line.startswith("["):
             table = line.strip("[]")
         elif " = " in line:
-            found[f"{table}.{line.removeprefix('# ').split(' ')[0]}"] = line
+            found[f"{table}.{line.removeprefix('# ').split(' ')[0]}".removeprefix(".")] = line
     return found
 
 

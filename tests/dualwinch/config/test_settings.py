@@ -19,6 +19,8 @@ from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from tests.own_metrics import Room
+from tests.registering import register
 
 
 @pytest.mark.parametrize(
@@ -127,18 +129,20 @@ def test_gains_that_do_not_count_are_told() -> None:
     assert experiment == override(case(4), {"controller.nftsm.beta": 0.1})
 
 
-def test_all_keys_are_settable_where_they_count() -> None:
+def test_all_keys_are_settable_where_they_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """With another value than the default where there is one: it arrives, and nothing else changes.
 
     But for signals, whose file, or times and values, only go together: test_signal_files sets those.
     """
     together = {f"disturbance.{name}.{field}" for name in given_signals(Disturbance()) for field in ("times", "values")}
+    register(monkeypatch, Room)
     for key, leaf in known_keys().items():
         if key in together or leaf.marks & {Mark.FILE, Mark.DIGEST}:
             continue
         choice, kinds = owners(Experiment, key)
         base = override(Experiment(), {choice: kinds[0]} if kinds else {})
-        for value in [*leaf.choices, True, False, 3, 7, 0.25, 0.05, (3.0, 7.0), "km"]:
+        kinds_of_parts = [leaf.choices] if Mark.PARTS in leaf.marks else leaf.choices
+        for value in [*kinds_of_parts, True, False, 3, 7, 0.25, 0.05, (3.0, 7.0), "km"]:
             if leaf.admits(value) and value != leaves(base)[key]:
                 changed = leaves(override(base, {key: value}))
                 assert changed[key] == value
@@ -154,6 +158,7 @@ def test_the_keys_that_choose_parts() -> None:
         "controller.estimator",
         "controller.kind",
         "controller.coordination.kind",
+        "metrics",
     ]
 
 

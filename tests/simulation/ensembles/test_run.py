@@ -18,7 +18,8 @@ from dualwinch.simulation.ensembles.distributions import Choice
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Scenario
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import POINTS, rollout_scenarios, run_ensemble
-from dualwinch.simulation.ensembles.statistic import METRICS, SMALL_IS_BAD
+from dualwinch.simulation.ensembles.statistic import SMALL_IS_BAD
+from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.simulate import simulate
 
 
@@ -38,7 +39,7 @@ def ten() -> EnsembleResult:
 
 
 def same(first: EnsembleResult, other: EnsembleResult) -> bool:
-    metrics = all(np.array_equal(first.metrics[name], other.metrics[name], equal_nan=True) for name in METRICS)
+    metrics = all(np.array_equal(first.metrics[name], other.metrics[name], equal_nan=True) for name in BUILT_IN)
     draws = all(np.array_equal(first.draws[key], other.draws[key]) for key in first.draws)
     return metrics and draws and first.outcomes == other.outcomes
 
@@ -69,7 +70,7 @@ def test_a_scenario_that_diverges_leaves_its_neighbours_and_the_statistics_alone
     completed = mixed.completed
     assert set(mixed.outcome_counts) > {"completed"}
     assert sum(mixed.outcome_counts.values()) == 12
-    for name in METRICS:
+    for name in BUILT_IN:
         assert np.array_equal(mixed.metrics[name][completed], sound.metrics[name][completed], equal_nan=True)
         assert np.isnan(mixed.metrics[name][~completed]).all()
     assert mixed.statistic("worst.mse") == sound.metrics["mse"][completed].max()
@@ -97,8 +98,8 @@ def test_an_ensemble_without_a_completed_scenario_is_a_result() -> None:
 
 
 def test_statistics_look_at_the_bad_end(ten: EnsembleResult) -> None:
-    assert set(METRICS) > SMALL_IS_BAD
-    for name in METRICS:
+    assert set(BUILT_IN) > SMALL_IS_BAD
+    for name in BUILT_IN:
         values, found = ten.metrics[name], ten.statistics[name]
         if name.startswith("steady"):
             assert np.isnan(found["mean"])  # it never came to that

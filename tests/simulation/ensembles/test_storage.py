@@ -10,8 +10,8 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.ensembles.statistic import METRICS
 from dualwinch.simulation.ensembles.storage import WRITERS, save_ensemble
+from dualwinch.simulation.metrics.metrics import BUILT_IN
 
 MASS = "plant.vehicle.mass"
 
@@ -57,7 +57,7 @@ def test_every_format_keeps_rows_units_seed_and_statistics(suffix: str, result: 
     assert [int(value) for value in columns["simulation.seed"]] == result.draws["simulation.seed"].tolist()
     assert [float(value) for value in columns["mse"]] == pytest.approx(result.metrics["mse"].tolist(), rel=1e-15)
     assert list(columns["outcome"]) == ["completed"] * 5
-    assert set(METRICS) <= set(columns)
+    assert set(BUILT_IN) <= set(columns)
     assert units[MASS] == "kg"
     assert units["mse"] == "m^2"
     assert int(facts["ensemble_seed"]) == 7

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.experiment import Simulation
-from dualwinch.simulation.loop.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.paper import CONTROLLERS, case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate

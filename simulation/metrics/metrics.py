@@ -1,20 +1,28 @@
 """Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, KeysView, Mapping, Sequence
+from dataclasses import dataclass, fields, make_dataclass
+from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
 
+from dualwinch.model.errors import UnknownNameError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.html import readable, readable_unit, table
-from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
+from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.own import states_before, values_of
+from dualwinch.simulation.metrics.sample import Sample
 
 
 @dataclass(frozen=True)
 class Metrics:
     """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure.
+
+    By name it gives them as a mapping does: ``metrics["mse"]``, ``"mse" in metrics``, ``dict(metrics)``. An
+    experiment's own (`Metric`) come after the built-in ones, as attributes too.
 
     Chatter is what a switching control does to the ropes: their tensions jump to and fro from sample to sample.
     """
@@ -35,13 +43,70 @@ class Metrics:
     torque_rate: Annotated[float, Quantity("N m/s", "mean absolute change of motor torque a second, of both winches")]
     continuous_load: Annotated[float, Quantity("N m", "root mean square of the motor torques, of both winches")]
 
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """Name → unit and meaning of every figure of merit."""
+        return {name: leaf.quantity for name, leaf in describe(type(self)).items()}
+
+    def __getitem__(self, name: str) -> float:
+        """One figure of merit by its name.
+
+        Raises:
+            UnknownNameError: there is none of this name; the message names the nearest.
+        """
+        if name not in self:
+            raise UnknownNameError(f"unknown metric {name!r}; did you mean '{nearest(str(name), vars(self))}'?")
+        return vars(self)[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a figure of merit of this name."""
+        return name in vars(self)
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the figures of merit."""
+        return iter(vars(self))
+
+    def __len__(self) -> int:
+        """Number of the figures of merit."""
+        return len(vars(self))
+
+    def keys(self) -> KeysView[str]:
+        """Names of the figures of merit."""
+        return vars(self).keys()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (tuple(self.quantities.items())[len(BUILT_IN) :], tuple(vars(self).values()))
+
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
         rows = []
-        for name, leaf in describe(Metrics).items():
-            value, unit = getattr(self, name), readable_unit(leaf.quantity.unit)
-            rows.append([name, "–" if np.isnan(value) else f"{value:.5g}", unit, readable(leaf.quantity.meaning)])
+        for name, quantity in self.quantities.items():
+            value, unit = self[name], readable_unit(quantity.unit)
+            rows.append([name, "–" if np.isnan(value) else f"{value:.5g}", unit, readable(quantity.meaning)])
         return table(["figure of merit", "value", "unit", "meaning"], rows, numbers=(1,))
+
+
+BUILT_IN = tuple(describe(Metrics))
+"""Names of the figures of merit that every run has."""
+
+
+def metrics_with(own: Sequence[Metric]) -> type[Metrics]:
+    """`Metrics` with a field for each of some figures of merit of users' own."""
+    return _metrics_with(tuple((metric.table(), metric.quantity) for metric in own))
+
+
+@cache
+def _metrics_with(own: tuple[tuple[str, Quantity], ...]) -> type[Metrics]:
+    if not own:
+        return Metrics
+    fields = [(name, Annotated[float, quantity]) for name, quantity in own]
+    return make_dataclass(
+        Metrics.__name__, fields, bases=(Metrics,), namespace={"__doc__": Metrics.__doc__}, frozen=True
+    )
+
+
+def _restored(own: tuple[tuple[str, Quantity], ...], values: tuple[float, ...]) -> Metrics:
+    return _metrics_with(own)(*values)
 
 
 @dataclass(frozen=True)
@@ -70,32 +135,14 @@ class Accumulators:
     tau_2_previous: Annotated[Scalar, Quantity("N m", "torque 2 of the last sample")] = 0.0
 
 
-@dataclass(frozen=True)
-class Sample:
-    """What one sample contributes: number, error in m, tensions in N, torques in N m, flags.
-
-    `power` in W is that of both motors, braking counted like driving.
-    """
-
-    number: Scalar
-    error: Scalar
-    F1: Scalar
-    F2: Scalar
-    tau_1: Scalar
-    tau_2: Scalar
-    power: Scalar
-    saturated: Scalar
-    torque_saturated: Scalar
-    steady: Scalar
-
-
 def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Accumulators:
     """The accumulators with one sample more; `sample_time` in s."""
-    size, square = absolute(sample.error), sample.error**2
+    size, square = absolute(sample.e), sample.e**2
     has_previous = sample.number > 0
     least = minimum(sample.F1, sample.F2)
     change = absolute(sample.F1 - so_far.F1_previous) + absolute(sample.F2 - so_far.F2_previous)
-    torque_change = absolute(sample.tau_1 - so_far.tau_1_previous) + absolute(sample.tau_2 - so_far.tau_2_previous)
+    change_1, change_2 = sample.torque_1 - so_far.tau_1_previous, sample.torque_2 - so_far.tau_2_previous
+    torque_change = absolute(change_1) + absolute(change_2)
     return Accumulators(
         sum_abs=so_far.sum_abs + size,
         max_abs=maximum(so_far.max_abs, size),
@@ -114,9 +161,9 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
         F2_previous=sample.F2,
         work=so_far.work + sample_time * sample.power,
         sum_torque_rate=so_far.sum_torque_rate + where(has_previous, torque_change, 0.0) / sample_time,
-        sum_torque_square=so_far.sum_torque_square + sample.tau_1**2 + sample.tau_2**2,
-        tau_1_previous=sample.tau_1,
-        tau_2_previous=sample.tau_2,
+        sum_torque_square=so_far.sum_torque_square + sample.torque_1**2 + sample.torque_2**2,
+        tau_1_previous=sample.torque_1,
+        tau_2_previous=sample.torque_2,
     )
 
 
@@ -158,11 +205,12 @@ KEYS = {field.name: f"metrics.{field.name}" for field in fields(Accumulators)}
 """Accumulator → its name in the state of a closed loop."""
 
 
-FINAL = (*KEYS.values(), "sample")
-"""States of a closed loop that the metrics follow from."""
+def final_states(own: Sequence[Metric] = ()) -> tuple[str, ...]:
+    """States of a closed loop that the metrics follow from."""
+    return (*KEYS.values(), *states_before(own), "sample")
 
 
-def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True) -> Metrics:
+def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True, own: Sequence[Metric] = ()) -> Metrics:
     """The metrics from the final state of a closed loop.
 
     Args:
@@ -170,7 +218,13 @@ def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True) -> Metr
             then the metrics are arrays.
         completed: whether the run was, or an array of that. What one that was not has summed up is no figure of merit
             of the run: it counts for no sample at all.
+        own: the experiment's own metrics.
+
+    Raises:
+        ConfigurationError: one of the own metrics gives anything but a number for each run.
     """
     sums = {name: final_state[key] for name, key in KEYS.items()}
     sums["steady_samples"] = sums["steady_samples"] * completed
-    return finish(sums, final_state["sample"] * completed)
+    samples = final_state["sample"] * completed
+    built_in = finish(sums, samples)
+    return metrics_with(own)(**vars(built_in), **values_of(own, final_state, samples)) if own else built_in

@@ -1,0 +1,53 @@
+"""Base of figures of merit that users add to the built-in ones."""
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.scalar import Scalar
+from dualwinch.simulation.metrics.sample import Sample
+
+
+class Metric(Part):
+    """A figure of merit of your own: a frozen dataclass of its numbers, summed up at every sample of a run.
+
+    It is compiled together with the loop. Its name among the others is its kind as it is written in a key:
+    ``settling-time`` is ``result.metrics.settling_time`` and, over scenarios, ``mean.settling_time``.
+
+    Attributes:
+        quantity: unit and meaning.
+        small_is_bad: whether its bad end, and so what is the worst of many runs, is the smallest.
+    """
+
+    quantity: ClassVar[Quantity]
+    small_is_bad: ClassVar[bool] = False
+
+    @abstractmethod
+    def initial_state(self) -> Any:
+        """What is known before the first sample: a number, an array or a dataclass of them."""
+
+    @abstractmethod
+    def step(self, state: Any, sample: Sample, sample_time: Scalar) -> Any:
+        """The state with one sample more, over scalars (`model.scalar`).
+
+        Args:
+            state: as `initial_state` gives it.
+            sample: what the sample offers.
+            sample_time: in s.
+
+        Returns:
+            A state of the same elements.
+        """
+
+    def value(self, state: Any, samples: Any) -> Any:  # noqa: ARG002
+        """The figure of merit of a whole run; by default the state itself, where that is one number.
+
+        Args:
+            state: after the last sample. Its numbers are NumPy's, or arrays of many runs: use NumPy here.
+            samples: number of samples, or an array of those.
+
+        Returns:
+            A number, or an array of the same shape.
+        """
+        return state
