@@ -41,10 +41,12 @@ def every_leaf(group: type, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
         if slot.choice:
             yield group, _choice_leaf(slot, tuple(slot.choice.registry))
             for part in slot.choice.registry.values():
-                yield from ((part, leaf) for _, leaf in every_leaf(part, prefix))
+                for _, leaf in every_leaf(part, prefix):
+                    yield part, leaf
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
+            tied = slot.find(Tied)
             for owner, leaf in every_leaf(slot.hint, slot.below):
-                yield owner, _tied(leaf, slot)
+                yield owner, _tied(leaf, slot) if tied else leaf
         else:
             yield group, _leaf(group, slot)
 

@@ -24,7 +24,7 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
         if Mark.PART in leaf.marks and values.get(key, leaf.choices[0]) not in leaf.choices:
             raise ConfigurationError(
                 f'{key} = "{values[key]}": no such part is registered; '
-                "give an experiment that has it, as load_result(path, base)"
+                "register it, dw.register(YourClass), or give an experiment that has it, as load_result(path, base)"
             )
     experiment = with_leaves(base, values)
     known = leaves(experiment)
