@@ -14,9 +14,10 @@ def started(part: Any) -> Any:
     """The state of a part before the first sample.
 
     Raises:
-        ConfigurationError: it is no dataclass.
+        ConfigurationError: it is no dataclass of scalars, vectors and matrices.
     """
-    state = part.initial_state()
+    with over_symbols(f"{part.kind}: its initial_state"):  # it may depend on the gains
+        state = part.initial_state()
     if not is_dataclass(state) or isinstance(state, type):
         raise ConfigurationError(
             f"{part.kind}: its initial_state gives {_word(state)}; must give a dataclass of numbers, vectors and "
