@@ -1,39 +1,23 @@
 """Steps of a controller's parts, carried out with what is wrong with one said in a line."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-import casadi as ca
-
-from dualwinch.codegen.errors import DualwinchError
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.arrays import is_array
+from dualwinch.model.quantities.over_symbols import over_symbols
 from dualwinch.model.quantities.tree import leaves
-
-BRANCHES = "use where(condition, a, b) of dualwinch.model.scalar in place of if, and, or, not, min and max"
-FUNCTIONS = "use functions of dualwinch.model.scalar or casadi in place of those of math and others"
-
-HINTS = {
-    "truth value": BRANCHES,
-    "a symbol is no float": FUNCTIONS,
-    "to_int not defined": FUNCTIONS,
-    "interpreted as an integer": FUNCTIONS,
-    "casadi SX does not support": FUNCTIONS,
-}
-"""What stands in the errors of a step that asks a symbol for its value → what to write instead."""
-
-AS_FLOAT = ca.SX.__float__
 
 
 def started(part: Any) -> Any:
     """The state of a part before the first sample.
 
     Raises:
-        ConfigurationError: it is no dataclass.
+        ConfigurationError: it is no dataclass of scalars, vectors and matrices.
     """
-    state = part.initial_state()
+    with over_symbols(f"{part.kind}: its initial_state"):  # it may depend on the gains
+        state = part.initial_state()
     if not is_dataclass(state) or isinstance(state, type):
         raise ConfigurationError(
             f"{part.kind}: its initial_state gives {_word(state)}; must give a dataclass of numbers, vectors and "
@@ -56,16 +40,8 @@ def stepped(part: Any, state: Any, gives: type, *inputs: Any) -> tuple[Any, Any]
         ConfigurationError: it asks a symbol for its value, or gives anything but a state like the one it was given and
             an output of scalars.
     """
-    try:
-        with _symbols_without_values():
-            given = part.step(state, *inputs)
-    except DualwinchError:
-        raise
-    except Exception as error:
-        hint = _hint(error)
-        if hint is None:
-            raise
-        raise ConfigurationError(f"{part.kind}: its step asks for the value of a symbol; {hint}") from error
+    with over_symbols(f"{part.kind}: its step"):
+        given = part.step(state, *inputs)
     if not isinstance(given, tuple) or len(given) != 2:
         raise ConfigurationError(f"{part.kind}: its step gives {_word(given)}; must give (state, {gives.__name__})")
     following, output = given
@@ -94,26 +70,5 @@ def _check_scalars(part: Any, group: Any, name: str, wanted: Sequence[str] = ())
             )
 
 
-@contextmanager
-def _symbols_without_values() -> Iterator[None]:
-    """Have the float of a symbol be an error: CasADi gives NaN, of which `math` makes more."""
-    ca.SX.__float__ = _float  # pyright: ignore[reportAttributeAccessIssue]
-    try:
-        yield
-    finally:
-        ca.SX.__float__ = AS_FLOAT
-
-
-def _float(symbol: ca.SX) -> float:
-    if not symbol.is_constant():
-        raise TypeError("a symbol is no float")
-    return AS_FLOAT(symbol)
-
-
 def _word(value: Any) -> str:
     return "None" if value is None else f"a {type(value).__name__}"
-
-
-def _hint(error: Exception) -> str | None:
-    text = str(error)
-    return next((hint for word, hint in HINTS.items() if word in text), None)

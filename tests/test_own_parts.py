@@ -279,6 +279,21 @@ def test_a_part_without_a_step_is_none() -> None:
         Unfinished()  # pyright: ignore[reportAbstractUsage]
 
 
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (StateFeedback, "controller.kind: must be a PositionLaw, not the class StateFeedback; write StateFeedback()"),
+        (dict, "controller.kind: must be a PositionLaw, not the class dict"),
+        (DriftFree(), "controller.kind: must be a PositionLaw, not a DriftFree"),
+        ("state-feedback", "controller.kind: must be a PositionLaw, not a str"),
+    ],
+)
+def test_what_stands_for_a_part_is_an_object_of_its_base(law: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        case(4, law=law)
+    assert str(caught.value).endswith(message.removeprefix("controller."))
+
+
 @dataclass(frozen=True)
 class Growing:
     """A state that has another shape after a step."""

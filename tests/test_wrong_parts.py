@@ -7,6 +7,7 @@ import pytest
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.plugins.files import load_plugin
+from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
@@ -62,6 +63,14 @@ def read(folder: Path, text: str) -> str:
         (
             ("def step(", "def stepp("),
             f"Spring of law.py: has no step; write def {STEP}",
+        ),
+        (
+            ("def initial_state(", "def initial("),
+            "Spring of law.py: has no initial_state; write def initial_state(self)",
+        ),
+        (
+            ("return Memory()", "return Memory(np.zeros(2))"),
+            "spring: e of its initial_state is an array; must be a number, as it is annotated",
         ),
         (
             (STEP, "step(self, state, estimate, setpoint)"),
@@ -166,6 +175,18 @@ def read(folder: Path, text: str) -> str:
 def test_what_they_wrote_and_what_they_read(tmp_path: Path, written: tuple[str, str], message: str) -> None:
     numpy = ("from dataclasses import dataclass", "from dataclasses import dataclass, field\nimport numpy as np")
     assert message in read(tmp_path, changed(numpy, written))
+
+
+def test_a_first_state_that_asks_a_gain_for_its_value(tmp_path: Path) -> None:
+    """Batches work it out as a function of the gains, over symbols."""
+    file = tmp_path / "law.py"
+    file.write_text(changed(("return Memory()", "return Memory(0.0 if self.damping > 1e3 else 1.0)")))
+    load_plugin(str(file))
+    experiment = override(case(4), {"controller.kind": "spring", "simulation.duration": 0.01})
+    with pytest.raises(
+        ConfigurationError, match=r"^spring: its initial_state asks for the value of a symbol; use where"
+    ):
+        rollout(["controller.spring.damping"], [[1e4]], [experiment])
 
 
 def test_a_list_is_no_tuple(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -26,7 +26,7 @@ from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.result import write_best, write_study
 from dualwinch.tuning.storage.connection import shown
-from dualwinch.tuning.storage.noted_parts import in_words, noted_parts
+from dualwinch.tuning.storage.noted_parts import Noted, in_words, noted_parts
 from dualwinch.tuning.storage.opening import is_database, kept_definition, open_store
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.summary import controller_in_words
@@ -114,6 +114,8 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
     storage = _storage(options)
     until = None if options.seconds is None else time.time() + options.seconds + PREPARING_SECONDS
     definition = definition_of(problem, method)
+    if options.workers > 1:
+        _check_sources(definition["parts"])
     store = open_store(storage, options.study, problem, definition, Budget(trials, until), resume=options.resume)
     with closing(store), _workers(options, storage):
         _announce(status, problem, method, storage, store.count())
@@ -171,6 +173,15 @@ def _check(options: Options, trials: int | None) -> None:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
     if options.workers > 1 and not (options.storage and is_database(str(options.storage))):
         raise ConfigurationError("--workers: needs a database, --storage postgresql+psycopg://USER@HOST/DATABASE")
+
+
+def _check_sources(parts: Sequence[Noted]) -> None:
+    for part in parts:
+        if part["script"]:
+            raise ConfigurationError(
+                f"--workers: other processes cannot import the {part['what']} '{part['kind']}' of {part['source']}, "
+                "a script; define it in a file of its own"
+            )
 
 
 def _announce(status: StatusLine, problem: Problem, method: str, storage: str, known: int) -> None:

@@ -13,7 +13,7 @@ from dualwinch.model.quantities.arrays import Elements, elements, is_array
 from dualwinch.model.quantities.origin import built_in, named
 from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, Tied, Tunable, TunableRatio
-from dualwinch.model.quantities.slots import Slot, slots
+from dualwinch.model.quantities.slots import Slot, check_base, slots
 
 
 def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
@@ -41,14 +41,17 @@ def every_leaf(group: type, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
         if slot.choice:
             yield group, _choice_leaf(slot, tuple(slot.choice.registry))
             for part in slot.choice.registry.values():
-                yield from ((part, leaf) for _, leaf in every_leaf(part, prefix))
+                for _, leaf in every_leaf(part, prefix):
+                    yield part, leaf
         elif slot.choices:
             yield group, _kinds_leaf(slot, tuple(slot.choices.registry))
             for part in slot.choices.registry.values():
-                yield from ((part, leaf) for _, leaf in every_leaf(part, slot.below))
+                for _, leaf in every_leaf(part, slot.below):
+                    yield part, leaf
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
+            tied = slot.find(Tied)
             for owner, leaf in every_leaf(slot.hint, slot.below):
-                yield owner, _tied(leaf, slot)
+                yield owner, _tied(leaf, slot) if tied else leaf
         else:
             yield group, _leaf(group, slot)
 
@@ -61,10 +64,10 @@ def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
         prefix: put before every key.
 
     Raises:
-        ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound; or two parts mean
-            something else by a key.
+        ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound; a part is none; or two
+            parts mean something else by a key.
     """
-    shape = _shape(group), prefix
+    shape = _shape(group, prefix), prefix
     if shape not in _described:
         _described[shape] = MappingProxyType(_describe_parts(group, prefix))
     return _described[shape]
@@ -74,19 +77,20 @@ _described: dict[tuple[Any, str], Mapping[str, Leaf]] = {}
 """What groups of a shape are, once they have been asked for."""
 
 
-def _shape(group: Any) -> tuple[Any, ...]:
+def _shape(group: Any, prefix: str) -> tuple[Any, ...]:
     """What the description of a group depends on: the types of its groups and the shapes of its arrays."""
     found: list[Any] = [type(group)]
-    for slot in slots(type(group), ""):
+    for slot in slots(type(group), prefix):
         if slot.plain:
             continue
         value = getattr(group, slot.field)
         if slot.choice:
+            check_base(slot, value)
             found.append(tuple(slot.choice.registry))
         if slot.choices:
-            found.append((tuple(slot.choices.registry), *map(_shape, value)))
+            found.append((tuple(slot.choices.registry), *(_shape(part, slot.below) for part in value)))
         elif is_dataclass(value):
-            found.append(_shape(value))
+            found.append(_shape(value, slot.below))
         elif is_array(value):
             found.append(value.shape)
     return tuple(found)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Choice, Choices, Part
 from dualwinch.model.quantities.quantity import Key, Mark
 
@@ -42,6 +43,14 @@ class Slot:
     def find(self, kind: type) -> Any:
         """The first piece of metadata of a type."""
         return next((item for item in self.metadata if isinstance(item, kind)), None)
+
+
+def check_base(slot: Slot, value: Any) -> None:
+    """Raise `ConfigurationError` where what stands in a part's place is no object of the part's base."""
+    if not isinstance(value, slot.hint):
+        given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+        hint = f"; write {value.__name__}()" if isinstance(value, type) and issubclass(value, slot.hint) else ""
+        raise ConfigurationError(f"{slot.choice_key}: must be a {slot.hint.__name__}, not {given}{hint}")
 
 
 @cache

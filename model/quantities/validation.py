@@ -3,7 +3,6 @@
 from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.arrays import is_array
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.numbers import numbers_of
 from dualwinch.model.quantities.part import HOW_TO_REGISTER
@@ -43,8 +42,8 @@ def check_values(group: Any, prefix: str = "") -> None:
     known = describe_parts(group, prefix)
     found: dict[str, Any] = {}
     for key, value in pairs(group, prefix, whole=True):
-        if isinstance(value, list) or is_array(value):  # it has no hash, by which compiled code is found again
-            kind = "a list" if isinstance(value, list) else "an array"
+        if key not in known or type(value) is list:  # an array or a list has no hash, by which code is found again
+            kind = "a list" if key in known else "an array"
             raise ConfigurationError(f"{key}: is {kind}; must be a number, or a tuple of numbers")
         if not known[key].admits(value):
             raise ConfigurationError(f"{key} = {shown(value)}: must be {known[key].wanted}")

@@ -25,7 +25,7 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
         if key in values and not {Mark.PART, Mark.PARTS}.isdisjoint(leaf.marks) and not leaf.admits(values[key]):
             raise ConfigurationError(
                 f"{key} = {shown(values[key])}: no such part is registered; "
-                "give an experiment that has it, as load_result(path, base)"
+                "register it, dw.register(YourClass), or give an experiment that has it, as load_result(path, base)"
             )
     experiment = with_leaves(base, values)
     known = leaves(experiment)

@@ -138,6 +138,8 @@ def test_every_command_that_reads_experiments_knows_its_parts(
     words = ("--plugin", plugin, "--config", str(mine), *SHORT)
     main(["export", "casadi", "--out", str(tmp_path / "functions"), *words])
     main(["linearise", "--loop", "closed", "--v", "0.5", *words])
+    main(["compare", "paper", str(mine), "--plugin", plugin, "--scenarios", "2", *SHORT])
+    assert "2 scenarios of 'sea'" in capsys.readouterr().out
     main(["linearise", "--estimator", "kalman", "--controller", "spring", "--plugin", plugin])
     assert "x" in capsys.readouterr().out
 

@@ -3,12 +3,17 @@
 import hashlib
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from dualwinch.cli import main
+from dualwinch.commands.tune import Options, tune
+from dualwinch.commands.tuning_progress import StatusLine
+from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.settings import override
+from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.plugins.files import load_plugin
@@ -119,6 +124,21 @@ def test_a_part_without_a_source_cannot_be_noted() -> None:
     typed = namespace["Typed"]
     with pytest.raises(ConfigurationError, match=r"^nowhere\.Typed: has no source to tell it from another by; define"):
         noted(typed)  # pyright: ignore[reportArgumentType]
+
+
+def test_other_processes_cannot_import_a_script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = tuning_problem(
+        case=4, settings=["simulation.duration=0.05"], space=["controller.nftsm.k"], constraints=[]
+    )
+    own = replace(problem, experiment=replace(problem.experiment, controller=Controller(law=StateFeedback())))
+    monkeypatch.setattr("dualwinch.tuning.storage.noted_parts.noted", lambda part: noted(part) | {"script": True})
+    options = Options(workers=2, storage="postgresql+psycopg://me@127.0.0.1:9/none", out=tmp_path)
+    with StatusLine() as status, pytest.raises(ConfigurationError) as caught:
+        tune(own, options, status)
+    assert str(caught.value) == (
+        "--workers: other processes cannot import the position law 'state-feedback' of tests.own_parts, a script; "
+        "define it in a file of its own"
+    )
 
 
 def tuned(folder: Path, *words: str) -> str:

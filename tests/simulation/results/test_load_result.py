@@ -99,7 +99,7 @@ def test_parts_of_ones_own_come_back_where_they_are_known(suffix: str, tmp_path:
         load_result(path)
     assert str(caught.value) == (
         f'{path}: controller.estimator = "{DriftFree.kind}": no such part is registered; '
-        "give an experiment that has it, as load_result(path, base)"
+        "register it, dw.register(YourClass), or give an experiment that has it, as load_result(path, base)"
     )
 
 

@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,10 @@ from optuna.trial import TrialState
 
 from dualwinch.cli import main
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.commands.tuning_setup import definition_of
+from dualwinch.commands.tuning_setup import definition_of, tuning_problem
+from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.plugins.files import load_plugin
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.problem import Problem
@@ -26,8 +29,10 @@ from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate
 from dualwinch.tuning.storage import connection
 from dualwinch.tuning.storage.database import FINISHED, Database
+from dualwinch.tuning.storage.opening import kept_definition
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.study import search
+from tests.spring_law import SPRING, changed
 from tests.tuning.conftest import MakeProblem
 
 TRIALS = 112
@@ -203,6 +208,39 @@ def test_what_is_wrong_with_a_database_is_one_line_without_the_password(
     said = capsys.readouterr().err
     assert "must be a file, or postgresql+psycopg://" in said
     assert "secret" not in said
+
+
+def test_a_worker_imports_the_parts_that_the_study_rests_on(
+    url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "law.py"
+    file.write_text(SPRING)
+    load_plugin(str(file))
+    problem = tuning_problem(
+        case=4,
+        settings=["simulation.duration=0.05", "controller.kind=spring"],
+        space=["controller.spring.stiffness"],
+        constraints=[],
+    )
+    definition = definition_of(problem, "cmaes")
+    Database.begin(url, "springs", problem, definition, Budget(3), resume=False).close()
+    assert kept_definition(url, "springs") == definition
+    assert kept_definition(url, "no springs") is None
+
+    def joined() -> str:
+        POSITION_LAWS._parts.pop("spring", None)
+        with suppress(SystemExit):
+            main(["worker", "--storage", url, "--study", "springs", "--threads", "1"])
+        return capsys.readouterr().err.splitlines()[-1]
+
+    file.write_text(changed(("= 2e4", "= 3e4")))
+    assert "error: --study springs: was begun with another position law 'spring'" in joined()
+    file.unlink()
+    assert "error: --study springs: needs the position law 'spring'" in joined()
+    assert not states(url, "springs")
+    file.write_text(SPRING)
+    assert "the study is over: 3 trials" in joined()
+    assert states(url, "springs") == {TrialState.COMPLETE: 3}
 
 
 def test_a_schema_of_another_optuna_is_refused(url: str) -> None:
