@@ -96,13 +96,13 @@ def table(races: Sequence[Race]) -> str:
     """The races as a Markdown table."""
     rows = [
         [
-            str(one.seed),
-            f"{1e12 * one.tpe:.3g}",
-            f"{1e12 * one.gradient:.3g}",
-            f"{one.gradient / one.tpe:.2g}",
-            f"{one.needed:.0f}" if one.needed else f"more than {ALLOWED:.0f}",
+            str(race.seed),
+            f"{1e12 * race.tpe:.3g}",
+            f"{1e12 * race.gradient:.3g}",
+            f"{race.gradient / race.tpe:.2g}",
+            f"{race.needed:.0f}" if race.needed else f"more than {ALLOWED:.0f}",
         ]
-        for one in races
+        for race in races
     ]
     headings = [
         "seed",
@@ -141,7 +141,7 @@ def main() -> None:
     for seed in SEEDS:
         races.append(race(seed, cost))
         sys.stderr.write(f"{len(races)} of {len(SEEDS)} seeds\n")
-    reached = sum(one.needed is not None for one in races)
+    reached = sum(race.needed is not None for race in races)
     text = (
         f"{table(races)}\n\n*A gradient by {len(GAINS)} gains takes as long as {cost:.1f} rollouts; "
         f"TPE's best is reached within {ALLOWED:.0f} in {reached} of {len(races)} races.*"

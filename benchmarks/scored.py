@@ -60,17 +60,17 @@ class Score:
         """A row for each of the tuned gains, under their name and `HEADINGS`."""
         return [
             [
-                one.name,
-                f"{one.chatter / self.paper.chatter:.2f}",
-                times(self.paper.mse / one.mse),
+                score.name,
+                f"{score.chatter / self.paper.chatter:.2f}",
+                times(self.paper.mse / score.mse),
                 times(self.paper.mse / self.least) if self.least else "–",
-                times(self.paper.within_authority / one.within_authority),
-                times(self.paper.median / one.median),
-                f"{one.largest:.0f}",
-                f"{one.smallest:.0f}",
-                one.slack,
+                times(self.paper.within_authority / score.within_authority),
+                times(self.paper.median / score.median),
+                f"{score.largest:.0f}",
+                f"{score.smallest:.0f}",
+                score.slack,
             ]
-            for one in self.tuned
+            for score in self.tuned
         ]
 
     def table(self, heading: str) -> str:

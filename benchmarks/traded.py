@@ -33,8 +33,8 @@ def front(score: Score) -> Figure:
         axes = figure.subplots()
         handles: list[Line2D | Patch] = []
         for key, label, colour in (("mse", "all scenarios", VERMILION), ("within_authority", "within authority", BLUE)):
-            values = [getattr(one, key) for one in ours]
-            handles += axes.plot([one.chatter for one in ours], values, color=colour, marker="o", ms=4, label=label)
+            values = [getattr(score, key) for score in ours]
+            handles += axes.plot([score.chatter for score in ours], values, color=colour, marker="o", ms=4, label=label)
             axes.plot(paper.chatter, getattr(paper, key), color=colour, marker="x", markersize=6)
         least = axes.axhline(score.least, color=VERMILION, linestyle=(0, (4, 2)), label="all: no controller has less")
         quarter = axes.axvline(0.25 * paper.chatter, color=GREY, linestyle=(0, (1, 1.5)), label="paper's chatter / 4")

@@ -12,7 +12,8 @@ from pathlib import Path
 from benchmarks.document import markdown, put
 from benchmarks.scored import HEADINGS, HELD_OUT_SEED, SEED, scored
 from dualwinch import tuning_problem
-from dualwinch.tuning.tune import Tuned, tune
+from dualwinch.tuning.tune import tune
+from dualwinch.tuning.tuned import Tuned
 
 MINUTES = (1, 5)
 """Lengths of the searches."""
@@ -28,14 +29,14 @@ def searched(minutes: int) -> Tuned:
 
 def table(studies: Sequence[Tuned]) -> str:
     """The held-out sets, each scored by every study, as a Markdown table."""
-    controllers = {f"{minutes} min": one.best.controller for minutes, one in zip(MINUTES, studies, strict=True)}
+    controllers = {f"{minutes} min": study.best.controller for minutes, study in zip(MINUTES, studies, strict=True)}
     rows: list[list[str]] = []
     for seed in HELD_OUT_SEEDS:
         rows += [[str(seed), *row] for row in scored(controllers, seed).rows()]
         sys.stderr.write(f"seed {seed} scored\n")
     trials = ", ".join(
-        f"{len(one.trials)} trials, {one.progress.rollouts} rollouts in {minutes} min"
-        for minutes, one in zip(MINUTES, studies, strict=True)
+        f"{len(study.trials)} trials, {study.progress.rollouts} rollouts in {minutes} min"
+        for minutes, study in zip(MINUTES, studies, strict=True)
     )
     return f"{markdown(['seed', 'tuned for', *HEADINGS], rows)}\n\n*Search with seed {SEED}: {trials}.*"
 

@@ -24,10 +24,11 @@ from dualwinch.controllers.signals import (
     Measurement,
     PositionOutput,
 )
+from dualwinch.controllers.steps import started, stepped
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.part import Choice, Part
+from dualwinch.model.quantities.part import Choice
 from dualwinch.model.quantities.quantity import Key, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
@@ -65,11 +66,15 @@ class ControllerState:
 
 
 def initial_controller_state(controller: Controller) -> ControllerState:
-    """State before the first sample."""
+    """State before the first sample.
+
+    Raises:
+        ConfigurationError: a part gives none that a state can be.
+    """
     return ControllerState(
-        estimator=controller.estimator.initial_state(),
-        law=controller.law.initial_state(),
-        coordination=controller.coordination.initial_state(),
+        estimator=started(controller.estimator),
+        law=started(controller.law),
+        coordination=started(controller.coordination),
     )
 
 
@@ -97,31 +102,27 @@ def controller_step(
         The next state and what the parts gave.
 
     Raises:
-        ConfigurationError: a part gives a state of other elements than it was given.
+        ConfigurationError: a part's step does not do what it has to.
     """
     context = Context(nominal, controller.limits, sample_time)
-    estimator, estimate = controller.estimator.step(state.estimator, measurement, setpoint, context)
-    law, position = controller.law.step(state.law, estimate, setpoint, context)
+    estimator, estimate = stepped(controller.estimator, state.estimator, Estimate, measurement, setpoint, context)
+    law, position = stepped(controller.law, state.law, PositionOutput, estimate, setpoint, context)
     force = position.u_sat if shared_force is None else shared_force
-    coordination, winches = controller.coordination.step(state.coordination, force, estimate, setpoint, context)
-    _check_state(controller.estimator, state.estimator, estimator)
-    _check_state(controller.law, state.law, law)
-    _check_state(controller.coordination, state.coordination, coordination)
+    coordination, winches = stepped(
+        controller.coordination, state.coordination, CoordinationOutput, force, estimate, setpoint, context
+    )
     return ControllerState(estimator, law, coordination), ControllerOutput(estimate, position, winches)
 
 
-def _check_state(part: Part, before: Any, after: Any) -> None:
-    odd = leaves(before).keys() ^ leaves(after).keys()
-    if odd:
-        names = ", ".join(sorted(odd))
-        raise ConfigurationError(f"{part.kind}: its step must give a state of the elements it was given, not {names}")
+SATURATED = "saturated"
+"""Output of every controller beside those of its parts."""
 
 
 def own_signals(output: ControllerOutput) -> dict[str, tuple[Scalar, Quantity]]:
     """What the parts gave beyond what they pass on to each other: name → value and what it is.
 
     Raises:
-        ConfigurationError: two parts give signals of one name.
+        ConfigurationError: two parts give signals of one name, or a part one of a name that is taken.
     """
     found: dict[str, tuple[Scalar, Quantity]] = {}
     for given, passed_on in (
@@ -133,6 +134,8 @@ def own_signals(output: ControllerOutput) -> dict[str, tuple[Scalar, Quantity]]:
         for name, value in leaves(given).items():
             if name in found:
                 raise ConfigurationError(f"signal '{name}': two parts of the controller give it; rename one of them")
+            if name == SATURATED:
+                raise ConfigurationError(f"signal '{name}': the name is taken by an output of every controller")
             if name not in common:
                 found[name] = value, known[name].quantity
     return found

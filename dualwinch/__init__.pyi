@@ -3,6 +3,10 @@
 from .codegen.block import Block as Block
 from .codegen.errors import DualwinchError as DualwinchError
 from .codegen.native import compile as compile  # noqa: A004
+from .commands.export import export_c as export_c
+from .commands.export import export_casadi as export_casadi
+from .commands.export import export_mex as export_mex
+from .commands.export_fmu import export_fmu as export_fmu
 from .commands.sweep import sweep as sweep
 from .commands.tuning_setup import tuning_problem as tuning_problem
 from .config.ensemble_file import load_ensemble as load_ensemble
@@ -24,6 +28,7 @@ from .controllers.estimators.unfiltered import Unfiltered as Unfiltered
 from .controllers.laws.adrc import Adrc as Adrc
 from .controllers.laws.fando_nftsm import FandoNftsm as FandoNftsm
 from .controllers.laws.nftsm import Nftsm as Nftsm
+from .controllers.laws.nominal_forces import nominal_forces as nominal_forces
 from .controllers.laws.pid_cascade import PidCascade as PidCascade
 from .controllers.laws.position_law import PositionLaw as PositionLaw
 from .controllers.laws.super_twisting import SuperTwisting as SuperTwisting
@@ -40,12 +45,16 @@ from .model.linear.system import LinearSystem as LinearSystem
 from .model.motions.setpoint import Setpoint as Setpoint
 from .model.plant import Plant as Plant
 from .model.plant import plant as plant
+from .model.quantities.arrays import Elements as Elements
 from .model.quantities.quantity import Mark as Mark
 from .model.quantities.quantity import Quantity as Quantity
 from .model.quantities.quantity import Rule as Rule
 from .model.quantities.quantity import Tunable as Tunable
 from .model.reference import Reference as Reference
+from .model.scalar import clip as clip
+from .model.scalar import where as where
 from .model.signals.signal import Signal as Signal
+from .plugins.register import register as register
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint
@@ -84,7 +93,7 @@ from .simulation.results.storage import load_result as load_result
 from .simulation.results.storage import save as save
 from .simulation.simulate import simulate as simulate
 from .simulation.sweep import Sweep as Sweep
-from .tuning.tune import Tuned as Tuned
 from .tuning.tune import tune as tune
+from .tuning.tuned import Tuned as Tuned
 
 __version__: str

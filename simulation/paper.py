@@ -6,6 +6,10 @@ from itertools import product
 from numbers import Integral
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
@@ -55,6 +59,8 @@ def case(
     controller: str = FandoNftsm.kind,
     *,
     law: PositionLaw | None = None,
+    estimator: Estimator | None = None,
+    coordination: Coordination | None = None,
     metrics: Sequence[Metric] = (),
 ) -> Experiment:
     """The experiment of a case of the paper.
@@ -63,6 +69,8 @@ def case(
         number: 1 to 4.
         controller: a `controller.kind`.
         law: a position law with its gains, in place of `controller`; also one of your own.
+        estimator: in place of none; likewise.
+        coordination: in place of differential tension; likewise.
         metrics: figures of merit of your own, beside the built-in ones.
 
     Raises:
@@ -73,6 +81,10 @@ def case(
     return Experiment(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
-        controller=Controller(law=law or POSITION_LAWS.find(controller)()),
+        controller=Controller(
+            estimator=estimator or Unfiltered(),
+            law=law or POSITION_LAWS.find(controller)(),
+            coordination=coordination or DifferentialTension(),
+        ),
         metrics=metrics,
     )

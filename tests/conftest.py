@@ -1,6 +1,6 @@
 """Settings of the property tests, and the runs that several tests look at, each done once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
 
+from dualwinch.plugins.register import registries
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
@@ -15,6 +16,16 @@ from tests.oracle.sampled import Scenario, run
 
 settings.register_profile("dualwinch", derandomize=True, deadline=None, database=None)
 settings.load_profile("dualwinch")
+
+
+@pytest.fixture(autouse=True)
+def registered_for_this_test_only() -> Iterator[None]:
+    """Parts that a test registers are gone after it."""
+    before = [(registry, dict(registry)) for registry in registries()]
+    yield
+    for registry, parts in before:
+        registry._parts = parts
+
 
 PaperRun = Callable[[int, str], Result]
 OracleRun = Callable[[int, str], dict[str, NDArray[np.float64]]]

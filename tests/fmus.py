@@ -31,7 +31,7 @@ class Instance:
             modelIdentifier=interface.modelIdentifier,
             instanceName="tested",
         )
-        self.references = {one.name: one.valueReference for one in description.modelVariables}
+        self.references = {variable.name: variable.valueReference for variable in description.modelVariables}
         self.time = 0.0
         self.fmu.instantiate()
         if initialise:

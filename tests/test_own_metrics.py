@@ -21,7 +21,6 @@ from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.result import Result
 from tests.own_metrics import LastBeyond, PullSpread, Room
-from tests.registering import register
 
 OWN = (LastBeyond(2e-3), PullSpread(), Room())
 NAMES = ("last_beyond", "pull_spread", "room")
@@ -188,7 +187,7 @@ def test_one_whose_small_values_are_bad_is_no_objective() -> None:
         dw.tuning_problem(case=4, objectives=["room"])
 
 
-def test_files_name_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_name_them(tmp_path: Path) -> None:
     text = dw.to_toml(EXPERIMENT)
     assert "[metrics.last_beyond]  # [s] time at which the error was last beyond the band" in text
     assert "band = 0.002  # [m] half width of the band; > 0" in text
@@ -198,7 +197,7 @@ def test_files_name_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     with pytest.raises(ConfigurationError, match=r"own\.toml.*: unknown metric 'last_beyond': none is registered"):
         dw.load(path)
     for part in (LastBeyond, PullSpread, Room):
-        register(monkeypatch, part)
+        dw.register(part)
     assert dw.load(path) == EXPERIMENT
     for words in (
         'metrics = ["last-beyond", "room"]',
@@ -228,8 +227,8 @@ def test_files_name_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         ("[metrics.room]\nlimit = -1", "own.toml:2: metrics.room.limit = -1: must be a finite number > 0 N m"),
     ],
 )
-def test_wrong_entries_are_one_line(words: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    register(monkeypatch, Room)
+def test_wrong_entries_are_one_line(words: str, message: str, tmp_path: Path) -> None:
+    dw.register(Room)
     path = tmp_path / "own.toml"
     path.write_text(words)
     with pytest.raises(ConfigurationError) as caught:
@@ -239,10 +238,10 @@ def test_wrong_entries_are_one_line(words: str, message: str, tmp_path: Path, mo
 
 
 @pytest.fixture
-def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def config(tmp_path: Path) -> Path:
     """A file of an experiment with registered metrics."""
     for part in (LastBeyond, PullSpread, Room):
-        register(monkeypatch, part)
+        dw.register(part)
     path = tmp_path / "own.toml"
     path.write_text(dw.to_toml(dw.override(EXPERIMENT, {"simulation.duration": 0.5})))
     return path
@@ -327,8 +326,9 @@ class Taken(Broken):
     kind: ClassVar = "mse"
 
 
-class Nameless(Broken):
-    kind: ClassVar = "1st choice"
+class Branches(Broken):
+    def step(self, state: Any, sample: Any, sample_time: Any) -> Any:  # noqa: ARG002
+        return sample.t if sample.F1 > 0 else state
 
 
 class Meaningless(Broken):
@@ -358,7 +358,7 @@ class Listed(Broken):
         ([3], "metrics[0]: must be a Metric, not int"),
         ([Broken(), Broken()], "metric 'broken': is given twice"),
         ([Taken()], "metric 'mse': the name is taken by a built-in figure of merit"),
-        ([Nameless()], "metric '1st choice': its kind must be made of letters, digits, - and _"),
+        ([Branches()], "metric 'broken': its step asks for the value of a symbol; use where(condition, a, b)"),
         ([Meaningless()], "metric 'broken': has no quantity; write e.g. quantity = Quantity(\"s\", "),
         ([Grows()], "metric 'broken': its step must give a state of the elements it was given, not value"),
         ([Worded()], "metric 'broken': initial_state must give a number, an array or a dataclass of them, not str"),

@@ -17,7 +17,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import pareto_front
 from dualwinch.tuning.space_record import space_to_record
 from dualwinch.tuning.summary import comparison, contenders, headline, where
-from dualwinch.tuning.tune import Tuned
+from dualwinch.tuning.tuned import Tuned
 
 
 def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, Any]) -> None:
@@ -49,7 +49,7 @@ def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, An
         f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
         for constraint in tuned.prepared.constraints
     ]
-    lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in problem.space.settings(best.point).items())]
+    lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in tuned.gains.items())]
     with atomic(Path(path)) as unfinished:
         unfinished.write_text("".join(f"# {line}".rstrip() + "\n" for line in lines) + "\n" + toml, encoding="utf-8")
 
@@ -96,7 +96,8 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
         "best": {
             "trial": verdict.best.number if verdict.improved else None,
             "start_kept": verdict.obstacle or None,
-            "settings": problem.space.settings(verdict.best.point),
+            "passed_over": list(verdict.passed_over),
+            "settings": tuned.gains,
             "tuning": _scores(verdict.best),
             "selection": _scores(verdict.selection),
             "held_out": _scores(verdict.scored if verdict.held_out else None),

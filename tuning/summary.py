@@ -3,13 +3,13 @@
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.tuning.finished import Finished
 from dualwinch.tuning.optimisers import default_method
-from dualwinch.tuning.plots.names import short
+from dualwinch.tuning.plots.names import short, shown_unit
 from dualwinch.tuning.scoring import plan as plans
 from dualwinch.tuning.scoring.evaluate import EXEMPT
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.space import Interval
-from dualwinch.tuning.tune import Tuned
 
 FEW_PER_GAIN = 30
 """Trials for each gain below which more of them are the first thing to try."""
@@ -24,7 +24,7 @@ NAMES = {"best": "best", "start": "start", "paper": "paper"}
 """Name of a score in a verdict → what it is called."""
 
 
-def headings(tuned: Tuned) -> dict[str, str]:
+def headings(tuned: Finished) -> dict[str, str]:
     """Name of each score that says something different → its heading in a table."""
     verdict = tuned.verdict
     names = {name: NAMES[name] for name in verdict.shown}
@@ -35,7 +35,20 @@ def headings(tuned: Tuned) -> dict[str, str]:
     return names
 
 
-def where(tuned: Tuned) -> str:
+def statistics_table(tuned: Finished) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of every statistic: the best's, the start's and the paper's, and the best over the paper's."""
+    verdict, columns = tuned.verdict, headings(tuned)
+    compared = ["best / paper"] if "paper" in columns else []
+    rows = []
+    for name, value in verdict.scored.statistics.items():
+        theirs = verdict.statistics("paper")[name]
+        ratio = [f"{value / theirs:.3g}" if theirs else "" for _ in compared]
+        values = [f"{verdict.statistics(column)[name]:.4g}" for column in columns]
+        rows.append([name, *values, *ratio, shown_unit(tuned.problem.units[name])])
+    return ["", *columns.values(), *compared, ""], rows
+
+
+def where(tuned: Finished) -> str:
     """Where the best was scored; how many scenarios that were."""
     if not tuned.verdict.held_out:
         return "in the tuned experiment"
@@ -43,16 +56,18 @@ def where(tuned: Tuned) -> str:
     return f"in {tuned.verdict.scored.scenarios} held-out scenarios{fewer}"
 
 
-def headline(tuned: Tuned) -> str:
+def headline(tuned: Finished) -> str:
     """Which trial is the best, or why the start is kept; and where that was scored."""
     best, trials = tuned.verdict.best, len(tuned.trials)
     count = f"{trials} trial{'s' * (trials != 1)}"
     if tuned.verdict.improved:
-        return f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
+        words = f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
+        passed_over = len(tuned.verdict.passed_over)
+        return words + f", where {passed_over} that seemed better did not hold" if passed_over else words
     return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
 
 
-def contenders(tuned: Tuned) -> list[str]:
+def contenders(tuned: Finished) -> list[str]:
     """What the best is compared with: what stands under each heading."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
@@ -60,7 +75,7 @@ def contenders(tuned: Tuned) -> list[str]:
     return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
 
 
-def endings(tuned: Tuned) -> str:
+def endings(tuned: Finished) -> str:
     """How the best's runs ended where it is scored."""
     scored = tuned.verdict.scored
     if scored.scenarios == 1:
@@ -77,7 +92,7 @@ def controller_in_words(controller: Controller) -> str:
     return f"{controller.law.kind} ({filtered}, {controller.coordination.kind})"
 
 
-def comparison(tuned: Tuned) -> str:
+def comparison(tuned: Finished) -> str:
     """How the first objective of the best compares with the paper's, and with the start's."""
     verdict, name = tuned.verdict, tuned.problem.objectives[0].name
     words = [times(verdict.improvement(name), "the paper's")]
@@ -101,7 +116,7 @@ def _digits(ratio: float) -> str:
     return f"{rounded:,.0f}".replace(",", " ") if rounded >= 100 else f"{rounded:.3g}"
 
 
-def authority(tuned: Tuned) -> str:
+def authority(tuned: Finished) -> str:
     """How many of the scenarios no gains can hold, and what the best is worth in the others; empty for none."""
     verdict = tuned.verdict
     beyond = int((~verdict.within_authority).sum())
@@ -114,7 +129,7 @@ def authority(tuned: Tuned) -> str:
     )
 
 
-def advice(tuned: Tuned) -> list[str]:
+def advice(tuned: Finished) -> list[str]:
     """What would help where the start is kept or the best breaks a constraint; empty where there is no need."""
     verdict, problem = tuned.verdict, tuned.problem
     if verdict.improved and verdict.scored.feasible:
@@ -132,7 +147,7 @@ def advice(tuned: Tuned) -> list[str]:
     return found or ["another start (--set), another seed (--seed), or more gains (--space)"]
 
 
-def _hardest(tuned: Tuned) -> str:
+def _hardest(tuned: Finished) -> str:
     """The constraint that most of the complete trials break, where hardly any keeps to all."""
     whole = [trial for trial in tuned.trials if not trial.pruned]
     if sum(trial.feasible for trial in whole) > len(whole) // 10:
@@ -145,7 +160,7 @@ def _hardest(tuned: Tuned) -> str:
     return f"{counts[label]} of {len(whole)} complete trials break {label}" if label and counts[label] else ""
 
 
-def _at_bounds(tuned: Tuned) -> list[str]:
+def _at_bounds(tuned: Finished) -> list[str]:
     """Gains that lie at a bound in all of the best trials that the search has found; at 0 nothing can be wider."""
     searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
     points = [searched[index].point for index in best_first(searched)[:LEADING]]

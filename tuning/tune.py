@@ -1,80 +1,22 @@
 """Tune in one call: prepare, search, choose and score."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning import clock
+from dualwinch.tuning.finished import Cost
 from dualwinch.tuning.optimisers import check_method, default_method, optimiser
-from dualwinch.tuning.prepared import Prepared, prepare
+from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.progress import SEARCHING, SILENT, Progress, Watch
 from dualwinch.tuning.scoring import plan as plans
 from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.selection import judge
-from dualwinch.tuning.scoring.verdict import Verdict
 from dualwinch.tuning.storage.memory import Memory
 from dualwinch.tuning.storage.opening import quiet
 from dualwinch.tuning.storage.store import Budget, Store
 from dualwinch.tuning.study import search
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a study took.
-
-    Attributes:
-        rollouts: of this process, choice and score included.
-        rollout_seconds: wall time in s they took.
-        preparing, searching, judging: wall time in s of the parts.
-        overhead: share of the search's time that was not spent in rollouts.
-    """
-
-    rollouts: int
-    rollout_seconds: float
-    preparing: float
-    searching: float
-    judging: float
-    overhead: float
-
-    @property
-    def seconds(self) -> float:
-        """Wall time in s of all parts."""
-        return self.preparing + self.searching + self.judging
-
-
-@dataclass(frozen=True)
-class Tuned:
-    """A finished study.
-
-    Attributes:
-        prepared: what was tuned, with scenarios and bounds.
-        method: name of the optimiser.
-        trials: every finished trial, in order.
-        verdict: the best, and its score beside that of the start and of the paper's gains.
-        progress: what the search took.
-        cost: what all of it took.
-        interrupted: whether an interrupt (Ctrl-C) ended the search.
-    """
-
-    prepared: Prepared
-    method: str
-    trials: tuple[Evaluation, ...]
-    verdict: Verdict
-    progress: Progress
-    cost: Cost
-    interrupted: bool
-
-    @property
-    def problem(self) -> Problem:
-        """What was tuned."""
-        return self.prepared.problem
-
-    @property
-    def best(self) -> Experiment:
-        """The experiment with the best gains."""
-        return self.problem.tuned(self.verdict.best.point)
+from dualwinch.tuning.tuned import Tuned
 
 
 def tune(

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import Assignments, Case, Config
+from dualwinch.cli.options import Assignments, Case, Config, Plugins, use_parts
 
 app = App(
     name="certify",
@@ -27,6 +27,7 @@ def certify(
         Literal["fando-nftsm", "nftsm"] | None, Parameter(help="Position law the theorem is about.")
     ] = None,
     set_: Assignments = None,
+    plugin: Plugins = None,
     out: Annotated[Path | None, Parameter(help="File for the report: .json.")] = None,
     plot: Annotated[Path | None, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
 ) -> None:
@@ -38,4 +39,5 @@ def certify(
     """
     from dualwinch.commands.certify import certify as run
 
+    use_parts(plugin)
     run(case, config, controller, set_ or [], out, plot)

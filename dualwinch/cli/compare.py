@@ -5,13 +5,14 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import Figure
+from dualwinch.cli.options import Figure, Plugins, use_parts
 
 app = App(
     name="compare",
     help_epilogue="""Examples:
 
     dualwinch compare paper best.toml
+    dualwinch compare paper mine.toml --plugin my_law.py
     dualwinch compare paper best.toml calm.toml --scenarios 500 --seed 1 --out gains.json --plot gains.png
 """,
 )
@@ -30,6 +31,7 @@ def compare(
         list[str] | None,
         Parameter(name="--set", help="key=value of the ensemble's nominal values; may be repeated.", negative=""),
     ] = None,
+    plugin: Plugins = None,
     out: Annotated[Path | None, Parameter(help="File for the statistics: .json.")] = None,
     plot: Figure = None,
 ) -> None:
@@ -41,6 +43,7 @@ def compare(
     """
     from dualwinch.commands.compare import compare as run
 
+    use_parts(plugin)
     run(
         files,
         ensemble_name=ensemble,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import AssignmentsInBrief, Case
+from dualwinch.cli.options import AssignmentsInBrief, Case, Plugins, use_parts
 
 app = App(
     name="config",
@@ -13,6 +13,7 @@ app = App(
 
     dualwinch config > my.toml
     dualwinch config --case 4 --set controller.kind=nftsm
+    dualwinch config --plugin my_law.py --set controller.kind=my-law > mine.toml
     dualwinch config --ensemble sea > my-sea.toml
 """,
 )
@@ -23,9 +24,14 @@ def config(
     *,
     case: Case = None,
     set_: AssignmentsInBrief = None,
+    plugin: Plugins = None,
     ensemble: Annotated[str | None, Parameter(help="Print the file of an ensemble, such as `sea`, instead.")] = None,
 ) -> None:
-    """Print the complete configuration as TOML, each key with unit, meaning, range and source."""
+    """Print the complete configuration as TOML, each key with unit, meaning, range and source.
+
+    With --plugin, the numbers of its parts follow, also of those that are not chosen.
+    """
+    use_parts(plugin)
     if ensemble is not None:
         from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
         from dualwinch.model.errors import ConfigurationError
@@ -36,6 +42,7 @@ def config(
         sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
         return
     from dualwinch.commands.simulate import experiment
-    from dualwinch.config.experiment_file import to_toml
+    from dualwinch.config.experiment_file import own_parts_to_toml, to_toml
 
-    sys.stdout.write(to_toml(experiment(case, None, None, set_ or [])))
+    asked = experiment(case, None, None, set_ or [])
+    sys.stdout.write(to_toml(asked) + (own_parts_to_toml(asked) if plugin else ""))

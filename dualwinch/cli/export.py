@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import Assignments, Case, Config
+from dualwinch.cli.options import Assignments, Case, Config, Plugins, use_parts
 
 app = App(
     name="export",
@@ -20,6 +20,13 @@ Everything comes from the functions that `dualwinch simulate` runs, with the val
 
 What = Literal["controller", "plant", "closed-loop"]
 Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
+
+
+def wrote(folder: Path, files: list[Path]) -> None:
+    """Say which files were written to a folder."""
+    from rich.console import Console
+
+    Console(stderr=True).print(f"wrote {folder}: {', '.join(path.name for path in files)}", soft_wrap=True)
 
 
 @app.command(
@@ -44,6 +51,7 @@ def export_c(
     case: Case = None,
     config: Config = None,
     set_: Assignments = None,
+    plugin: Plugins = None,
 ) -> None:
     """Write a self-contained C99 package: source, header, CMake file, README and an example.
 
@@ -52,7 +60,8 @@ def export_c(
     from dualwinch.commands.export import export_c as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), what, precision, out, freeze=freeze)
+    use_parts(plugin)
+    wrote(out, run(experiment(case, config, None, set_ or []), out, what=what, precision=precision, freeze=freeze))
 
 
 @app.command(
@@ -83,15 +92,22 @@ def export_fmu(
     case: Case = None,
     config: Config = None,
     set_: Assignments = None,
+    plugin: Plugins = None,
 ) -> None:
     """Write a Functional Mock-up Unit: model description, C sources and binaries.
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
+    from rich.console import Console
+
     from dualwinch.commands.export_fmu import export_fmu as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), what, out, fmi, kind, platforms)
+    use_parts(plugin)
+    chosen, console = experiment(case, config, None, set_ or []), Console(stderr=True)
+    with console.status("generating") as status:
+        words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=status.update)
+    console.print(f"wrote {words}", soft_wrap=True)
 
 
 @app.command(
@@ -101,12 +117,15 @@ def export_fmu(
     dualwinch export mex --case 4 --out mex
 """,
 )
-def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
+def export_mex(
+    *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
+) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
     from dualwinch.commands.export import export_mex as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), out)
+    use_parts(plugin)
+    wrote(out, run(experiment(case, config, None, set_ or []), out))
 
 
 @app.command(
@@ -116,9 +135,12 @@ def export_mex(*, out: Out, case: Case = None, config: Config = None, set_: Assi
     dualwinch export casadi --case 4 --out functions
 """,
 )
-def export_casadi(*, out: Out, case: Case = None, config: Config = None, set_: Assignments = None) -> None:
+def export_casadi(
+    *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
+) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
     from dualwinch.commands.export import export_casadi as run
     from dualwinch.commands.simulate import experiment
 
-    run(experiment(case, config, None, set_ or []), out)
+    use_parts(plugin)
+    wrote(out, run(experiment(case, config, None, set_ or []), out))

@@ -5,7 +5,17 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import AssignmentsInBrief, Case, Config, ControllerName, Figure
+from dualwinch.cli.options import (
+    AssignmentsInBrief,
+    Case,
+    Config,
+    Estimator,
+    Figure,
+    Law,
+    Plugins,
+    use_parts,
+    with_estimator,
+)
 
 app = App(
     name="linearise",
@@ -44,8 +54,10 @@ def linearise(
     ] = None,
     case: Case = None,
     config: Config = None,
-    controller: Annotated[ControllerName | None, Parameter(help="Position law of the closed or broken loop.")] = None,
+    controller: Law = None,
+    estimator: Estimator = None,
     set_: AssignmentsInBrief = None,
+    plugin: Plugins = None,
     out: Annotated[Path | None, Parameter(help="File for the matrices: .json, .mat or .npz.")] = None,
     plot: Figure = None,
     figure: Annotated[
@@ -67,8 +79,9 @@ def linearise(
     from dualwinch.commands.linearise import linearise as run
     from dualwinch.commands.simulate import experiment
 
+    use_parts(plugin)
     run(
-        experiment(case, config, controller, set_ or []),
+        experiment(case, config, controller, with_estimator(estimator, set_)),
         {"x": x, "v": v, "preload": preload},
         sweep,
         loop=loop,

@@ -1,11 +1,26 @@
 """Options that several commands share."""
 
+import sys
+import warnings
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
-ControllerName = Literal["fando-nftsm", "nftsm", "pid-cascade", "super-twisting", "adrc"]
+LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc"
+ESTIMATORS = "none, lowpass, kalman, calibrating-kalman"
+OWN = "or the kind of a part of your own (see --plugin)"
+
+Law = Annotated[str | None, Parameter(name="--controller", help=f"Position law: {LAWS}, {OWN}.")]
+
+Estimator = Annotated[str | None, Parameter(help=f"Estimator: {ESTIMATORS}, {OWN}.")]
+
+Plugins = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--plugin", help="Python file, or module, that defines parts of your own; may be repeated.", negative=""
+    ),
+]
 
 Case = Annotated[int | None, Parameter(help="Case 1 to 4 of the paper.")]
 
@@ -21,3 +36,27 @@ AssignmentsInBrief = Annotated[
 ]
 
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
+
+
+def with_estimator(estimator: str | None, assignments: list[str] | None) -> list[str]:
+    """Assignments with that of an estimator before them."""
+    return [*([] if estimator is None else [f"controller.estimator={estimator}"]), *(assignments or [])]
+
+
+def use_parts(plugins: list[str] | None) -> None:
+    """Make parts known that are not built in: those of installed packages, and those of given files and modules.
+
+    Raises:
+        ConfigurationError: a file or module cannot be imported, or a part not be registered.
+    """
+    from dualwinch.plugins.entry_points import EntryPointWarning, load_entry_points
+    from dualwinch.plugins.files import load_plugin
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", EntryPointWarning)
+        load_entry_points()
+    for warning in caught:
+        if issubclass(warning.category, EntryPointWarning):
+            sys.stderr.write(f"dualwinch: warning: {warning.message}\n")
+    for plugin in plugins or []:
+        load_plugin(plugin)

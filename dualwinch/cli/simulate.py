@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import Assignments, Case, Config, ControllerName, Figure
+from dualwinch.cli.options import Assignments, Case, Config, Estimator, Figure, Law, Plugins, use_parts, with_estimator
 
 app = App(
     name="simulate",
@@ -13,6 +13,7 @@ app = App(
 
     dualwinch simulate --case 4
     dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
+    dualwinch simulate --plugin my_law.py --controller my-law --set controller.my_law.k=5
     dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
     dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
     dualwinch simulate --set reference.kind=way-points --set reference.points=[20,5,40] --set reference.jerk_limit=0.2
@@ -26,8 +27,10 @@ def simulate(
     *,
     case: Case = None,
     config: Config = None,
-    controller: Annotated[ControllerName | None, Parameter(help="Position law.")] = None,
+    controller: Law = None,
+    estimator: Estimator = None,
     set_: Assignments = None,
+    plugin: Plugins = None,
     ensemble: Annotated[
         str | None, Parameter(help="Run an ensemble of scenarios: `sea`, or a TOML file (see `config --ensemble`).")
     ] = None,
@@ -53,6 +56,8 @@ def simulate(
     """
     from dualwinch.model.errors import ConfigurationError
 
+    use_parts(plugin)
+    assignments = with_estimator(estimator, set_)
     if ensemble is not None:
         for word, given in (("--stride", stride != 1), ("--engine", engine != "compiled")):
             if given:
@@ -60,7 +65,7 @@ def simulate(
         from dualwinch.commands.simulate_ensemble import ensemble as drawn
         from dualwinch.commands.simulate_ensemble import simulate_ensemble
 
-        simulate_ensemble(drawn(ensemble, case, config, controller, set_ or []), scenarios, seed, out, plot)
+        simulate_ensemble(drawn(ensemble, case, config, controller, assignments), scenarios, seed, out, plot)
         return
     if scenarios is not None:
         raise ConfigurationError("--scenarios: needs --ensemble")
@@ -72,7 +77,7 @@ def simulate(
         case=case,
         config=config,
         controller=controller,
-        assignments=set_ or [],
+        assignments=assignments,
         out=out,
         plot=plot,
         stride=stride,

@@ -5,7 +5,17 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import AssignmentsInBrief, Case, Config, ControllerName, Figure
+from dualwinch.cli.options import (
+    AssignmentsInBrief,
+    Case,
+    Config,
+    Estimator,
+    Figure,
+    Law,
+    Plugins,
+    use_parts,
+    with_estimator,
+)
 
 app = App(
     name="sweep",
@@ -27,8 +37,10 @@ def sweep(
     ],
     case: Case = None,
     config: Config = None,
-    controller: Annotated[ControllerName | None, Parameter(help="Position law.")] = None,
+    controller: Law = None,
+    estimator: Estimator = None,
     set_: AssignmentsInBrief = None,
+    plugin: Plugins = None,
     metric: Annotated[
         list[str] | None,
         Parameter(help="Figure of merit to show (default mse); may be repeated.", negative=""),
@@ -49,4 +61,6 @@ def sweep(
     from dualwinch.commands.simulate import experiment
     from dualwinch.commands.sweep_run import run_sweep
 
-    run_sweep(experiment(case, config, controller, set_ or []), over, metric or ["mse"], out=out, plot=plot, json=json)
+    use_parts(plugin)
+    asked = experiment(case, config, controller, with_estimator(estimator, set_))
+    run_sweep(asked, over, metric or ["mse"], out=out, plot=plot, json=json)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import AssignmentsInBrief, Case
+from dualwinch.cli.options import AssignmentsInBrief, Case, Plugins, use_parts
 
 app = App(
     name="tune",
@@ -13,6 +13,7 @@ app = App(
 
     dualwinch tune --ensemble sea --time 60s
     dualwinch tune --case 4 --space controller.nftsm --space controller.observer.l0=1:50:log --trials 500
+    dualwinch tune --plugin my_law.py --set controller.kind=my-law --space controller.my_law.k=0.1:10:log
     dualwinch tune --ensemble sea --objective mean.mse --objective mean.chatter --trials 2000 --out front
     dualwinch tune --ensemble sea --constraint "worst.peak_tension<=5500" --constraint "mean.chatter<=0.25*paper"
     dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
@@ -26,6 +27,7 @@ def tune(
     case: Case = None,
     config: Annotated[Path | None, Parameter(help="Experiment to start from, TOML.")] = None,
     set_: AssignmentsInBrief = None,
+    plugin: Plugins = None,
     ensemble: Annotated[str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, or a TOML file.")] = None,
     scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble a candidate is tuned on.")] = None,
     space: Annotated[
@@ -79,7 +81,7 @@ def tune(
 
     with StatusLine() as status:
         status.phase("reading the problem")
-        from dualwinch.commands.tune import Options, seconds_from
+        from dualwinch.commands.tune import Options, recall_parts, seconds_from
         from dualwinch.commands.tune import tune as run
         from dualwinch.commands.tuning_setup import tuning_problem
 
@@ -93,6 +95,8 @@ def tune(
             resume=resume,
             out=out,
         )
+        use_parts(plugin)
+        recall_parts(options)
         problem = tuning_problem(
             case=case,
             config=config,

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from dualwinch.cli.options import Plugins, use_parts
+
 app = App(
     name="worker",
     help_epilogue="""Examples:
@@ -22,12 +24,18 @@ def worker(
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
     threads: Annotated[int | None, Parameter(help="Threads (default: one a core).")] = None,
+    plugin: Plugins = None,
 ) -> None:
-    """Join a study that `dualwinch tune` has begun in a database, and work on it until it is over."""
+    """Join a study that `dualwinch tune` has begun in a database, and work on it until it is over.
+
+    Parts of your own that the study rests on are imported from where they were when it was begun. On another machine,
+    or where they have moved, --plugin says where they are; they must be the same.
+    """
     from dualwinch.commands.tuning_progress import StatusLine
 
     with StatusLine("worker") as status:
         status.phase("joining the study")
         from dualwinch.commands.worker import worker as run
 
+        use_parts(plugin)
         run(storage, study, threads, status)

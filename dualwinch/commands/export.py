@@ -4,9 +4,8 @@ import hashlib
 import os
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from os import PathLike
 from pathlib import Path
-
-from rich.console import Console
 
 from dualwinch import __version__
 from dualwinch.codegen.block import Block
@@ -34,33 +33,71 @@ def symbol(made: Block) -> str:
     return f"dualwinch_{made.name}"
 
 
-def write(files: Mapping[str, str | bytes], folder: Path) -> None:
-    """Write files to a folder, made where there is none, and say so.
+def write(files: Mapping[str, str | bytes], folder: str | PathLike[str]) -> list[Path]:
+    """Write files to a folder, made where there is none; their paths.
 
     Raises:
         ConfigurationError: the folder cannot be made or written to.
     """
+    folder = Path(folder)
     make_folder(folder)
     for name, content in files.items():
         with atomic(folder / name) as unfinished:
             unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
-    Console(stderr=True).print(f"wrote {folder}: {', '.join(files)}", soft_wrap=True)
+    return [folder / name for name in files]
 
 
-def export_c(experiment: Experiment, what: str, precision: str, out: Path, *, freeze: bool) -> None:
-    """Write a block as a C99 package."""
+def export_c(
+    experiment: Experiment,
+    out: str | PathLike[str],
+    *,
+    what: str = "controller",
+    precision: str = "double",
+    freeze: bool = False,
+) -> list[Path]:
+    """Write a block as a C99 package: source, header, CMake file, README and an example.
+
+    Args:
+        experiment: structure and values.
+        out: folder, made where there is none.
+        what: ``controller``, ``plant`` or ``closed-loop``.
+        precision: ``double`` or ``float``, of every number.
+        freeze: write the parameters as constants instead of an argument.
+
+    Returns:
+        The files.
+
+    Raises:
+        ConfigurationError: an unknown block, or a folder that cannot be written to.
+    """
     made = block(what, experiment)
-    write(c_package(made, symbol(made), provenance(experiment), precision, freeze=freeze), out)
+    return write(c_package(made, symbol(made), provenance(experiment), precision, freeze=freeze), out)
 
 
-def export_casadi(experiment: Experiment, out: Path) -> None:
-    """Write the functions of every block as CasADi's own files, with a table of names."""
-    write(casadi_files([block(what, experiment) for what in BLOCKS], provenance(experiment)), out)
+def export_casadi(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
+    """Write the functions of every block as CasADi's own files, with a table of names.
+
+    Args:
+        experiment: structure and values.
+        out: folder, made where there is none.
+
+    Returns:
+        The files.
+    """
+    return write(casadi_files([block(what, experiment) for what in BLOCKS], provenance(experiment)), out)
 
 
-def export_mex(experiment: Experiment, out: Path) -> None:
-    """Write plant and controller as MEX sources, with a closed loop in the MATLAB language."""
+def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
+    """Write plant and controller as MEX sources, with a closed loop in the MATLAB language.
+
+    Args:
+        experiment: structure and values; its reference is that of the closed loop.
+        out: folder, made where there is none.
+
+    Returns:
+        The files.
+    """
     controller, plant = block("controller", experiment), block("plant", experiment)
     x_ref, v_ref, a_ref = exogenous_signals(experiment)[:, :3].T
     reference = {"x_ref": x_ref, "v_ref": v_ref, "a_ref": a_ref}
-    write(mex_files(plant, controller, symbol, reference, provenance(experiment)), out)
+    return write(mex_files(plant, controller, symbol, reference, provenance(experiment)), out)

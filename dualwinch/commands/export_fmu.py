@@ -1,9 +1,9 @@
 """``dualwinch export fmu``: controller, plant or closed loop as a Functional Mock-up Unit."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
-
-from rich.console import Console
 
 from dualwinch.codegen.export.package import frozen
 from dualwinch.codegen.files import atomic
@@ -51,18 +51,35 @@ def platforms_of(text: str | None) -> tuple[Platform, ...]:
 
 
 def export_fmu(
-    experiment: Experiment, what: str, out: Path, fmi: Version, kind: Kind | None, platforms: str | None
-) -> None:
+    experiment: Experiment,
+    out: str | PathLike[str],
+    *,
+    what: str = "controller",
+    fmi: Version = 2,
+    kind: Kind | None = None,
+    platforms: str | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> str:
     """Write an FMU. Everything that can be wrong with the request is found before anything is compiled.
 
     Args:
         experiment: structure and values.
-        what: ``controller``, ``plant`` or ``closed-loop``.
         out: the file, ``.fmu``.
+        what: ``controller``, ``plant`` or ``closed-loop``.
         fmi: version, 2 or 3.
         kind: which interfaces; default: all there can be.
         platforms: names with commas, or ``all``; default: this machine's.
+        progress: called with what is going on.
+
+    Returns:
+        What was written, in words.
+
+    Raises:
+        ConfigurationError: an unknown block or platform, an interface that the block cannot have, or a file that
+            cannot be written.
+        DualwinchError: no compiler for a platform.
     """
+    out = Path(out)
     if out.suffix.lower() != ".fmu":
         raise ConfigurationError(f"{out.name}: the name of an FMU must end with .fmu")
     check_folder(out.parent)
@@ -73,16 +90,14 @@ def export_fmu(
     model = fmu_model(replace(frozen(made, {SAMPLE_TIME}), name=symbol(made)), fmi, kind)
     origin = provenance(experiment)
     about = About(origin.product, experiment.duration, f"configuration {origin.configuration}")
-    console = Console(stderr=True)
-    with console.status("generating") as status:
-        files = build_fmu(
-            model,
-            targets,
-            about,
-            lambda name: status.update(f"compiling for {name} (the first time for a platform takes up to a minute)"),
-        )
-        with atomic(out) as unfinished:
-            unfinished.write_bytes(archive(files))
+    files = build_fmu(
+        model,
+        targets,
+        about,
+        lambda name: progress(f"compiling for {name} (the first time for a platform takes up to a minute)"),
+    )
+    with atomic(out) as unfinished:
+        unfinished.write_bytes(archive(files))
     interfaces = "co-simulation and model exchange" if model.kind == "both" else model.kind
     binaries = ", ".join(target.name for target in targets) or "no binaries"
-    console.print(f"wrote {out}: FMI {fmi}.0, {interfaces}, {binaries}, sources", soft_wrap=True)
+    return f"{out}: FMI {fmi}.0, {interfaces}, {binaries}, sources"

@@ -20,16 +20,18 @@ from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import configuration, definition_of
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.plugins.recall import recall
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.result import write_best, write_study
 from dualwinch.tuning.storage.connection import shown
-from dualwinch.tuning.storage.opening import is_database, open_store
+from dualwinch.tuning.storage.noted_parts import in_words, noted_parts
+from dualwinch.tuning.storage.opening import is_database, kept_definition, open_store
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.summary import controller_in_words
-from dualwinch.tuning.tune import Tuned
 from dualwinch.tuning.tune import tune as run
+from dualwinch.tuning.tuned import Tuned
 
 REPORT_SECONDS = 2.0
 """Time in s that the files take, report and figures among them."""
@@ -81,6 +83,22 @@ def seconds_from(text: str) -> float:
     return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
 
 
+def recall_parts(options: Options) -> None:
+    """Have the parts registered that the study to go on with was begun with.
+
+    Raises:
+        ConfigurationError: a part is not there, or another one than it was.
+        DualwinchError: the storage cannot be used.
+    """
+    if options.resume:
+        definition = kept_definition(_storage(options), options.study)
+        recall(options.study, (definition or {}).get("parts", []))
+
+
+def _storage(options: Options) -> str:
+    return str(options.storage or Path(options.out) / "study.journal")
+
+
 def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
     """Search, choose, score, write and print. What can be wrong with words and files is found before the search.
 
@@ -93,7 +111,7 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
     check_method(method, len(problem.objectives))
     out = Path(options.out)
     make_folder(out)
-    storage = str(options.storage or out / "study.journal")
+    storage = _storage(options)
     until = None if options.seconds is None else time.time() + options.seconds + PREPARING_SECONDS
     definition = definition_of(problem, method)
     store = open_store(storage, options.study, problem, definition, Budget(trials, until), resume=options.resume)
@@ -135,6 +153,9 @@ def write(tuned: Tuned, storage: str, options: Options) -> None:
         "storage": shown(storage) if is_database(storage) else storage,
         "method": tuned.method,
     }
+    parts = noted_parts(problem)
+    if parts:
+        facts["parts"] = in_words(parts)
     check_folder(out)
     best = to_toml(tuned.best)
     write_best(out / "best.toml", tuned, best, facts)

@@ -4,10 +4,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from dualwinch.tuning.plots.names import shown_unit
 from dualwinch.tuning.scoring.ranking import pareto_front
-from dualwinch.tuning.summary import advice, authority, comparison, contenders, endings, headings, headline
-from dualwinch.tuning.tune import Tuned
+from dualwinch.tuning.summary import advice, authority, comparison, contenders, endings, headline, statistics_table
+from dualwinch.tuning.tuned import Tuned
 
 
 def print_study(tuned: Tuned) -> None:
@@ -39,19 +38,11 @@ def print_study(tuned: Tuned) -> None:
 
 
 def _table(tuned: Tuned) -> Table:
-    """The statistics of the best, the start and the paper's gains, and the ratio of the best to the last of them."""
-    verdict, columns = tuned.verdict, headings(tuned)
+    names, rows = statistics_table(tuned)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("", style="bold", no_wrap=True)
-    compared = "paper" in columns
-    for heading in columns.values():
-        table.add_column(heading, justify="right")
-    if compared:
-        table.add_column("best / paper", justify="right")
-    table.add_column("")
-    for name, value in verdict.scored.statistics.items():
-        theirs = verdict.statistics("paper")[name]
-        ratio = [f"{value / theirs:.3g}" if theirs else ""] if compared else []
-        values = [f"{verdict.statistics(column)[name]:.4g}" for column in columns]
-        table.add_row(name, *values, *ratio, shown_unit(tuned.problem.units[name]))
+    for name in names[1:]:
+        table.add_column(name, justify="right" if name else "left")
+    for row in rows:
+        table.add_row(*row)
     return table

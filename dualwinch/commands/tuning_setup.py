@@ -5,18 +5,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dualwinch.commands.simulate import experiment as experiment_of
+from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import constraints_from, default_constraints
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space_entries import entry_from, space_of
 from dualwinch.tuning.space_record import space_from, space_to_record
+from dualwinch.tuning.storage.noted_parts import noted_parts
 
 SCENARIOS = 8
 """Scenarios a candidate is tuned on where nothing else is asked for."""
@@ -25,12 +27,12 @@ ESTIMATOR = "controller.estimator"
 
 
 def tuning_problem(
-    *,
     experiment: Experiment | None = None,
+    *,
     case: int | None = None,
     config: str | Path | None = None,
     settings: Sequence[str] = (),
-    ensemble: str | Path | None = None,
+    ensemble: str | Path | Ensemble | None = None,
     space: Sequence[str] = (),
     objectives: Sequence[str] = (),
     constraints: Sequence[str] | None = None,
@@ -43,11 +45,12 @@ def tuning_problem(
     sensors there are noisy and ropes are not quite the nominal ones.
 
     Args:
-        experiment: what to start from, in place of `case` and `config`; it may have parts of your own.
+        experiment: an experiment to start from, maybe with parts of your own.
         case: one of the paper's cases to start from.
         config: a configuration file to start from.
         settings: such as ``controller.estimator=none``.
-        ensemble: name or file of an ensemble; ``None``: the experiment is the only scenario.
+        ensemble: name or file of an ensemble, whose nominal values are set on what is started from; or an ensemble
+            of your own as it is, with the experiment's controller; ``None``: the experiment is the only scenario.
         space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
         objectives: statistics to minimise; default: ``mean.mse``.
         constraints: such as ``mean.chatter<=0.25*paper``; default: no slack, no peak, little chatter.
@@ -60,8 +63,8 @@ def tuning_problem(
     values = dict(map(parse_assignment, settings))
     config = None if config is None else Path(config)
     if experiment is not None and (case is not None or config is not None):
-        raise ConfigurationError("experiment: give it alone, without case and config")
-    base, drawn = experiment or experiment_of(case, config, None, []), None
+        raise ConfigurationError("experiment: give it alone, without case or config")
+    base, drawn = experiment or experiment_from(case, config, None, []), None
     if ensemble is None:
         base = override(base, values)
         if scenarios is not None:
@@ -69,7 +72,15 @@ def tuning_problem(
     else:
         if config is None and experiment is None and ESTIMATOR not in values:
             values[ESTIMATOR] = "calibrating-kalman"
-        drawn = reset(load_ensemble(ensemble, base), values)
+        if not isinstance(ensemble, Ensemble):
+            drawn = load_ensemble(ensemble, base)
+        elif experiment is case is config is None:
+            drawn = ensemble
+        else:
+            metrics = base.metrics or ensemble.experiment.metrics
+            changed = replace(ensemble.experiment, controller=base.controller, metrics=metrics)
+            drawn = replace(ensemble, experiment=changed)
+        drawn = reset(drawn, values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
@@ -94,6 +105,7 @@ def definition_of(problem: Problem, method: str) -> dict[str, Any]:
     return {
         "configuration": configuration(problem),
         "ensemble": problem.ensemble.name if problem.ensemble else "",
+        "parts": noted_parts(problem),
         "space": space_to_record(problem.space),
         "objectives": [objective.name for objective in problem.objectives],
         "constraints": [constraint.text for constraint in problem.constraints],

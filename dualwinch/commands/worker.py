@@ -6,6 +6,7 @@ from contextlib import closing
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import problem_from
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.plugins.recall import recall
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.progress import SEARCHING
@@ -20,7 +21,7 @@ def worker(storage: str | None, study: str, threads: int | None, watch: StatusLi
     """Work on a study until its budget is spent.
 
     Raises:
-        ConfigurationError: no database, or no such study.
+        ConfigurationError: no database, no such study, or a part of it that is not there or has changed.
         DualwinchError: the database cannot be used.
         KeyboardInterrupt: interrupted; what was under way is queued again.
     """
@@ -32,6 +33,7 @@ def worker(storage: str | None, study: str, threads: int | None, watch: StatusLi
     quiet()
     with closing(Database.join(storage, study)) as store:
         definition = store.definition
+        recall(study, definition.get("parts", []))
         problem = problem_from(definition)
         watch.objectives = problem.objectives
         watch.say(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far")

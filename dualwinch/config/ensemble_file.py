@@ -14,6 +14,7 @@ from dualwinch.config.renamed import current
 from dualwinch.config.settings import from_folder, known_keys, override
 from dualwinch.config.toml_text import Source, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.plugins.entry_points import load_entry_points
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
 
@@ -55,6 +56,7 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
         ConfigurationError: there is no such ensemble, its file cannot be read or is no TOML, a key names nothing, a
             value or a distribution is out of range.
     """
+    load_entry_points()
     path = find_ensemble(name)
     return _from_source(read_source(path), base, path.stem)
 

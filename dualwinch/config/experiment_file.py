@@ -6,12 +6,14 @@ from os import PathLike
 from typing import Any
 
 from dualwinch.config.metric_entries import with_metric_kinds
-from dualwinch.config.settings import from_folder, override, with_settings, without_digests
+from dualwinch.config.settings import describe_choices, from_folder, override, with_settings, without_digests
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
-from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.description import describe_parts, every_leaf
+from dualwinch.model.quantities.origin import built_in
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
-from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed
+from dualwinch.plugins.entry_points import load_entry_points
 from dualwinch.simulation.experiment import Experiment
 
 
@@ -22,13 +24,15 @@ def load(
 
     Args:
         path: the file; keys it does not have keep their defaults. It may hold gains of several position laws,
-            estimators and coordinations; those of the chosen ones count.
+            estimators and coordinations; those of the chosen ones count. Parts that are not built in come from
+            installed packages, or have been registered (`dualwinch.register`).
         base: what the keys are set on (default: ``Experiment()``).
         settings: dotted key → value, set on top of the file's.
 
     Raises:
         ConfigurationError: the file cannot be read, is no TOML, or holds an unknown key or a value out of range.
     """
+    load_entry_points()
     source = read_source(path)
     return from_table(source.table(), source, base or Experiment(), settings or {})
 
@@ -70,11 +74,35 @@ def to_toml(experiment: Experiment) -> str:
     A value that is taken from elsewhere stands as a comment with the value it takes, one that is not given without.
     Paths of files are absolute, and digests say what was read from them.
     """
+    lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
+    return "\n".join(lines + _tables(experiment, describe_parts(experiment))) + "\n"
+
+
+def own_parts_to_toml(experiment: Experiment) -> str:
+    """Further tables: those of registered parts of your own that an experiment does not have, with their defaults."""
+    there = {key.rpartition(".")[0] for key in describe_parts(experiment)}
+    there |= {leaf.key.rpartition(".")[0] for owner, leaf in every_leaf(Experiment) if built_in(owner)}
+    lines: list[str] = []
+    for key, leaf in describe_choices(experiment).items():
+        several = Mark.PARTS in leaf.marks
+        for kind in leaf.choices:
+            other = with_leaves(experiment, {key: (kind,) if several else kind})
+            own = {name: leaf for name, leaf in describe_parts(other).items() if name.rpartition(".")[0] not in there}
+            if several and kind not in leaves(experiment)[key]:
+                lines += ["", *(f"# {line}" for line in _tables(other, {key: leaf, **own})[1:])]
+            elif own:
+                lines += ["", f'# where {key} = "{kind}":', *_tables(other, own)[1:]]
+                there |= {name.rpartition(".")[0] for name in own}
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _tables(experiment: Experiment, described: Mapping[str, Leaf]) -> list[str]:
+    """Lines of some keys of an experiment, table by table."""
     values, taken = leaves(experiment), _taken_from_elsewhere(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
     headings: dict[str, Quantity] = {}
-    lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
-    for key, leaf in describe_parts(experiment).items():
+    lines: list[str] = []
+    for key, leaf in described.items():
         table, _, name = key.rpartition(".")
         value = values[key]
         if Mark.PARTS in leaf.marks:
@@ -90,7 +118,7 @@ def to_toml(experiment: Experiment) -> str:
         width = min(max((len(entry) for entry, _ in entries), default=0), WIDEST)
         heading = f"[{table}]  # {_said(headings[table])}" if table in headings else f"[{table}]"
         lines += ["", heading, *(f"{entry:<{width}}  # {comment}" for entry, comment in entries)]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _taken_from_elsewhere(experiment: Experiment) -> dict[str, Any]:

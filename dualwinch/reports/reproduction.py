@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from dualwinch.codegen.files import atomic
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
+from dualwinch.reports.page import template
 from dualwinch.simulation.comparison import percent, reductions
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS
 from dualwinch.simulation.results.result import Result
@@ -125,13 +125,6 @@ def render_report(
     versions: Mapping[str, str],
 ) -> str:
     """The report as HTML text; arguments as for `write_report`."""
-    environment = Environment(
-        loader=PackageLoader("dualwinch.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     cases = sorted({number for number, _kind in runs})
     change = reductions(runs)
     cards = [
@@ -139,7 +132,7 @@ def render_report(
         for metric, paper in (REDUCTIONS if change else {}).items()
         if change
     ]
-    return environment.get_template("report.html.j2").render(
+    return template("report.html.j2").render(
         paper=PAPER,
         summary=summary(runs),
         cards=cards,

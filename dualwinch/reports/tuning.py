@@ -4,18 +4,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri, number_text
 from dualwinch.simulation.plots.files import encode
 from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, parallel_coordinates
 from dualwinch.tuning.summary import advice, authority, comparison, contenders, headings, headline, where
-from dualwinch.tuning.tune import Tuned
+from dualwinch.tuning.tuned import Tuned
 
 CAPTIONS = {
     "history": "Every dot is a candidate in all tuning scenarios. Pale ones break a constraint, or were given up after "
@@ -43,15 +43,8 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
     Raises:
         OSError: the file cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("dualwinch.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     kept = "; ".join(constraint.label for constraint in tuned.prepared.constraints) or "nothing"
-    page = environment.get_template("tuning.html.j2").render(
+    page = template("tuning.html.j2").render(
         summary=_summary(tuned),
         advice=advice(tuned),
         constraints=f"Kept to in the search: {kept}.",
@@ -113,7 +106,7 @@ def _bounds(tuned: Tuned) -> list[dict[str, Any]]:
 
 
 def _gains(tuned: Tuned) -> list[dict[str, Any]]:
-    start, best = leaves(tuned.problem.experiment), tuned.problem.space.settings(tuned.verdict.best.point)
+    start, best = leaves(tuned.problem.experiment), tuned.gains
     return [
         {"key": key, "best": number_text(best[key]), "start": number_text(start[key]), "searched": dimension.allowed}
         for dimension in tuned.problem.space.dimensions

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 from dualwinch.model.linear.files import Content, write
+from dualwinch.model.linear.view import html
 from dualwinch.model.quantities.quantity import nearest
 
 Array = NDArray[np.float64]
@@ -129,9 +130,7 @@ class LinearSystem:
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
-        from dualwinch.model.linear.view import html
-
-        return html(self)
+        return html(self._content)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.files`).
@@ -140,7 +139,11 @@ class LinearSystem:
             ConfigurationError: unknown suffix.
             OSError: the file cannot be written.
         """
-        write(_content(self, {name: getattr(self, name) for name in "ABCD"}, self.operating_point), path)
+        write(self._content, path)
+
+    @property
+    def _content(self) -> Content:
+        return _content(self, {name: getattr(self, name) for name in "ABCD"}, self.operating_point)
 
 
 def save_sweep(systems: Sequence[LinearSystem], path: str | PathLike[str]) -> None:

@@ -1,43 +1,15 @@
 """A linear system as a notebook shows it."""
 
-from collections.abc import Mapping
-from typing import Protocol
-
 import numpy as np
-from numpy.typing import NDArray
 
+from dualwinch.model.linear.files import Content
 from dualwinch.model.quantities.html import page, readable_unit, section, table
 
 LARGEST = 16
 """Rows and columns of the largest matrix that is shown; of a larger system only the names are."""
 
 
-class Linear(Protocol):
-    """What is shown of a `model.linear.system.LinearSystem`; see there."""
-
-    @property
-    def A(self) -> NDArray[np.float64]: ...  # noqa: D102, N802
-    @property
-    def B(self) -> NDArray[np.float64]: ...  # noqa: D102, N802
-    @property
-    def C(self) -> NDArray[np.float64]: ...  # noqa: D102, N802
-    @property
-    def D(self) -> NDArray[np.float64]: ...  # noqa: D102, N802
-    @property
-    def dt(self) -> float | None: ...  # noqa: D102
-    @property
-    def states(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def inputs(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def outputs(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def units(self) -> Mapping[str, str]: ...  # noqa: D102
-    @property
-    def operating_point(self) -> Mapping[str, float]: ...  # noqa: D102
-
-
-def html(system: Linear) -> str:
+def html(system: Content) -> str:
     """Names, units and, of a small system, the matrix [A B; C D] with its rows and columns named."""
     sizes = len(system.states), len(system.inputs), len(system.outputs)
     words = "{} states, {} inputs, {} outputs".format(*sizes)
@@ -52,13 +24,13 @@ def html(system: Linear) -> str:
     return page("Linear system", f"{time}, {words}", *parts, names)
 
 
-def _is_small(system: Linear) -> bool:
+def _is_small(system: Content) -> bool:
     states, inputs, outputs = len(system.states), len(system.inputs), len(system.outputs)
     return max(states + inputs, states + outputs) <= LARGEST
 
 
-def _matrix(system: Linear) -> str:
-    numbers = np.block([[system.A, system.B], [system.C, system.D]])
+def _matrix(system: Content) -> str:
+    numbers = np.block([[system.matrices["A"], system.matrices["B"]], [system.matrices["C"], system.matrices["D"]]])
     columns = (*system.states, *system.inputs)
     form = "d{}/dt" if system.dt is None else "next {}"
     causes = [*(form.format(name) for name in system.states), *system.outputs]

@@ -1,10 +1,38 @@
 """Vectors and matrices in states: taken apart into scalars, and put together again."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import Mark, Quantity
+
+
+@dataclass(frozen=True, init=False)
+class Elements:
+    """What the elements of a vector are where they are not alike, in place of one `Quantity` of all.
+
+    ``z: Annotated[Any, Elements((Quantity("m", "position"), Mark.POSITION), Quantity("m/s", "drift"))]``
+
+    Attributes:
+        quantities, marks: of each element; of a matrix, row by row.
+    """
+
+    quantities: tuple[Quantity, ...]
+    marks: tuple[frozenset[Mark], ...]
+
+    def __init__(self, *each: Quantity | tuple[Quantity | Mark, ...]) -> None:
+        """Say what each element is: its quantity, or a tuple of that and its marks."""
+        groups = [item if isinstance(item, tuple) else (item,) for item in each]
+        quantities = tuple(item for group in groups for item in group if isinstance(item, Quantity))
+        marks = tuple(frozenset(item for item in group if isinstance(item, Mark)) for group in groups)
+        if len(quantities) != len(groups) or not groups:
+            raise ConfigurationError("Elements: must be one Quantity for each element, or a tuple of it and its marks")
+        object.__setattr__(self, "quantities", quantities)
+        object.__setattr__(self, "marks", marks)
 
 
 def is_array(value: Any) -> bool:

@@ -1,6 +1,6 @@
 """What the scalars of a group are: every one with its key, quantity, type and bounds, as a `Leaf`."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, is_dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -8,7 +8,9 @@ from typing import Any, Literal, get_args, get_origin
 
 import annotated_types as at
 
-from dualwinch.model.quantities.arrays import elements, is_array
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.arrays import Elements, elements, is_array
+from dualwinch.model.quantities.origin import built_in, named
 from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, Tied, Tunable, TunableRatio
 from dualwinch.model.quantities.slots import Slot, slots
@@ -25,23 +27,30 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
         Dotted key → `Leaf`.
 
     Raises:
-        TypeError: a scalar field has no `Quantity`, or a constraint that is no bound.
+        ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound.
     """
     found: dict[str, Leaf] = {}
+    for _, leaf in every_leaf(group, prefix):
+        found.setdefault(leaf.key, leaf)
+    return found
+
+
+def every_leaf(group: type, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
+    """Every scalar as in `describe`, with the group that has it; a key that several parts share comes with each."""
     for slot in slots(group, prefix):
         if slot.choice:
-            found[slot.choice_key] = _choice_leaf(slot, tuple(slot.choice.registry))
+            yield group, _choice_leaf(slot, tuple(slot.choice.registry))
             for part in slot.choice.registry.values():
-                found |= {key: leaf for key, leaf in describe(part, prefix).items() if key not in found}
+                yield from ((part, leaf) for _, leaf in every_leaf(part, prefix))
         elif slot.choices:
-            found[slot.key] = _kinds_leaf(slot, tuple(slot.choices.registry))
+            yield group, _kinds_leaf(slot, tuple(slot.choices.registry))
             for part in slot.choices.registry.values():
-                found |= describe(part, slot.below)
+                yield from ((part, leaf) for _, leaf in every_leaf(part, slot.below))
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
-            found |= _tied(describe(slot.hint, slot.below), slot)
+            for owner, leaf in every_leaf(slot.hint, slot.below):
+                yield owner, _tied(leaf, slot)
         else:
-            found[slot.key] = _leaf(group, slot)
-    return found
+            yield group, _leaf(group, slot)
 
 
 def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
@@ -52,7 +61,8 @@ def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
         prefix: put before every key.
 
     Raises:
-        TypeError: a scalar field has no `Quantity`, or a constraint that is no bound.
+        ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound; or two parts mean
+            something else by a key.
     """
     shape = _shape(group), prefix
     if shape not in _described:
@@ -72,9 +82,9 @@ def _shape(group: Any) -> tuple[Any, ...]:
             continue
         value = getattr(group, slot.field)
         if slot.choice:
-            found.append(len(slot.choice.registry))
+            found.append(tuple(slot.choice.registry))
         if slot.choices:
-            found.append((len(slot.choices.registry), *map(_shape, value)))
+            found.append((tuple(slot.choices.registry), *map(_shape, value)))
         elif is_dataclass(value):
             found.append(_shape(value))
         elif is_array(value):
@@ -83,35 +93,82 @@ def _shape(group: Any) -> tuple[Any, ...]:
 
 
 def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
-    found: dict[str, Leaf] = {}
+    described: list[tuple[type, Mapping[str, Leaf]]] = []
     for slot in slots(type(group), prefix):
         value = getattr(group, slot.field)
-        if isinstance(value, Part):
-            if slot.choice:
-                choices = dict.fromkeys((*slot.choice.registry, value.kind))
-                found[slot.choice_key] = _choice_leaf(slot, tuple(choices))
-            found |= describe_parts(value, prefix)
-        elif slot.choices:
+        if isinstance(value, Part) and slot.choice:
+            choices = dict.fromkeys((*slot.choice.registry, value.kind))
+            described.append((type(group), {slot.choice_key: _choice_leaf(slot, tuple(choices))}))
+        if slot.choices:
             kinds = dict.fromkeys((*slot.choices.registry, *(part.kind for part in value)))
-            found[slot.key] = _kinds_leaf(slot, tuple(kinds))
-            for part in value:
-                found |= describe_parts(part, slot.below)
-        elif is_dataclass(value):
-            found |= _tied(describe_parts(value, slot.below), slot)
-        elif is_array(value):
-            leaf = _leaf(type(group), slot)
-            found |= {slot.key + end: replace(leaf, key=slot.key + end) for end in elements(value)}
+            described.append((type(group), {slot.key: _kinds_leaf(slot, tuple(kinds))}))
+            described += [(type(part), describe_parts(part, slot.below)) for part in value]
         else:
-            found[slot.key] = _leaf(type(group), slot)
-    return found
+            described.append(_describe_value(type(group), slot, value))
+    for part, own in described:
+        if issubclass(part, Part) and part is not type(group) and not built_in(part):
+            others = ((owner, leaf) for owner, known in described if known is not own for leaf in known.values())
+            check_keys(part, own, others)
+    return {key: leaf for _, known in described for key, leaf in known.items()}
 
 
-def _tied(found: Mapping[str, Leaf], slot: Slot) -> Mapping[str, Leaf]:
+def _describe_value(group: type, slot: Slot, value: Any) -> tuple[type, Mapping[str, Leaf]]:
+    """Every scalar of a field's value, with the group that has it."""
+    if isinstance(value, Part):
+        return type(value), describe_parts(value, slot.beside)
+    if is_dataclass(value):
+        below = describe_parts(value, slot.below)
+        return type(value), {key: _tied(leaf, slot) for key, leaf in below.items()}
+    if is_array(value) or slot.find(Elements):
+        return group, _element_leaves(group, slot, tuple(elements(value)) if is_array(value) else ("",))
+    return group, {slot.key: _leaf(group, slot)}
+
+
+def check_keys(part: type, own: Mapping[str, Leaf], others: Iterable[tuple[type, Leaf]]) -> None:
+    """Raise `ConfigurationError` where a part means something else by a key than others that have it.
+
+    Parts may share a group of numbers, and its keys; they may not by accident.
+
+    Args:
+        part: the part.
+        own: what it is described as.
+        others: scalars of others, each with the group that has it.
+    """
+    tables = {key[:end] for key in own for end, character in enumerate(key) if character == "."}
+    for owner, leaf in others:
+        if Mark.PARTS in leaf.marks:  # the tables of parts stand below the key of their kinds
+            continue
+        mine, above = own.get(leaf.key), (key for key in own if leaf.key.startswith(f"{key}."))
+        if leaf.key in tables or any(above) or (mine is not None and not _alike(mine, leaf)):
+            raise ConfigurationError(
+                f"{named(part)}: the key {leaf.key} is taken by {owner.__qualname__}; "
+                "give the part another kind, or its field another name"
+            )
+
+
+def _alike(leaf: Leaf, other: Leaf) -> bool:
+    return replace(leaf, default=None, tied=None) == replace(other, default=None, tied=None)
+
+
+def _tied(leaf: Leaf, slot: Slot) -> Leaf:
     tied = slot.find(Tied)
-    if tied is None:
-        return found
-    shared = f"{slot.beside}{tied.name}."
-    return {key: replace(leaf, tied=shared + key.removeprefix(slot.below)) for key, leaf in found.items()}
+    return replace(leaf, tied=f"{slot.beside}{tied.name}.{leaf.key.removeprefix(slot.below)}") if tied else leaf
+
+
+@cache
+def _element_leaves(group: type, slot: Slot, ends: tuple[str, ...]) -> Mapping[str, Leaf]:
+    """What the elements of an array are, by their keys."""
+    each = slot.find(Elements)
+    if each is None:
+        leaf = _leaf(group, slot)
+        return {slot.key + end: replace(leaf, key=slot.key + end) for end in ends}
+    if len(ends) != len(each.quantities):
+        raise ConfigurationError(
+            f"{group.__qualname__}.{slot.field}: has {len(ends)} elements; its Elements(...) must be as many, "
+            f"not {len(each.quantities)}"
+        )
+    described = zip(ends, each.quantities, each.marks, strict=True)
+    return {slot.key + end: Leaf(slot.key + end, quantity, float, marks=marks) for end, quantity, marks in described}
 
 
 @cache
@@ -128,7 +185,9 @@ def _kinds_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
 def _leaf(group: type, slot: Slot) -> Leaf:
     quantity, name = slot.find(Quantity), f"{group.__name__}.{slot.field}"
     if quantity is None:
-        raise TypeError(f"{name} has no Quantity")
+        raise ConfigurationError(
+            f'{name} has no Quantity; write {slot.field}: Annotated[{_word(slot.hint)}, Quantity("unit", "meaning")]'
+        )
     optional = type(None) in get_args(slot.hint)
     options = [option for option in get_args(slot.hint) if option is not type(None)]
     kind = options[0] if optional else slot.hint
@@ -151,6 +210,10 @@ def _leaf(group: type, slot: Slot) -> Leaf:
     )
 
 
+def _word(hint: Any) -> str:
+    return hint.__name__ if isinstance(hint, type) else str(hint).removeprefix("typing.")
+
+
 def _bounds(metadata: tuple[Any, ...], name: str) -> Iterator[at.BaseMetadata]:
     for item in metadata:
         if isinstance(item, at.GroupedMetadata):  # an interval
@@ -158,7 +221,9 @@ def _bounds(metadata: tuple[Any, ...], name: str) -> Iterator[at.BaseMetadata]:
         elif isinstance(item, (at.Gt, at.Ge, at.Lt, at.Le)):
             yield item
         elif isinstance(item, at.BaseMetadata):
-            raise TypeError(f"{name}: {item} is no bound; use Gt, Ge, Lt, Le or Interval, and a Rule for the rest")
+            raise ConfigurationError(
+                f"{name}: {item} is no bound; use Gt, Ge, Lt, Le or Interval, and a Rule for the rest"
+            )
 
 
 def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...]]:

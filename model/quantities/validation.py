@@ -3,8 +3,10 @@
 from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.arrays import is_array
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.numbers import numbers_of
+from dualwinch.model.quantities.part import HOW_TO_REGISTER
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import pairs, rules
 
@@ -27,7 +29,8 @@ def validated(leaf: Leaf, value: Any) -> Any:
         ConfigurationError: it is of another type or out of range.
     """
     if not leaf.admits(value):
-        raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}")
+        hint = "" if leaf.marks.isdisjoint({Mark.PART, Mark.PARTS}) else f" ({HOW_TO_REGISTER})"
+        raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}{hint}")
     if Mark.PARTS in leaf.marks:
         return (value,) if isinstance(value, str) else tuple(value)
     if leaf.kind is tuple:
@@ -39,7 +42,10 @@ def check_values(group: Any, prefix: str = "") -> None:
     """Raise `ConfigurationError` where a value is of the wrong type or out of range, or is another in another part."""
     known = describe_parts(group, prefix)
     found: dict[str, Any] = {}
-    for key, value in pairs(group, prefix):
+    for key, value in pairs(group, prefix, whole=True):
+        if isinstance(value, list) or is_array(value):  # it has no hash, by which compiled code is found again
+            kind = "a list" if isinstance(value, list) else "an array"
+            raise ConfigurationError(f"{key}: is {kind}; must be a number, or a tuple of numbers")
         if not known[key].admits(value):
             raise ConfigurationError(f"{key} = {shown(value)}: must be {known[key].wanted}")
         if found.setdefault(key, value) != value:

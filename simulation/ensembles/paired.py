@@ -111,7 +111,7 @@ class Contender:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Controllers in the same scenarios.
 
@@ -130,6 +130,19 @@ class Comparison:
     def __len__(self) -> int:
         """Number of scenarios that every controller ran."""
         return len(next(iter(self.contenders.values())).outcomes)
+
+    def __repr__(self) -> str:
+        """A line for each controller."""
+        lines = [f"Comparison in {len(self)} scenarios of '{self.ensemble.name}', seed {self.seed}:"]
+        first = next(iter(self.contenders))
+        for name, contender in self.contenders.items():
+            peak = contender.over(Statistic("worst", "peak_tension"))
+            mse, chatter = (contender.over(Statistic("mean", metric)) for metric in ("mse", "chatter"))
+            words = f"mean MSE {mse:.3g} m², chatter {chatter:.3g} N, largest tension {peak:.0f} N"
+            if name != first:
+                words += f"; {self.paired(name)['mse'].ratio_of_means.estimate:.3g} times the MSE of {first}"
+            lines.append(f"  {name}: {words}")
+        return "\n".join(lines)
 
     @property
     def partial(self) -> bool:

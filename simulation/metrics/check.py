@@ -26,8 +26,6 @@ def checked_metrics(metrics: Any) -> tuple[Metric, ...]:
                 f'metric \'{metric.kind}\': has no quantity; write e.g. quantity = Quantity("s", "what it means")'
             )
         name = metric.table()
-        if not name.isidentifier():
-            raise ConfigurationError(f"metric '{metric.kind}': its kind must be made of letters, digits, - and _")
         if name in BUILT_IN:
             raise ConfigurationError(f"metric '{metric.kind}': the name is taken by a built-in figure of merit")
         if name in names:

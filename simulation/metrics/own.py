@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.controllers.steps import symbols_without_values
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.arrays import is_array
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -51,7 +52,9 @@ def states_after(
     for metric in metrics:
         start = _start(metric)
         state = with_leaves(start, states, _prefix(metric))
-        following = _group(metric.step(_plain(state), sample, sample_time), metric, "step")
+        with symbols_without_values(f"metric '{metric.kind}'"):
+            stepped = metric.step(_plain(state), sample, sample_time)
+        following = _group(stepped, metric, "step")
         after = leaves(following, _prefix(metric))
         odd = leaves(start, _prefix(metric)).keys() ^ after.keys()
         if odd:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import MissingExtraError
 from dualwinch.simulation.results.content import about
-from dualwinch.simulation.results.run_like import RunLike
+from dualwinch.simulation.results.run import Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,7 +17,7 @@ TIME = "t"
 """The column that becomes index or coordinate."""
 
 
-def data_frame(result: RunLike) -> "pd.DataFrame":
+def data_frame(result: Run) -> "pd.DataFrame":
     """See `Result.to_pandas`."""
     pandas = _extra("pandas")
     index = pandas.Index(result[TIME], name=TIME)
@@ -27,7 +27,7 @@ def data_frame(result: RunLike) -> "pd.DataFrame":
     return frame
 
 
-def data_set(result: RunLike) -> "xr.Dataset":
+def data_set(result: Run) -> "xr.Dataset":
     """See `Result.to_xarray`."""
     xarray = _extra("xarray")
     arrays = {name: xarray.Variable(TIME, result[name], _attributes(result, name)) for name in result}
@@ -36,13 +36,13 @@ def data_set(result: RunLike) -> "xr.Dataset":
     )
 
 
-def _attributes(result: RunLike, name: str) -> Mapping[str, str]:
+def _attributes(result: Run, name: str) -> Mapping[str, str]:
     """As the climate and forecast conventions name them: xarray writes them on the axes of its figures."""
     said = about(result.quantities[name])
     return {"units": said["unit"], "long_name": said["meaning"], "interpolation": result.interpolation[name]}
 
 
-def _facts(result: RunLike) -> dict[str, Any]:
+def _facts(result: Run) -> dict[str, Any]:
     return {"outcome": result.outcome, "end_time": result.end_time, **result.metrics}
 
 

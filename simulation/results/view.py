@@ -6,13 +6,13 @@ import numpy as np
 
 from dualwinch.model.quantities.html import page, readable, readable_unit, section, table
 from dualwinch.simulation.metrics.metrics import BUILT_IN
-from dualwinch.simulation.results.run_like import RunLike
+from dualwinch.simulation.results.run import Run
 
 SHOWN = ("mse", "max_abs_error", "chatter")
 """Built-in figures of merit that stand in the text of a result; an experiment's own all do."""
 
 
-def text(result: RunLike) -> str:
+def text(result: Run) -> str:
     """A line that says what was run and what came out."""
     metrics, known = result.metrics, result.metrics.quantities
     own = [name for name in metrics if name not in BUILT_IN]
@@ -24,7 +24,7 @@ def text(result: RunLike) -> str:
     return f"Result({_law(result)}: {'; '.join([_words(result), *merits])})"
 
 
-def html(result: RunLike) -> str:
+def html(result: Run) -> str:
     """Outcome, figures of merit and columns."""
     rows = []
     for name, quantity in result.quantities.items():
@@ -41,11 +41,11 @@ def html(result: RunLike) -> str:
     )
 
 
-def _law(result: RunLike) -> str:
+def _law(result: Run) -> str:
     law = result.experiment.controller.law
     return law.label or law.kind
 
 
-def _words(result: RunLike) -> str:
+def _words(result: Run) -> str:
     ending, rows = result.outcome.replace("_", " "), len(next(iter(result.columns.values())))
     return f"{ending} at {result.end_time:g} s, {rows} rows of {len(result.columns)} columns"

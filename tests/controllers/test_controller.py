@@ -40,7 +40,7 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
-from tests.oracle.laws import LAWS, Seen, WinchPid, tension_commands
+from tests.oracle.laws import LAWS, Measured, WinchPid, tension_commands
 from tests.oracle.values import DEFAULTS
 
 SAMPLE_TIME = 1e-3
@@ -105,7 +105,7 @@ def test_every_sample_equals_the_independent_laws(kind: str) -> None:
     saturated = 0
     for measured, point in random_samples(400):
         state, ours = controller_step(state, measured, point, controller, NOMINAL, SAMPLE_TIME)
-        theirs = law.step(Seen(measured.x, measured.v, measured.F1, measured.F2, point.x, point.v, point.a))
+        theirs = law.step(Measured(measured.x, measured.v, measured.F1, measured.F2, point.x, point.v, point.a))
         commands = tension_commands(theirs.u_sat, 2000.0, 200.0, 6000.0)
         torques = (
             winch_1.step(commands[0], measured.F1, point.a / 0.8),

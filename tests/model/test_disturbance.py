@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.vehicle import Vehicle, drag
-from tests.oracle.plant import Held, Plant
+from tests.oracle.plant import Hold, Plant
 from tests.oracle.values import DEFAULTS
 
 VEHICLE = Vehicle()
@@ -44,11 +44,11 @@ def test_strouhal_frequency() -> None:
 
 @given(times, st.floats(0, 50), speeds)
 def test_the_independent_plant_feels_the_same_force(t: float, x: float, v: float) -> None:
-    held, taut, position, speed = Held(0.0, 0.0), (False, False), (x, 0.0, 0.0), (v, 0.0, 0.0)
+    hold, taut, position, speed = Hold(0.0, 0.0), (False, False), (x, 0.0, 0.0), (v, 0.0, 0.0)
     for phase, integrated in ((0.0, False), (2 * pi * 0.1 * x, True)):
         values = {**DEFAULTS, "disturbance.vortex": True, "disturbance.integrated_phase": integrated}
-        with_vortex = Plant(values).motion(t, position, speed, held, taut)[0][0]
-        without = Plant(DEFAULTS).motion(t, position, speed, held, taut)[0][0]
+        with_vortex = Plant(values).motion(t, position, speed, hold, taut)[0][0]
+        without = Plant(DEFAULTS).motion(t, position, speed, hold, taut)[0][0]
         disturbance = Disturbance(vortex=True, integrated_phase=integrated)
         force = vortex_force(t, v, phase, disturbance, VEHICLE)
         assert 1e4 * (with_vortex - without) == pytest.approx(force, abs=1e-8)

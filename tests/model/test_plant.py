@@ -15,7 +15,7 @@ from dualwinch.model.plant import (
     tensions,
 )
 from dualwinch.model.quantities.tree import leaves, numbers
-from tests.oracle.plant import Held
+from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS
 
@@ -43,8 +43,8 @@ torques = st.builds(Torques, st.floats(0, 140), st.floats(0, 140))
 
 def oracle_derivative(state: PlantState, motors: Torques, around: Environment) -> list[float]:
     position, speed = (state.x, state.theta_1, state.theta_2), (state.v, state.omega_1, state.omega_2)
-    held = Held(motors.tau_1, motors.tau_2, around.current, around.normal_force_variation)
-    rates, _ = ORACLE.motion(0.0, position, speed, held, ORACLE.taut(position, speed))
+    hold = Hold(motors.tau_1, motors.tau_2, around.current, around.normal_force_variation)
+    rates, _ = ORACLE.motion(0.0, position, speed, hold, ORACLE.taut(position, speed))
     return [speed[0], rates[0], speed[1], rates[1], speed[2], rates[2]]
 
 

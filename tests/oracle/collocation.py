@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 from scipy.special import roots_jacobi
 
-from tests.oracle.plant import Gates, Held, Plant, Taut, Triple
+from tests.oracle.plant import Gates, Hold, Plant, Taut, Triple
 
 Matrix = NDArray[np.float64]
 
@@ -40,21 +40,21 @@ class Collocation:
         self.twice = self.once @ self.once
         self._inverse: tuple[float, Taut, float, Matrix] | None = None
 
-    def advance(self, t: float, duration: float, position: Triple, speed: Triple, held: Held) -> tuple[Triple, Triple]:
-        """Position and speed after `duration` with the inputs held."""
+    def advance(self, t: float, duration: float, position: Triple, speed: Triple, hold: Hold) -> tuple[Triple, Triple]:
+        """Position and speed after `duration` with the inputs hold."""
         taut = self.plant.taut(position, speed)
         step = duration / ceil(duration * self._fastest(position[0]) / self.swing)
         end = t + duration
         while end - t > 1e-9 * duration:
             h = min(step, end - t)
-            place, pace, gates = self._step(t, h, position, speed, held, taut)
+            moved, pace, gates = self._step(t, h, position, speed, hold, taut)
             switch = self._first_switch(gates, taut)
             if switch is not None:
                 rope, node = switch
-                h = self._instant(t, h * self.nodes[node], position, speed, held, taut, rope)
-                place, pace, _ = self._step(t, h, position, speed, held, taut)
+                h = self._instant(t, h * self.nodes[node], position, speed, hold, taut, rope)
+                moved, pace, _ = self._step(t, h, position, speed, hold, taut)
                 taut = (not taut[0], taut[1]) if rope == 0 else (taut[0], not taut[1])
-            t, position, speed = t + h, place, pace
+            t, position, speed = t + h, moved, pace
         return position, speed
 
     def _fastest(self, x: float) -> float:
@@ -66,17 +66,17 @@ class Collocation:
         )
 
     def _step(
-        self, t: float, h: float, position: Triple, speed: Triple, held: Held, taut: Taut
+        self, t: float, h: float, position: Triple, speed: Triple, hold: Hold, taut: Taut
     ) -> tuple[Triple, Triple, list[Gates]]:
         motion, times = self.plant.motion, (t + h * self.nodes).tolist()
         coasting = np.array(position) + np.outer(h * self.nodes, speed)
-        inverse = self._newton(h, position, speed, held, taut)
-        start, _ = motion(t, position, speed, held, taut)
+        inverse = self._newton(h, position, speed, hold, taut)
+        start, _ = motion(t, position, speed, hold, taut)
         rates = np.tile(start, (len(times), 1))
         for _ in range(50):
             places = (coasting + h * h * (self.twice @ rates)).tolist()
             paces = (speed + h * (self.once @ rates)).tolist()
-            found = [motion(*node, held, taut) for node in zip(times, places, paces, strict=True)]
+            found = [motion(*node, hold, taut) for node in zip(times, places, paces, strict=True)]
             missing = np.array([rate for rate, _ in found]) - rates
             change = (inverse @ missing.ravel()).reshape(missing.shape)
             rates += change
@@ -88,7 +88,7 @@ class Collocation:
         v, omega_1, omega_2 = (speed + h * (self.once[-1] @ rates)).tolist()
         return (x, theta_1, theta_2), (v, omega_1, omega_2), [gates for _, gates in found]
 
-    def _newton(self, h: float, position: Triple, speed: Triple, held: Held, taut: Taut) -> Matrix:
+    def _newton(self, h: float, position: Triple, speed: Triple, hold: Hold, taut: Taut) -> Matrix:
         """Inverse of the Newton matrix; an old one serves while the rope lengths have hardly changed."""
         x = position[0]
         if self._inverse is not None:
@@ -96,7 +96,7 @@ class Collocation:
             near = abs(x - old_x) < 0.01 * min(self.plant.lengths(x))
             if abs(h - old_h) < 1e-6 * h and old_taut == taut and near:
                 return inverse
-        by_position, by_speed = self._partials(position, speed, held, taut)
+        by_position, by_speed = self._partials(position, speed, hold, taut)
         matrix = (
             np.eye(3 * len(self.nodes)) - np.kron(h * h * self.twice, by_position) - np.kron(h * self.once, by_speed)
         )
@@ -104,7 +104,7 @@ class Collocation:
         self._inverse = (h, taut, x, inverse)
         return inverse
 
-    def _partials(self, position: Triple, speed: Triple, held: Held, taut: Taut) -> tuple[Matrix, Matrix]:
+    def _partials(self, position: Triple, speed: Triple, hold: Hold, taut: Taut) -> tuple[Matrix, Matrix]:
         """Derivatives of the accelerations by position and by speed, from central differences."""
         found: list[Matrix] = []
         for which in (0, 1):
@@ -115,7 +115,7 @@ class Collocation:
                     moved = [list(position), list(speed)]
                     moved[which][axis] += sign * 1e-6
                     (a, b, c), (d, e, f) = moved
-                    sides.append(self.plant.motion(0.0, (a, b, c), (d, e, f), held, taut)[0])
+                    sides.append(self.plant.motion(0.0, (a, b, c), (d, e, f), hold, taut)[0])
                 columns.append((np.array(sides[0]) - np.array(sides[1])) / 2e-6)
             found.append(np.column_stack(columns))
         return found[0], found[1]
@@ -130,12 +130,12 @@ class Collocation:
         return None
 
     def _instant(
-        self, t: float, latest: float, position: Triple, speed: Triple, held: Held, taut: Taut, rope: int
+        self, t: float, latest: float, position: Triple, speed: Triple, hold: Hold, taut: Taut, rope: int
     ) -> float:
         """How long after t the rope's gate crosses zero."""
 
         def gate(h: float) -> float:
-            return self._step(t, h, position, speed, held, taut)[2][-1][rope]
+            return self._step(t, h, position, speed, hold, taut)[2][-1][rope]
 
         shortest = 1e-9 * latest
         if (gate(shortest) > 0) != taut[rope]:

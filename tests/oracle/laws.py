@@ -21,8 +21,8 @@ def clip(value: float, lower: float, upper: float) -> float:
 
 def fuzzy(error: float, rate: float) -> float:
     """Triangular partitions with product inference interpolate the rule table bilinearly."""
-    places = [2 * clip(value, -1.0, 1.0) + 2 for value in (error, rate)]
-    (row, down), (column, right) = ((min(floor(place), 3), place - min(floor(place), 3)) for place in places)
+    levels = [2 * clip(value, -1.0, 1.0) + 2 for value in (error, rate)]
+    (row, down), (column, right) = ((min(floor(level), 3), level - min(floor(level), 3)) for level in levels)
     upper = RULES[row][column] * (1 - right) + RULES[row][column + 1] * right
     lower = RULES[row + 1][column] * (1 - right) + RULES[row + 1][column + 1] * right
     return upper * (1 - down) + lower * down
@@ -33,7 +33,7 @@ def odd_power(z: float, exponent: float, smoothing: float) -> float:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Measured:
     """Measured position, speed and tensions, and the reference, of one sample."""
 
     x: float
@@ -46,7 +46,7 @@ class Seen:
 
 
 @dataclass
-class Said:
+class Output:
     """What a position law says; NaN for what it has not."""
 
     u: float
@@ -103,21 +103,21 @@ class SlidingMode:
         self.d_hat += (1 - exp(-L1 * Ts)) * d_tilde
         return L1
 
-    def step(self, seen: Seen) -> Said:
-        e1, e2 = seen.x - seen.x_ref, seen.v - seen.v_ref
+    def step(self, measured: Measured) -> Output:
+        e1, e2 = measured.x - measured.x_ref, measured.v - measured.v_ref
         L1 = self.estimate(e2)
         gains, auxiliary, mass = self.gains, self.auxiliary, self.nominal.mass
         r, Z_a = gains.p / gains.q, self.Z_a
-        resistance = self.nominal.resistance(seen.v)
+        resistance = self.nominal.resistance(measured.v)
         s = e1 + odd_power(e2 + auxiliary.gamma * Z_a, r, gains.smoothing) / gains.beta
-        u = mass * seen.a_ref + resistance
+        u = mass * measured.a_ref + resistance
         u -= mass * gains.beta / r * odd_power(e2, 2 - r, gains.smoothing)
         u -= mass * (gains.eta * s + gains.k * clip(s / gains.phi, -1, 1))
         u -= auxiliary.gamma_force * Z_a + mass * self.d_hat
         u_sat = clip(u, -self.limit, self.limit)
         self.Z_a += self.sample_time * (-auxiliary.k_a * Z_a + (u - u_sat))
-        self.last = (e2, (u_sat - resistance) / mass - seen.a_ref)
-        return Said(u, u_sat, self.d_hat if self.observer else nan, L1, Z_a, s)
+        self.last = (e2, (u_sat - resistance) / mass - measured.a_ref)
+        return Output(u, u_sat, self.d_hat if self.observer else nan, L1, Z_a, s)
 
 
 class PidCascade:
@@ -132,12 +132,12 @@ class PidCascade:
         self.I1 = self.I2 = 0.0
         self.ev_before: float | None = None
 
-    def step(self, seen: Seen) -> Said:
+    def step(self, measured: Measured) -> Output:
         gains, Ts = self.gains, self.sample_time
-        e1, e2 = seen.x - seen.x_ref, seen.v - seen.v_ref
+        e1, e2 = measured.x - measured.x_ref, measured.v - measured.v_ref
 
         def command(I1: float, I2: float, share: float) -> tuple[float, float, float]:
-            ev = -gains.kp1 * e1 - gains.ki1 * I1 - gains.kd1 * e2 - seen.v
+            ev = -gains.kp1 * e1 - gains.ki1 * I1 - gains.kd1 * e2 - measured.v
             I2 += share * ev
             slope = 0.0 if self.ev_before is None else (ev - self.ev_before) / Ts
             return self.mass * (gains.kp2 * ev + gains.ki2 * I2 + gains.kd2 * slope), ev, I2
@@ -148,7 +148,7 @@ class PidCascade:
             I1 = self.I1
             u, ev, I2 = command(I1, self.I2, 0.0)
         self.I1, self.I2, self.ev_before = I1, I2, ev
-        return Said(u, clip(u, -self.limit, self.limit))
+        return Output(u, clip(u, -self.limit, self.limit))
 
 
 LAWS: dict[str, Callable[[Values], SlidingMode | PidCascade]] = {

@@ -18,7 +18,7 @@ Gates = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Held:
+class Hold:
     """What stays constant between two samples: motor torques (N m), current (m/s), rail-load change (N)."""
 
     tau_1: float
@@ -30,7 +30,7 @@ class Held:
 class Plant:
     """Vehicle, two ropes, two winches.
 
-    ``motion(t, position, speed, held, taut)`` gives the accelerations with the ropes' modes held, and the gates.
+    ``motion(t, position, speed, hold, taut)`` gives the accelerations with the ropes' modes hold, and the gates.
     """
 
     def __init__(self, values: Values) -> None:
@@ -85,8 +85,8 @@ class Plant:
         return -overrun <= x <= self.track.length + overrun
 
 
-def _stretches(plant: Plant, place: Triple) -> tuple[float, float]:
-    x, theta_1, theta_2 = place
+def _stretches(plant: Plant, angles: Triple) -> tuple[float, float]:
+    x, theta_1, theta_2 = angles
     return plant.winch_1.drum_radius * theta_1 - x, plant.winch_2.drum_radius * theta_2 + x
 
 
@@ -116,7 +116,7 @@ def _resistance(vehicle: SimpleNamespace, vortex: SimpleNamespace) -> Callable[.
     return force
 
 
-def _motion(plant: Plant) -> Callable[[float, Triple, Triple, Held, Taut], tuple[Triple, Gates]]:
+def _motion(plant: Plant) -> Callable[[float, Triple, Triple, Hold, Taut], tuple[Triple, Gates]]:
     mass = plant.vehicle.mass + plant.vehicle.added_mass
     resistance = _resistance(plant.vehicle, plant.vortex)
     winch_1, winch_2 = _winch(plant.winch_1), _winch(plant.winch_2)
@@ -124,7 +124,7 @@ def _motion(plant: Plant) -> Callable[[float, Triple, Triple, Held, Taut], tuple
     damping_1, damping_2 = plant.rope_1.damping, plant.rope_2.damping
     stiffnesses = plant.stiffnesses
 
-    def motion(t: float, position: Triple, speed: Triple, held: Held, taut: Taut) -> tuple[Triple, Gates]:
+    def motion(t: float, position: Triple, speed: Triple, hold: Hold, taut: Taut) -> tuple[Triple, Gates]:
         x, theta_1, theta_2 = position
         v, omega_1, omega_2 = speed
         k_1, k_2 = stiffnesses(x)
@@ -132,11 +132,11 @@ def _motion(plant: Plant) -> Callable[[float, Triple, Triple, Held, Taut], tuple
         pull_1 = k_1 * stretch_1 + damping_1 * (radius_1 * omega_1 - v)
         pull_2 = k_2 * stretch_2 + damping_2 * (radius_2 * omega_2 + v)
         force_1, force_2 = pull_1 if taut[0] else 0.0, pull_2 if taut[1] else 0.0
-        net = force_1 - force_2 - resistance(t, x, v, held.current, held.load)
+        net = force_1 - force_2 - resistance(t, x, v, hold.current, hold.load)
         accelerations = (
             net / mass,
-            winch_1(held.tau_1, force_1, omega_1),
-            winch_2(held.tau_2, force_2, omega_2),
+            winch_1(hold.tau_1, force_1, omega_1),
+            winch_2(hold.tau_2, force_2, omega_2),
         )
         return accelerations, (min(stretch_1, pull_1), min(stretch_2, pull_2))
 

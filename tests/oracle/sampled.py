@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.oracle.collocation import Collocation
-from tests.oracle.laws import LAWS, Seen, WinchPid, tension_commands
-from tests.oracle.plant import Held, Plant, Triple
+from tests.oracle.laws import LAWS, Measured, WinchPid, tension_commands
+from tests.oracle.plant import Hold, Plant, Triple
 from tests.oracle.values import DEFAULTS, Values
 
 Column = NDArray[np.float64]
@@ -26,7 +26,7 @@ class Solver(Protocol):
     """Moves the plant from one sample to the next."""
 
     def advance(
-        self, t: float, duration: float, position: Triple, speed: Triple, held: Held
+        self, t: float, duration: float, position: Triple, speed: Triple, held: Hold
     ) -> tuple[Triple, Triple]: ...
 
 
@@ -96,7 +96,7 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
         F1, F2 = plant.tensions(position, speed)
         x_ref, v_ref, a_ref = REFERENCES[scenario.case](t)
         filtered_v += Ts / (filter_time + Ts) * (v + signal("v", k) - filtered_v)
-        seen = Seen(
+        seen = Measured(
             x=quantise(x + signal("x", k), scenario.position_resolution),
             v=filtered_v if filter_time else v + signal("v", k),
             F1=F1 + signal("F1", k),
@@ -130,7 +130,7 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
                 *(F1_cmd, F2_cmd, said.u, said.u_sat, said.d_hat, said.L1, said.Z_a, said.s, tau_1, tau_2),
             )
         )
-        held = Held(*queue.popleft(), current=signal("current", k), load=signal("load", k))
+        held = Hold(*queue.popleft(), current=signal("current", k), load=signal("load", k))
         position, speed = solver.advance(t, Ts, position, speed, held)
         if not plant.on_track(position[0]):
             break

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tests.oracle.plant import Gates, Held, Plant, Taut, Triple
+from tests.oracle.plant import Gates, Hold, Plant, Taut, Triple
 
 Vector = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ class SciPySolver:
     def __init__(self, plant: Plant, *, rtol: float = 1e-11) -> None:
         self.plant, self.rtol = plant, rtol
 
-    def advance(self, t: float, duration: float, position: Triple, speed: Triple, held: Held) -> tuple[Triple, Triple]:
+    def advance(self, t: float, duration: float, position: Triple, speed: Triple, held: Hold) -> tuple[Triple, Triple]:
         """Position and speed after `duration` with the inputs held."""
         taut = self.plant.taut(position, speed)
         now, end = np.array([*position, *speed]), t + duration
@@ -38,11 +38,11 @@ class SciPySolver:
         x, theta_1, theta_2, v, omega_1, omega_2 = now.tolist()
         return (x, theta_1, theta_2), (v, omega_1, omega_2)
 
-    def _motion(self, t: float, y: Vector, held: Held, taut: Taut) -> tuple[Triple, Gates]:
+    def _motion(self, t: float, y: Vector, held: Hold, taut: Taut) -> tuple[Triple, Gates]:
         x, theta_1, theta_2, v, omega_1, omega_2 = y.tolist()
         return self.plant.motion(t, (x, theta_1, theta_2), (v, omega_1, omega_2), held, taut)
 
-    def _gate(self, rope: int, held: Held, taut: Taut) -> Callable[[float, Vector], float]:
+    def _gate(self, rope: int, held: Hold, taut: Taut) -> Callable[[float, Vector], float]:
         def gate(t: float, y: Vector) -> float:
             return self._motion(t, y, held, taut)[1][rope] if self.plant.slack else 1.0
 

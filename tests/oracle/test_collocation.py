@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.oracle.collocation import Collocation, collocation_matrix, radau_nodes
-from tests.oracle.plant import Held, Plant
+from tests.oracle.plant import Hold, Plant
 from tests.oracle.sampled import Scenario, run
 from tests.oracle.scipy_solver import SciPySolver
 from tests.oracle.values import DEFAULTS
@@ -31,9 +31,9 @@ def test_a_sample_agrees_with_scipys_radau(
     k_1, k_2 = PLANT.stiffnesses(x)
     position = (x, (pulls[0] / k_1 + x) / 0.8, (pulls[1] / k_2 - x) / 0.8)
     speed = (v, v / 0.8, -v / 0.8)
-    held = Held(*torques)
-    ours = Collocation(PLANT, swing=0.5).advance(3.0, 1e-3, position, speed, held)
-    theirs = SciPySolver(PLANT).advance(3.0, 1e-3, position, speed, held)
+    hold = Hold(*torques)
+    ours = Collocation(PLANT, swing=0.5).advance(3.0, 1e-3, position, speed, hold)
+    theirs = SciPySolver(PLANT).advance(3.0, 1e-3, position, speed, hold)
     assert np.ravel(ours) == pytest.approx(np.ravel(theirs), rel=1e-9, abs=1e-8)
 
 

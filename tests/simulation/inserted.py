@@ -53,8 +53,8 @@ def run(
     loop = closed_loop(structure_of(cruise.experiment), cuts=(cut,))
     steady, here = cruise.row[CUTS[cut]], loop.columns.index(CUTS[cut])
     state, line, reference = ca.SX.sym("state", len(loop.states)), ca.SX.sym("line", max(delay, 1)), ca.SX.sym("x_ref")
-    outside, place = ca.SX(cruise.exogenous), loop.exogenous.index("reference.x")
-    outside[place] = reference
+    outside, index = ca.SX(cruise.exogenous), loop.exogenous.index("reference.x")
+    outside[index] = reference
     returned = loop.step(state, outside, cruise.parameters, 0)[1][here]
     said = steady + gain * (returned - steady)
     following, row, _ = loop.step(state, outside, cruise.parameters, line[0] if delay else said)
@@ -66,7 +66,7 @@ def run(
         now[loop.states.index(name)] += size
     rows = []
     for k in range(samples):
-        at = cruise.exogenous[place] + k * v * experiment.simulation.sample_time
+        at = cruise.exogenous[index] + k * v * experiment.simulation.sample_time
         now, waiting, seen = step(now, waiting, at)
         rows.append(np.array(seen).ravel())
     return Run(dict(zip(WATCHED, np.array(rows).T, strict=True)))

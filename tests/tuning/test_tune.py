@@ -1,6 +1,7 @@
 """Tuning in one call: its phases, its time, what it says, and the figures of a study."""
 
 from dataclasses import replace
+from html import escape
 
 import pytest
 
@@ -18,7 +19,8 @@ from dualwinch.tuning.scoring.plan import BESIDE_SECONDS, FULL
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
 from dualwinch.tuning.summary import advice, comparison, headings, headline, times, where
-from dualwinch.tuning.tune import Tuned, tune
+from dualwinch.tuning.tune import tune
+from dualwinch.tuning.tuned import Tuned
 from tests.tuning.conftest import MakeProblem
 
 
@@ -59,12 +61,21 @@ def tuned(make_problem: MakeProblem) -> Tuned:
 
 def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tuned) -> None:
     assert [trial.number for trial in tuned.trials] == list(range(60))
-    settings = tuned.problem.space.settings(tuned.verdict.best.point)
-    assert leaves(tuned.best)["controller.nftsm.beta"] == settings["controller.nftsm.beta"]
+    assert leaves(tuned.best)["controller.nftsm.beta"] == tuned.gains["controller.nftsm.beta"]
     assert tuned.verdict.held_out
     assert tuned.verdict.scored.scenarios == 6
     assert tuned.verdict.plan == replace(FULL, held_out=6)
     assert not tuned.interrupted
+
+
+def test_a_notebook_and_a_prompt_show_what_was_found(tuned: Tuned) -> None:
+    shown = tuned._repr_html_()
+    assert headline(tuned) in shown
+    assert escape(comparison(tuned)) in shown
+    for key, value in tuned.gains.items():
+        assert f">{key}</td>" in shown
+        assert f"{value:.6g}</td>" in shown
+    assert repr(tuned) == f"Tuned({headline(tuned)}; {comparison(tuned)})", "no scenario is beyond the authority"
 
 
 def test_a_budget_is_needed(make_problem: MakeProblem) -> None:

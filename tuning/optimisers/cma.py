@@ -16,7 +16,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.space import Point
 
-SPREAD = 0.2
+FIRST_SIGMA = 0.2
 """First standard deviation, in shares of each range."""
 
 SMALLEST = 16
@@ -54,7 +54,7 @@ class Cma:
         dimensions = len(self._space.dimensions)
         self._strategy = cmaes.CMA(
             mean=np.clip(self._space.encoded(start), EDGE, 1 - EDGE),
-            sigma=SPREAD,
+            sigma=FIRST_SIGMA,
             bounds=np.tile([0.0, 1.0], (dimensions, 1)),
             seed=int(self._random.integers(2**31)),
             population_size=max(SMALLEST, 4 + int(3 * np.log(dimensions))),

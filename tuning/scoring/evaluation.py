@@ -56,6 +56,11 @@ class Evaluation:
         return sum(max(value, 0.0) for value in self.violations.values())
 
     @property
+    def reserve(self) -> float:
+        """Distance from the nearest bound on what is the worst of all scenarios, as its share; more draws are worse."""
+        return -max((value for label, value in self.violations.items() if label.startswith("worst.")), default=0.0)
+
+    @property
     def feasible(self) -> bool:
         """Whether it completed all scenarios and keeps to every constraint."""
         return not self.pruned and self.violation <= 0

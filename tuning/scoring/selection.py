@@ -25,7 +25,7 @@ RUNG = 1.08
 """How much larger the objective of a finalist is than that of the one before, where they were tuned."""
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
-NOT_HELD_OUT = "trial {number} was better than the start where it was chosen, but not in the held-out scenarios"
+NOT_HELD_OUT = "{trials} better than the start where chosen, but not in the held-out scenarios"
 """Why the start is kept."""
 
 
@@ -33,7 +33,8 @@ def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL,
     """Choose the best trial and score it.
 
     Keeping to a constraint in a few scenarios is a promise, so that trial is chosen that is best in more of them. It
-    has to be better than the start (`beats`) where it is chosen and where it is scored.
+    has to be better than the start (`beats`) where it is chosen and where it is scored; one that is not where it is
+    scored is passed over for the next, and the verdict says so.
 
     Args:
         evaluator: of the problem.
@@ -49,19 +50,32 @@ def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL,
     start = _start(evaluator, trials)
     if problem.ensemble is None:
         leader = trials[best_first(trials)[0]]
-        best, selection = leader if beats(leader, start) else start, None
+        ranking = [(leader, None)] if beats(leader, start) else []
     else:
-        best, selection = _finals(evaluator, trials, start, plan)
-        selection = replace(selection, number=best.number)
+        ranking = _finals(evaluator, trials, start, plan)
     watch.phase(SCORING)
     scenarios = problem.drawn(plan.held_out, problem.seed + HELD_OUT)
-    scores = _scores(evaluator, best, start, scenarios, plan)
-    obstacle = NOT_CHOSEN if best.point == start.point else ""
-    if not obstacle and not beats(scores["best"].evaluation, scores["start"].evaluation):
-        obstacle = NOT_HELD_OUT.format(number=best.number)
-        best, selection, scores = start, None, scores | {"best": scores["start"]}
+    scores = _references(evaluator, start, scenarios, plan)
+    best, selection, passed_over = start, None, []
+    for trial, selected in ranking:
+        score = _score(evaluator, trial.candidate, scenarios)
+        if beats(score.evaluation, scores["start"].evaluation):
+            best, selection, scores = trial, selected, scores | {"best": score}
+            break
+        passed_over.append(trial.number)
+    obstacle = "" if "best" in scores else _obstacle(passed_over)
+    scores = {"best": scores["start"]} | scores
     held = [within_authority(each.experiment if isinstance(each, Scenario) else each) for each in scenarios]
-    return Verdict(best, obstacle, selection, scores, problem.ensemble is not None, np.array(held), plan)
+    held_out = problem.ensemble is not None
+    return Verdict(best, obstacle, tuple(passed_over), selection, scores, held_out, np.array(held), plan)
+
+
+def _obstacle(passed_over: Sequence[int]) -> str:
+    """Why the start is kept."""
+    if not passed_over:
+        return NOT_CHOSEN
+    many = len(passed_over) > 1
+    return NOT_HELD_OUT.format(trials=f"{len(passed_over)} trials were" if many else f"trial {passed_over[0]} was")
 
 
 def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
@@ -70,47 +84,44 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
     return next((trial for trial in trials if trial.point == point and not trial.pruned), None) or evaluator.start()
 
 
-def _scores(
-    evaluator: Evaluator,
-    best: Evaluation,
-    start: Evaluation,
-    scenarios: Sequence[Experiment | Scenario],
-    plan: Plan,
+def _score(evaluator: Evaluator, candidate: Candidate, scenarios: Sequence[Experiment | Scenario]) -> Score:
+    result = evaluator.run([candidate], scenarios)
+    return Score(evaluator.judged(candidate, result, scenarios), result)
+
+
+def _references(
+    evaluator: Evaluator, start: Evaluation, scenarios: Sequence[Experiment | Scenario], plan: Plan
 ) -> dict[str, Score]:
-    """The best, the start and the paper's controller in the same scenarios."""
+    """The start and the paper's controller in the scenarios that score the best."""
     problem = evaluator.prepared.problem
-
-    def scored(candidate: Candidate) -> Score:
-        result = evaluator.run([candidate], scenarios)
-        return Score(evaluator.judged(candidate, result, scenarios), result)
-
-    ours = scored(best.candidate)
-    theirs = ours if best.point == start.point else scored(start.candidate)
     drawn = problem.drawn(plan.held_out, problem.seed + HELD_OUT, problem.paper_experiment)
     result = evaluator.run(None, drawn)
     paper = Score(evaluator.judged(Candidate({}, "paper"), result, drawn), result)
-    return {"best": ours, "start": theirs, "paper": paper}
+    return {"start": _score(evaluator, start.candidate, scenarios), "paper": paper}
 
 
 def _finals(
     evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, plan: Plan
-) -> tuple[Evaluation, Evaluation]:
-    """The best as it was tuned, and what it came to in the selection scenarios.
+) -> list[tuple[Evaluation, Evaluation]]:
+    """The trials that are better than the start, the best first: as tuned, and what each came to in the last round.
 
     The very best where tuned are often the ones that only just hold: so the finalists are a ladder from the best to
     ever more cautious ones. The best of these among other draws and vertices of the ensemble meet once more, in draws;
-    the start is there both times.
+    the start is there both times. Behind them come the others, by the first round.
     """
     finalists = [trial for trial in _finalists(evaluator.prepared.problem, trials, plan) if trial.point != start.point]
-    finalists.append(start)
     first, last = _scenarios(evaluator.prepared.problem, plan)
-    met = evaluator.over([trial.candidate for trial in finalists], first)
-    left = [index for index in best_first(met) if finalists[index] is not start][: plan.last]
-    left.append(len(finalists) - 1)
-    again = evaluator.over([finalists[index].candidate for index in left], last)
-    better = [row for row in best_first(again) if beats(again[row], again[-1])]
-    row = better[0] if better else len(left) - 1
-    return finalists[left[row]], again[row]
+    ranking = _ranked(evaluator, finalists, start, first)
+    again = [trial for trial, _ in ranking[: plan.last]]
+    return _ranked(evaluator, again, start, last) + ranking[plan.last :]
+
+
+def _ranked(
+    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, scenarios: Sequence[Scenario]
+) -> list[tuple[Evaluation, Evaluation]]:
+    """Trials that are better than the start in some scenarios, the best first, and what each came to there."""
+    *met, reference = evaluator.over([trial.candidate for trial in (*trials, start)], scenarios)
+    return [(trials[index], met[index]) for index in best_first(met) if beats(met[index], reference)]
 
 
 def _finalists(problem: Problem, trials: Sequence[Evaluation], plan: Plan) -> list[Evaluation]:
@@ -134,18 +145,24 @@ def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scena
 
 
 def rungs(ordered: Sequence[Evaluation], most: int) -> list[int]:
-    """Indices of trials, the best first, each with an objective `RUNG` times that of the one before, or the next.
+    """Indices of trials: the best, then of each further rung the one that keeps furthest from its bounds.
+
+    A rung holds the trials whose objective is up to `RUNG` times that of its first one.
 
     Args:
         ordered: trials, the best first.
         most: number of indices, at most.
     """
-    found = [0]
+    starts = [0]
     for index, trial in enumerate(ordered):
-        if len(found) == most:
-            break
-        above = ordered[found[-1]]
+        above = ordered[starts[-1]]
         if trial.feasible != above.feasible or trial.objectives[0] > RUNG * above.objectives[0]:
-            found.append(index)
+            starts.append(index)
+    ends = [*starts[1:], len(ordered)]
+    further = [
+        max(range(start, end), key=lambda index: ordered[index].reserve)
+        for start, end in zip(starts[1:most], ends[1:most], strict=True)
+    ]
+    found = [0, *further]
     rest = [index for index in range(len(ordered)) if index not in found]
     return sorted(found + rest[: most - len(found)])

@@ -33,6 +33,7 @@ class Verdict:
     Attributes:
         best: as it was tuned; the start, where nothing is better.
         obstacle: why the best is the start, in words; empty where it is better.
+        passed_over: trials that were better where they were chosen, but not better than the start where scored.
         selection: the best in the selection scenarios; ``None`` without an ensemble.
         scores: ``best``, ``start`` and ``paper`` → what each came to in the same scenarios, which neither the search
             nor the choice of the best saw; without an ensemble in the only one there is.
@@ -43,6 +44,7 @@ class Verdict:
 
     best: Evaluation
     obstacle: str
+    passed_over: tuple[int, ...]
     selection: Evaluation | None
     scores: dict[str, Score]
     held_out: bool

@@ -208,6 +208,16 @@ class Database:
                 beat(self._storage.engine, tuple(self._held))
 
 
+def definition_in_database(url: str, study: str) -> dict[str, Any] | None:
+    """What a study in a database was begun with; ``None`` where there is no such study."""
+    storage = connected(url, requeue)
+    try:
+        known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
+    finally:
+        storage.engine.dispose()
+    return known.get(study, {}).get(DEFINITION)
+
+
 def requeue(study: optuna.Study, trial: FrozenTrial) -> None:
     """Queue a trial again whose worker is gone."""
     study.add_trial(

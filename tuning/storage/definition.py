@@ -6,6 +6,7 @@ from typing import Any
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.tuning.space import Space
+from dualwinch.tuning.storage.noted_parts import check_parts
 
 DEFINITION, BUDGET, OBJECTIVES = "dualwinch definition", "dualwinch budget", "objectives"
 """User attributes of a study: what is tuned, how far, and what the values of a trial are."""
@@ -32,11 +33,12 @@ def check_definition(
     """
     if theirs is None:
         raise ConfigurationError(f"--study {study}: exists, and is none of this program; choose another name")
+    check_parts(study, ours.get("parts", []), theirs.get("parts", []))
     difference = spaces[0].difference(spaces[1])
     if difference:
         raise ConfigurationError(f"--study {study}: has another space: {difference}; choose another name")
     for key, value in ours.items():
-        if key != "space" and value != theirs.get(key):
+        if key not in {"space", "parts"} and value != theirs.get(key):
             shown = f": {value!r} here, {theirs.get(key)!r} there" if len(repr(value)) < 100 else ""
             raise ConfigurationError(f"--study {study}: was begun with another {key}{shown}; choose another name")
 

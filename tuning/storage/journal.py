@@ -105,6 +105,17 @@ class Journal(OneProcess):
         self._lock.close()
 
 
+def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
+    """What a study in a file was begun with; ``None`` where there is no such study."""
+    if not path.is_file() or not path.stat().st_size:
+        return None
+    with _locked(path):
+        _mend(path)
+        storage = optuna.storages.JournalStorage(Buffered(path))
+        known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
+    return known.get(study, {}).get(DEFINITION)
+
+
 def _locked(path: Path) -> IO[bytes]:
     """The file, held by this process alone until it is closed or the process ends."""
     try:

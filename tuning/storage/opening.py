@@ -41,6 +41,28 @@ def check_storage(storage: str) -> None:
         raise ConfigurationError("--storage: PostgreSQL needs psycopg, `pip install 'dualwinch[postgresql]'`")
 
 
+def kept_definition(storage: str, study: str) -> Mapping[str, Any] | None:
+    """What a study was begun with; ``None`` where there is no such study.
+
+    Args:
+        storage: a file, or the URL of a database.
+        study: the study's name.
+
+    Raises:
+        ConfigurationError: the file is no journal.
+        DualwinchError: the storage cannot be used.
+    """
+    check_storage(storage)
+    quiet()
+    if is_database(storage):
+        from dualwinch.tuning.storage.database import definition_in_database
+
+        return definition_in_database(storage, study)
+    from dualwinch.tuning.storage.journal import definition_in_journal
+
+    return definition_in_journal(Path(storage), study)
+
+
 def open_store(
     storage: str, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
 ) -> Store:

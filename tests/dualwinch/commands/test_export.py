@@ -99,8 +99,8 @@ def test_mex_functions_run_the_closed_loop_in_octave(tmp_path: Path) -> None:
     assert "state: must be 17 real numbers" in done.stdout, done.stderr
     table = np.loadtxt(tmp_path / "run.csv", delimiter=",")
     columns = simulate(case(4)).columns
-    for place, name, tolerance in ((0, "t", 1e-12), (1, "x", 1e-9), (7, "F1", 1e-4), (9, "tau_1", 1e-6)):
-        np.testing.assert_allclose(table[:, place], columns[name][:2000], rtol=0, atol=tolerance)
+    for index, name, tolerance in ((0, "t", 1e-12), (1, "x", 1e-9), (7, "F1", 1e-4), (9, "tau_1", 1e-6)):
+        np.testing.assert_allclose(table[:, index], columns[name][:2000], rtol=0, atol=tolerance)
     for number in (1, 2, 3, 4):
         table, columns = np.loadtxt(tmp_path / f"run{number}.csv", delimiter=","), simulate(case(number)).columns
         np.testing.assert_allclose(table[:, 0], columns["x"], rtol=0, atol=1e-9)

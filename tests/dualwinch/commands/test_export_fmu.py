@@ -40,7 +40,7 @@ def test_fmpy_validates_without_a_message(what: str, version: int, exported: Exp
     described = fmpy.read_model_description(str(path))
     assert (described.modelExchange is not None) == (what == "plant")
     mass = {"controller": "nominal", "plant": "plant", "closed-loop": "plant"}[what] + ".vehicle.mass"
-    found = next(one for one in described.modelVariables if one.name == mass)
+    found = next(variable for variable in described.modelVariables if variable.name == mass)
     assert (found.unit, found.start, found.min, found.variability) == ("kg", "10000.0", "0.0", "tunable")
 
 
@@ -70,14 +70,14 @@ def test_plant_and_controller_together_are_the_closed_loop(
 def test_a_step_is_the_interpreters_from_any_state(what: str, version: int, exported: Exported) -> None:
     made, random = block(what, case(4)), np.random.default_rng(5)
     fmu = Instance(exported(what, version))
-    names = [re.sub(r"\.(\d+)\.", r"[\1].", f"state.{one.name}") for one in made.states]
-    state, given = (np.array([one.start for one in part]) for part in (made.states, made.inputs))
-    parameters = [one.start for one in made.parameters]
+    names = [re.sub(r"\.(\d+)\.", r"[\1].", f"state.{state.name}") for state in made.states]
+    state, given = (np.array([signal.start for signal in signals]) for signals in (made.states, made.inputs))
+    parameters = [parameter.start for parameter in made.parameters]
     for _ in range(1000):
         at = state + random.normal(size=state.size) * (0.01 + 0.1 * np.abs(state))
         now = given + random.normal(size=given.size) * (0.01 + np.abs(given))
         fmu.put(names, list(at))
-        fmu.put([one.name for one in made.inputs], list(now))
+        fmu.put([signal.name for signal in made.inputs], list(now))
         fmu.step()
         expected = np.array(made.step(at, now, parameters)[0]).ravel()
         assert fmu.get(*names) == pytest.approx(expected, rel=1e-12, abs=1e-12)
@@ -97,18 +97,18 @@ def test_closed_loop_says_what_a_run_says(version: int, exported: Exported, pape
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_state_can_be_kept_restored_and_carried_to_another_instance(version: int, exported: Exported) -> None:
-    one, other = Instance(exported("plant", version)), Instance(exported("plant", version))
-    one.set(tau_1=60.0, tau_2=5.0)
-    one.step(50)
-    kept = one.fmu.getFMUState()
-    carried = one.fmu.serializeFMUState(kept)
-    one.step(50)
-    expected = one.get(*STATE)
-    one.fmu.setFMUState(kept)
-    one.fmu.freeFMUState(kept)
-    one.time = 0.05
-    one.step(50)
-    assert one.get(*STATE) == expected
+    first, other = Instance(exported("plant", version)), Instance(exported("plant", version))
+    first.set(tau_1=60.0, tau_2=5.0)
+    first.step(50)
+    kept = first.fmu.getFMUState()
+    carried = first.fmu.serializeFMUState(kept)
+    first.step(50)
+    expected = first.get(*STATE)
+    first.fmu.setFMUState(kept)
+    first.fmu.freeFMUState(kept)
+    first.time = 0.05
+    first.step(50)
+    assert first.get(*STATE) == expected
     other.fmu.setFMUState(other.fmu.deserializeFMUState(carried))
     other.time = 0.05
     other.step(50)

@@ -8,7 +8,7 @@ import pytest
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from tests.fmus import STEP, Exported, Instance
-from tests.oracle.plant import Held, Plant
+from tests.oracle.plant import Hold, Plant
 from tests.oracle.values import DEFAULTS
 
 TORQUES = ("tau_1", "tau_2")
@@ -22,9 +22,9 @@ def test_directional_derivatives_are_the_independent_plants_slopes(version: int,
 
     def slopes(values: np.ndarray) -> np.ndarray:
         x, v, theta_1, omega_1, theta_2, omega_2, torque_1, torque_2 = values
-        place, speed = (x, theta_1, theta_2), (v, omega_1, omega_2)
-        assert plant.taut(place, speed) == (True, True)
-        (a, alpha_1, alpha_2), _ = plant.motion(0.0, place, speed, Held(torque_1, torque_2), (True, True))
+        position, speed = (x, theta_1, theta_2), (v, omega_1, omega_2)
+        assert plant.taut(position, speed) == (True, True)
+        (a, alpha_1, alpha_2), _ = plant.motion(0.0, position, speed, Hold(torque_1, torque_2), (True, True))
         return np.array([v, a, omega_1, alpha_1, omega_2, alpha_2])
 
     fmu = Instance(exported("plant", version), exchange=True)
@@ -42,9 +42,9 @@ def test_directional_derivatives_are_the_independent_plants_slopes(version: int,
 def test_casadis_importer_finds_the_same_plant(version: int, exported: Exported) -> None:
     made = block("plant", case(4))
     assert made.derivative is not None
-    parameters = [one.start for one in made.parameters]
+    parameters = [parameter.start for parameter in made.parameters]
     state = np.array(made.initial(parameters)).ravel() + np.array([1.0, 0.5, 0.1, 0.2, -0.1, 0.1, 0.3, 100, 0.0])
-    given, continuous = [one.start for one in made.inputs], len(made.continuous)
+    given, continuous = [signal.start for signal in made.inputs], len(made.continuous)
     imported = ca.DaeBuilder("plant", str(fmpy.extract(str(exported("plant", version))))).create(
         "imported", ["x", "u"], ["ode", "y"]
     )
@@ -61,7 +61,7 @@ def test_model_exchange_and_co_simulation_agree(exported: Exported) -> None:
     stepped, flowing = Instance(exported("plant", 2)), Instance(exported("plant", 2), exchange=True)
     for instance in (stepped, flowing):
         instance.set(tau_1=60.0, tau_2=20.0)
-    states = [f"state.{one.name}" for one in block("plant", case(4)).continuous]
+    states = [f"state.{state.name}" for state in block("plant", case(4)).continuous]
     slopes = [f"der({name})" for name in states]
 
     def slope(at: np.ndarray) -> np.ndarray:
@@ -89,6 +89,6 @@ def test_a_variable_step_solver_finds_its_way_by_what_the_description_proposes(
     )
     found = np.interp(slopes["time"], steps["time"], steps["x"])[-1]
     assert slopes["x"][-1] == pytest.approx(found, abs=1e-6)
-    names = [one.name for one in fmpy.read_model_description(path).modelVariables]
+    names = [variable.name for variable in fmpy.read_model_description(path).modelVariables]
     assert "der(state.sample)" in names
     assert "der(state.slow)" not in names

@@ -17,7 +17,7 @@ from tests.fmus import Instance
 @pytest.mark.parametrize(("platform", "magic"), [("darwin64", b"\xcf\xfa\xed\xfe"), ("aarch64-linux", b"\x7fELF")])
 def test_binaries_for_other_machines_are_what_they_say(platform: str, magic: bytes, tmp_path: Path) -> None:
     path = tmp_path / "controller.fmu"
-    export_fmu(case(4), "controller", path, 2, None, platform)
+    export_fmu(case(4), path, platforms=platform)
     with ZipFile(path) as files:
         (binary,) = (name for name in files.namelist() if name.startswith("binaries/"))
         content = files.read(binary)
@@ -68,5 +68,5 @@ def test_without_zig_there_are_binaries_for_this_machine_alone(
     with pytest.raises(SystemExit, match="1"):
         main(["export", "fmu", "--platforms", other, "--out", str(tmp_path / "a.fmu")])
     assert f"no compiler for {other}: it needs zig; run: pip install 'dualwinch[zig]'" in capsys.readouterr().err
-    export_fmu(case(4), "controller", tmp_path / "b.fmu", 2, None, None)
+    export_fmu(case(4), tmp_path / "b.fmu")
     assert Instance(tmp_path / "b.fmu").get("tau_1")[0] > 0

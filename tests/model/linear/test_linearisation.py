@@ -10,7 +10,7 @@ from dualwinch.model.linear.linearisation import INPUTS, OUTPUTS, STATES, UNITS,
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import with_leaves
 from tests.model.linear.test_operating_point import CHANGED
-from tests.oracle.plant import Held
+from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS
 
@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 STEPS = {"x": 0.05, "v": 5e-4, "theta": 0.05, "omega": 5e-4, "tau": 5.0, "current": 0.01}
 
 
-def difference(function: Callable[[Array], Array], place: Array, k: int, step: float) -> Array:
+def difference(function: Callable[[Array], Array], point: Array, k: int, step: float) -> Array:
     """Derivative along the k-th argument by the central difference of eighth order."""
-    total = np.zeros_like(function(place))
+    total = np.zeros_like(function(point))
     for offset, weight in ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280)):
-        ahead, behind = place.copy(), place.copy()
+        ahead, behind = point.copy(), point.copy()
         ahead[k] += offset * step
         behind[k] -= offset * step
         total += weight * (function(ahead) - function(behind)) / step
@@ -34,11 +34,11 @@ def oracle_function(values: dict[str, float]) -> Callable[[Array], Array]:
     """(state, tau_1, tau_2, current) -> (rate of the state, outputs) of the independent plant, ropes taut."""
     oracle = OraclePlant(values)
 
-    def function(place: Array) -> Array:
-        x, v, theta_1, omega_1, theta_2, omega_2, tau_1, tau_2, current = place
+    def function(point: Array) -> Array:
+        x, v, theta_1, omega_1, theta_2, omega_2, tau_1, tau_2, current = point
         position, speed = (x, theta_1, theta_2), (v, omega_1, omega_2)
-        held = Held(tau_1, tau_2, current=current)
-        (dv, domega_1, domega_2), _ = oracle.motion(0.0, position, speed, held, (True, True))
+        hold = Hold(tau_1, tau_2, current=current)
+        (dv, domega_1, domega_2), _ = oracle.motion(0.0, position, speed, hold, (True, True))
         force_1, force_2 = oracle.tensions(position, speed)
         rates = [v, dv, omega_1, domega_1, omega_2, domega_2]
         return np.array([*rates, x, v, force_1, force_2, omega_1, omega_2])
@@ -54,10 +54,10 @@ def test_matrices_are_the_independent_plants(values: dict[str, float], x: float,
     two_sided = values | {"plant.rope_slack": False}  # differences reach across the point where a rope goes slack
     system = linearise(x, v, preload, with_leaves(Plant(), values, "plant."), current=0.1)
     at = system.operating_point
-    place = np.array([at[name] for name in (*STATES, "tau_1", "tau_2", "current")])
+    point = np.array([at[name] for name in (*STATES, "tau_1", "tau_2", "current")])
     function = oracle_function(two_sided)
     steps = [STEPS[name.partition("_")[0]] for name in (*STATES, "tau_1", "tau_2", "current")]
-    jacobian = np.array([difference(function, place, k, step) for k, step in enumerate(steps)]).T
+    jacobian = np.array([difference(function, point, k, step) for k, step in enumerate(steps)]).T
     chosen = [0, 1, 3]
     pairs = [
         (system.A, jacobian[:6, :6]),
@@ -84,8 +84,8 @@ def test_names_and_units() -> None:
 
 def test_a_sweep_is_the_same_as_one_by_one() -> None:
     x = np.array([2.0, 30.0])
-    for system, place in zip(linearise_sweep(x, 0.7, 3000.0, dt=1e-3), x, strict=True):
-        alone = linearise(place, 0.7, 3000.0, dt=1e-3)
+    for system, point in zip(linearise_sweep(x, 0.7, 3000.0, dt=1e-3), x, strict=True):
+        alone = linearise(point, 0.7, 3000.0, dt=1e-3)
         np.testing.assert_array_equal(system.A, alone.A)
         np.testing.assert_array_equal(system.B, alone.B)
         assert system.dt == 1e-3

@@ -15,7 +15,7 @@ from dualwinch.model.plant import Plant, holding_torques, resting_state
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.rope import Track
 from dualwinch.model.steady_cruise import shared_tensions
-from tests.oracle.plant import Held
+from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS
 
@@ -50,8 +50,8 @@ def test_a_cruise_goes_on_for_seconds_without_any_acceleration(
     speed = (v, point.omega_1, point.omega_2)
     for t in (0.0, 2.0, 10.0):
         position = (x + v * t, point.theta_1 + point.omega_1 * t, point.theta_2 + point.omega_2 * t)
-        held = Held(point.tau_1, point.tau_2, current=0.1)
-        accelerations, _ = oracle.motion(t, position, speed, held, oracle.taut(position, speed))
+        hold = Hold(point.tau_1, point.tau_2, current=0.1)
+        accelerations, _ = oracle.motion(t, position, speed, hold, oracle.taut(position, speed))
         np.testing.assert_allclose(accelerations, 0.0, atol=1e-6)
         np.testing.assert_allclose(oracle.tensions(position, speed), (point.F1, point.F2), rtol=1e-9)
     assert point.residual < 1e-6

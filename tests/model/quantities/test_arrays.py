@@ -2,7 +2,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.model.quantities.arrays import elements, is_array, rebuilt
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.arrays import Elements, elements, is_array, rebuilt
+from dualwinch.model.quantities.quantity import Mark, Quantity
 
 MATRIX = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 
@@ -41,6 +43,19 @@ def test_numbers_and_symbols_have_the_same_elements_and_come_together_again(valu
 
 def places(symbols: ca.SX) -> list[tuple[int, int]]:
     return [(row, column) for row in range(symbols.rows()) for column in range(symbols.columns())]
+
+
+def test_elements_that_are_not_alike_are_told_apart() -> None:
+    x, v = Quantity("m", "position"), Quantity("m/s", "speed")
+    each = Elements((x, Mark.POSITION), v)
+    assert (each.quantities, each.marks) == ((x, v), (frozenset({Mark.POSITION}), frozenset()))
+    assert each == Elements((x, Mark.POSITION), (v,))
+    assert hash(each) == hash(Elements((x, Mark.POSITION), (v,)))
+    for wrong in [(), ((Mark.POSITION,), v), ((x, v),), ("m",)]:
+        with pytest.raises(
+            ConfigurationError, match=r"^Elements: must be one Quantity for each element, or a tuple of"
+        ):
+            Elements(*wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_single_symbol_among_numbers_makes_the_array_symbolic() -> None:

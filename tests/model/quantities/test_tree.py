@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.arrays import Elements
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.part import Choice, Part, Registry
 from dualwinch.model.quantities.quantity import Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
@@ -57,7 +58,7 @@ def test_a_scalar_without_a_quantity_is_an_error() -> None:
         size: float = 1.0
 
     for describe_it in (lambda: describe(Bare), lambda: describe_parts(Bare())):
-        with pytest.raises(TypeError, match=r"Bare\.size has no Quantity"):
+        with pytest.raises(ConfigurationError, match=r"Bare\.size has no Quantity"):
             describe_it()
 
 
@@ -71,7 +72,9 @@ def test_an_interval_bounds_like_its_ends_and_what_is_no_bound_is_an_error() -> 
         share: Annotated[float, at.MultipleOf(0.1), Quantity("1", "share")] = 0.5
 
     assert describe(Bounded)["share"].constraints == (at.Gt(0), at.Le(1))
-    with pytest.raises(TypeError, match=r"Stepped\.share: MultipleOf\(multiple_of=0\.1\) is no bound; use Gt, Ge"):
+    with pytest.raises(
+        ConfigurationError, match=r"Stepped\.share: MultipleOf\(multiple_of=0\.1\) is no bound; use Gt, Ge"
+    ):
         describe(Stepped)
 
 
@@ -242,6 +245,25 @@ def test_vectors_and_matrices_are_scalars_by_their_places() -> None:
     assert (known["m.z.1"].quantity.unit, known["m.P.1.0"].quantity.unit) == ("m", "m^2")
     assert known["m.z.1"].marks == {Mark.SPEED}
     assert list(leaves(Memory(), whole=True)) == ["z", "P", "single"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    z: Annotated[Any, Elements((Quantity("m", "position"), Mark.POSITION), Quantity("m/s", "speed"))] = field(
+        default_factory=lambda: np.zeros(2)
+    )
+
+
+def test_elements_of_a_vector_have_their_own_units_and_marks() -> None:
+    known = describe_parts(Motion(), "m.")
+    assert list(known) == [leaf.key for leaf in known.values()] == ["m.z.0", "m.z.1"]
+    assert [leaf.quantity.meaning for leaf in known.values()] == ["position", "speed"]
+    assert [leaf.marks for leaf in known.values()] == [{Mark.POSITION}, frozenset()]
+    for size in (1, 3):
+        with pytest.raises(ConfigurationError, match=rf"^Motion\.z: has {size} elements; its Elements.* not 2$"):
+            describe_parts(Motion(np.zeros(size)))
+    with pytest.raises(ConfigurationError, match=r"^Motion\.z: has 1 elements; its Elements"):
+        describe_parts(Motion(ca.SX.sym("z")))
 
 
 def test_vectors_and_matrices_are_put_together_of_numbers_and_of_symbols() -> None:

@@ -47,7 +47,7 @@ def test_v_along_a_run_is_that_of_the_independent_implementation(case_3: Certifi
 
 
 def test_the_papers_gains_fall_short_of_the_papers_theorem(case_4: Certificate) -> None:
-    failing = [one.name for one in case_4.conditions if not one.holds and one.basis != REAL]
+    failing = [condition.name for condition in case_4.conditions if not condition.holds and condition.basis != REAL]
     assert failing == ["weight of Z_a in the surface", "weight of Z_a in the force"]
     assert not case_4.certified
     assert 0.5 < case_4.decreasing < 0.7

@@ -25,7 +25,10 @@ SEEN = Bounds(disturbance=0.06, disturbance_rate=0.13, speed_error=0.008, observ
 
 def test_conditions_of_the_papers_gains_by_hand() -> None:
     """2·5·0.06/(3·0.05)·0.04 + 0.05 = 0.21 m/s², and 2·6000/1 = 12000."""
-    sides = {(one.name, one.basis): (one.left, one.right, one.holds) for one in conditions(case(4), {IDEAL: SEEN})}
+    sides = {
+        (condition.name, condition.basis): (condition.left, condition.right, condition.holds)
+        for condition in conditions(case(4), {IDEAL: SEEN})
+    }
     assert sides["switching gain", IDEAL] == (0.5, pytest.approx(0.21), True)
     assert sides["observer gain", IDEAL] == (5.0, 0.13, True)
     assert sides["decay of Z_a", ""] == (1.0, 0.0, True)
@@ -43,11 +46,11 @@ def test_a_gain_on_its_bound_satisfies_it_and_one_below_does_not() -> None:
 def test_without_decay_no_weight_is_enough() -> None:
     assert auxiliary_weight_needed(6000.0, 0.0) == np.inf
     verdicts = conditions(override(case(4), {"controller.auxiliary.k_a": 0.0}), {IDEAL: SEEN})
-    assert [one.holds for one in verdicts] == [True, True, False, False, False]
+    assert [condition.holds for condition in verdicts] == [True, True, False, False, False]
 
 
 def test_without_an_observer_there_is_no_condition_on_it() -> None:
-    assert "observer gain" not in {one.name for one in conditions(case(4, "nftsm"), {IDEAL: SEEN})}
+    assert "observer gain" not in {condition.name for condition in conditions(case(4, "nftsm"), {IDEAL: SEEN})}
 
 
 def test_lyapunov_function_by_hand() -> None:

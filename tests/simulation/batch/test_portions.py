@@ -15,7 +15,7 @@ SEA = load_ensemble("sea")
 
 
 def test_portions_hold_every_scenario_once_in_order() -> None:
-    sizes = [[one.index for one in portion] for portion in in_portions(SEA.scenarios(7, 0), 3)]
+    sizes = [[scenario.index for scenario in portion] for portion in in_portions(SEA.scenarios(7, 0), 3)]
     assert sizes == [[0, 1, 2], [3, 4, 5], [6]]
     assert list(in_portions([], 3)) == []
 

@@ -25,11 +25,11 @@ def scenario(number: int, seed: int = 0, duration: float = 1.0) -> Experiment:
     return override(case(number), noisy | {"simulation.duration": duration})
 
 
-def same(one: BatchResult, other: BatchResult, pick: Callable[[np.ndarray], np.ndarray]) -> bool:
+def same(first: BatchResult, other: BatchResult, pick: Callable[[np.ndarray], np.ndarray]) -> bool:
     """Whether two results are the same to the last bit, after picking from the first."""
-    tables = [(one.end_times, other.end_times)]
-    tables += [(one.metrics[name], other.metrics[name]) for name in one.metrics]
-    tables += [(one.columns[name], other.columns[name]) for name in one.columns]
+    tables = [(first.end_times, other.end_times)]
+    tables += [(first.metrics[name], other.metrics[name]) for name in first.metrics]
+    tables += [(first.columns[name], other.columns[name]) for name in first.columns]
     return all(np.array_equal(pick(ours), theirs, equal_nan=True) for ours, theirs in tables)
 
 

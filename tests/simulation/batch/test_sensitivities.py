@@ -142,8 +142,8 @@ def test_sensors_that_read_in_steps_are_differentiated_as_if_they_did_not() -> N
     fine = replace(sea, experiment=override(sea.experiment, calm | {"sensors.encoder_counts": 0})).scenario(0, 7)
     stepped = replace(sea, experiment=override(sea.experiment, calm)).scenario(0, 7)
     name = ["controller.observer.l0"]
-    one, other = (sensitivities(name, [[20.0]], [scenario]).slopes for scenario in (fine, stepped))
-    assert np.abs(one - other).max() < 0.2 * np.abs(one).max()
+    reading, stepping = (sensitivities(name, [[20.0]], [scenario]).slopes for scenario in (fine, stepped))
+    assert np.abs(reading - stepping).max() < 0.2 * np.abs(reading).max()
 
 
 def test_a_diverging_run_is_a_result() -> None:

@@ -33,13 +33,13 @@ def stronger() -> Controller:
 
 def test_each_controller_meets_the_ensemble_as_if_alone(sea: Ensemble) -> None:
     result = compare({"paper": paper_controller(), "other": stronger()}, sea, 5, 3)
-    for name, one in result.contenders.items():
+    for name, contender in result.contenders.items():
         alone = run_ensemble(
-            replace(sea, experiment=replace(sea.experiment, controller=one.controller)), 5, 3, traces=False
+            replace(sea, experiment=replace(sea.experiment, controller=contender.controller)), 5, 3, traces=False
         )
-        for metric, values in one.metrics.items():
+        for metric, values in contender.metrics.items():
             np.testing.assert_allclose(values, alone.metrics[metric], rtol=1e-6, err_msg=f"{name} {metric}")
-        summary = one.summary()
+        summary = contender.summary()
         assert summary["mean_mse"] == pytest.approx(alone.statistic("mean.mse"), rel=1e-6)
         assert summary["min_tension"] == pytest.approx(alone.metrics["min_tension"].min(), rel=1e-6)
         assert summary["slack_scenarios"] == (alone.metrics["slack_share"] > 0).sum()
@@ -52,6 +52,15 @@ def test_portions_and_threads_change_no_bit(sea: Ensemble) -> None:
     results = [compare(contenders, sea, 40, 1, threads=threads).contenders["paper"] for threads in (1, 2)]
     for metric, values in results[0].metrics.items():
         np.testing.assert_array_equal(values, results[1].metrics[metric])
+
+
+def test_a_prompt_shows_a_line_for_each(sea: Ensemble) -> None:
+    result = compare({"paper": paper_controller(), "other": stronger()}, sea, 5, 3)
+    heading, paper, other = repr(result).splitlines()
+    assert heading == "Comparison in 5 scenarios of 'sea', seed 3:"
+    assert paper.startswith(f"  paper: mean MSE {result.contenders['paper'].metrics['mse'].mean():.3g} m², chatter ")
+    ratio = result.contenders["other"].metrics["mse"].mean() / result.contenders["paper"].metrics["mse"].mean()
+    assert other.endswith(f"; {ratio:.3g} times the MSE of paper")
 
 
 def test_a_controller_over_itself_is_one(sea: Ensemble) -> None:
@@ -113,7 +122,7 @@ def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: p
     monkeypatch.setattr(paired_run, "rollout", interrupted)
     result = compare({"a": paper_controller(), "b": stronger()}, sea, 40, 0, threads=1)
     assert result.partial
-    assert {len(one.outcomes) for one in result.contenders.values()} == {BLOCKS * LANES}
+    assert {len(contender.outcomes) for contender in result.contenders.values()} == {BLOCKS * LANES}
     assert result.paired("b")["mse"].pairs == BLOCKS * LANES
 
 

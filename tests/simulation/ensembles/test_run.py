@@ -38,10 +38,10 @@ def ten() -> EnsembleResult:
     return run_ensemble(lasting(1.0), 10, 7)
 
 
-def same(one: EnsembleResult, other: EnsembleResult) -> bool:
-    metrics = all(np.array_equal(one.metrics[name], other.metrics[name], equal_nan=True) for name in BUILT_IN)
-    draws = all(np.array_equal(one.draws[key], other.draws[key]) for key in one.draws)
-    return metrics and draws and one.outcomes == other.outcomes
+def same(first: EnsembleResult, other: EnsembleResult) -> bool:
+    metrics = all(np.array_equal(first.metrics[name], other.metrics[name], equal_nan=True) for name in BUILT_IN)
+    draws = all(np.array_equal(first.draws[key], other.draws[key]) for key in first.draws)
+    return metrics and draws and first.outcomes == other.outcomes
 
 
 def test_a_scenario_of_an_ensemble_is_that_scenario_alone(ten: EnsembleResult) -> None:

@@ -13,7 +13,7 @@ from dualwinch.model.plant import Environment, Plant, PlantState, Torques
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from tests.oracle.collocation import Collocation
-from tests.oracle.plant import Held
+from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS
 
@@ -45,7 +45,7 @@ class Stretch:
         """State at the end."""
         x, v, theta_1, omega_1, theta_2, omega_2 = self.start.tolist()
         (x, theta_1, theta_2), (v, omega_1, omega_2) = Collocation(ORACLE, swing=0.2).advance(
-            self.t, self.duration, (x, theta_1, theta_2), (v, omega_1, omega_2), Held(*self.torques)
+            self.t, self.duration, (x, theta_1, theta_2), (v, omega_1, omega_2), Hold(*self.torques)
         )
         return np.array([x, v, theta_1, omega_1, theta_2, omega_2])
 

@@ -17,9 +17,9 @@ EXPERIMENTS = [
 
 
 def test_starts_are_those_of_the_experiments() -> None:
-    vectors = np.array([list(parameters_of(one).values()) for one in EXPERIMENTS])
+    vectors = np.array([list(parameters_of(experiment).values()) for experiment in EXPERIMENTS])
     found = starts(structure_of(EXPERIMENTS[0]), vectors)
-    expected = np.array([list(initial_state_of(one).values()) for one in EXPERIMENTS])
+    expected = np.array([list(initial_state_of(experiment).values()) for experiment in EXPERIMENTS])
     assert found == pytest.approx(expected, rel=1e-14, abs=1e-300)
     assert np.ptp(found, axis=0).max() > 0
 
@@ -28,10 +28,10 @@ def test_slopes_are_differences_of_starts() -> None:
     experiment, key, step = Experiment(), "controller.coordination.preload", 1.0
     structure, names = structure_of(experiment), list(parameters_of(experiment))
     vector = np.array(list(parameters_of(experiment).values()))
-    place = names.index(key)
+    index = names.index(key)
     vectors = np.array([vector, vector])
-    vectors[:, place] += (-step, step)
+    vectors[:, index] += (-step, step)
     lower, upper = starts(structure, vectors)
     slopes = np.array(start_slopes(structure)(vector))
-    assert slopes[:, place] == pytest.approx((upper - lower) / (2 * step), rel=1e-6, abs=1e-15)
-    assert np.abs(slopes[:, place]).max() > 0
+    assert slopes[:, index] == pytest.approx((upper - lower) / (2 * step), rel=1e-6, abs=1e-15)
+    assert np.abs(slopes[:, index]).max() > 0

@@ -57,7 +57,7 @@ def texts(figure: Figure) -> str:
 
 
 def line(axes: Axes, kind: str) -> np.ndarray:
-    return next(np.asarray(one.get_ydata()) for one in axes.lines if one.get_label() == CONTROLLERS[kind])
+    return next(np.asarray(line.get_ydata()) for line in axes.lines if line.get_label() == CONTROLLERS[kind])
 
 
 def legend_of(figure: Figure) -> list[str]:
@@ -106,10 +106,10 @@ def test_an_error_gets_a_unit_with_few_digits(largest: float, name: str) -> None
 def test_each_controller_keeps_its_colour(case_4: Results, content: str) -> None:
     figure = DRAWN[content](case_4)
     for axes in figure.axes:
-        for one in axes.lines:
+        for line in axes.lines:
             for kind, name in CONTROLLERS.items():
-                if one.get_label() == name:
-                    assert same_color(one.get_color(), law_colour(case(4, kind)))
+                if line.get_label() == name:
+                    assert same_color(line.get_color(), law_colour(case(4, kind)))
     assert legend_of(figure)[:3] == list(CONTROLLERS.values())
 
 
@@ -155,16 +155,16 @@ def test_error_panels_show_every_size(case_4: Results) -> None:
     assert np.nanmax(line(decades, "fando-nftsm")) == pytest.approx(6.398e-3, rel=1e-3)
     assert np.abs(line(steady, "nftsm")).max() == pytest.approx(28.35, abs=0.01)
     assert steady.get_xlim() == (18, 29)
-    assert CONTROLLERS["pid-cascade"] not in [one.get_label() for one in steady.lines]
+    assert CONTROLLERS["pid-cascade"] not in [line.get_label() for line in steady.lines]
     assert steady.texts[0].get_text() == "PID cascade: −176 to −152 mm, off this panel"
 
 
 def test_commands_and_tensions_show_the_limits(case_4: Results) -> None:
     for figure in (plots.commands(case_4), plots.tensions(case_4)):
         levels = {
-            float(np.asarray(one.get_ydata())[0])
-            for one in figure.axes[0].lines
-            if one.get_label() not in CONTROLLERS.values()
+            float(np.asarray(line.get_ydata())[0])
+            for line in figure.axes[0].lines
+            if line.get_label() not in CONTROLLERS.values()
         }
         assert levels == {0.2, 6.0}
         assert "limits 0.2 and 6 kN" in legend_of(figure)
@@ -315,7 +315,7 @@ def test_a_fan_chart_shows_median_bands_and_extremes(at_sea: EnsembleResult) -> 
         )
     limits = {6.0, 0.2}
     for axes in ropes:
-        assert limits <= {float(np.asarray(one.get_ydata())[0]) for one in axes.lines}
+        assert limits <= {float(np.asarray(line.get_ydata())[0]) for line in axes.lines}
     assert legend_of(figure)[:4] == ["median", "50 %", "90 %", "all scenarios"]
     words = texts(figure)
     assert "FANDO-NFTSM in the ensemble “sea”" in words

@@ -100,6 +100,25 @@ def test_the_start_is_kept_where_it_is_better_in_the_held_out_scenarios(
     assert verdict.scored == verdict.scores["start"].evaluation
 
 
+def test_who_does_not_hold_where_scored_is_passed_over_for_the_next(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evaluator = Evaluator(prepare(make_problem(scenarios=2)))
+    trials = studied(evaluator, 32)
+    leader = judge(evaluator, trials, SMALL).best
+    beats = selection.beats
+
+    def unless_scored(ours: Evaluation, start: Evaluation) -> bool:
+        return beats(ours, start) and not (ours.point == leader.point and ours.scenarios == SMALL.held_out)
+
+    monkeypatch.setattr(selection, "beats", unless_scored)
+    verdict = judge(evaluator, trials, SMALL)
+    assert verdict.improved
+    assert verdict.passed_over == (leader.number,)
+    assert verdict.best.point != leader.point
+    assert verdict.improvement("mean.mse", "start") > 1
+
+
 def test_the_start_and_the_papers_gains_are_one_where_they_do_the_same(make_problem: MakeProblem) -> None:
     settings = ["simulation.duration=0.1", "controller.estimator=none"]
     prepared = prepare(make_problem(settings=settings, scenarios=2))
@@ -116,3 +135,16 @@ def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
     assert len(found) == 16
     assert found[0] == 0
     assert all(after / before > RUNG for before, after in pairwise(values))
+
+
+def test_of_a_rung_the_most_cautious_is_taken() -> None:
+    caution = [0.0, 0.5, 0.1, 0.3, 0.2]
+    ordered = [
+        Evaluation(
+            Candidate({}, ""), (1.01**number,), {"worst.peak_tension <= 6000 N": -caution[number % 5]}, {}, {}, 1
+        )
+        for number in range(400)
+    ]
+    found = rungs(ordered, 16)
+    assert found[0] == 0, "the best is always there"
+    assert {ordered[index].reserve for index in found[1:]} == {0.5}

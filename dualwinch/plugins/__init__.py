@@ -1,0 +1,1 @@
+"""Parts from outside of the package: registered, imported from files and modules, found among what is installed."""

@@ -1,0 +1,57 @@
+"""Every example runs, tunes, compares and exports; the lesson shows the very code."""
+
+import importlib.util
+import inspect
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from dualwinch.model.quantities.part import Part
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+LESSON = (ROOT / "docs" / "your-own-parts.md").read_text(encoding="utf-8")
+LONGEST = 25
+"""Lines of a part."""
+
+
+def loaded(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"example_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def part_of(module: ModuleType) -> type[Part]:
+    """The part an example is about: the last one it defines."""
+    own = [value for value in vars(module).values() if isinstance(value, type) and value.__module__ == module.__name__]
+    return [value for value in own if issubclass(value, Part)][-1]
+
+
+@pytest.fixture(params=EXAMPLES, ids=lambda path: path.stem)
+def example(request: pytest.FixtureRequest) -> ModuleType:
+    return loaded(request.param)
+
+
+def test_it_tunes_compares_and_writes_c(
+    example: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    example.main(trials=8, out="made")
+    printed = capsys.readouterr().out
+    assert printed.startswith("Tuned(")
+    assert "Comparison in " in printed
+    assert "times the MSE of paper" in printed
+    code = (tmp_path / "made" / "dualwinch_controller.c").read_text()
+    assert "dualwinch_controller_step" in code
+
+
+def test_its_part_is_short_and_in_the_lesson(example: ModuleType) -> None:
+    source = inspect.getsource(part_of(example)).strip()
+    assert len(source.splitlines()) <= LONGEST
+    blocks = re.findall(r"```python\n(.*?)```", LESSON, re.DOTALL)
+    assert any(source in block for block in blocks), "copy the class into docs/your-own-parts.md"

@@ -1,0 +1,98 @@
+"""Which parts of your own a problem rests on, noted with a study: it is never gone on with, with others."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypedDict
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.origin import built_in, digest, named, source_of
+from dualwinch.model.quantities.part import Part
+
+
+class Noted(TypedDict):
+    """What is noted of a part.
+
+    Attributes:
+        what: such as ``position law``.
+        kind: its name in files.
+        source: path of the file, or name of the module that defines it.
+        script: whether that is a script, which cannot be imported without running it.
+        sha256: of the source.
+    """
+
+    what: str
+    kind: str
+    source: str
+    script: bool
+    sha256: str
+
+
+def noted_parts(*holders: Any) -> list[Noted]:
+    """What is noted of the parts that some objects hold, without the built-in ones.
+
+    Raises:
+        ConfigurationError: a part has no source that could be told from another.
+    """
+    parts = {type(part) for holder in holders for part in _parts(holder)}
+    return sorted((noted(part) for part in parts if not built_in(part)), key=lambda part: (part["what"], part["kind"]))
+
+
+def noted(part: type[Part]) -> Noted:
+    """What is noted of a part.
+
+    Raises:
+        ConfigurationError: it has no source that could be told from another.
+    """
+    sha256 = digest(part)
+    if not sha256:
+        raise ConfigurationError(f"{named(part)}: has no source to tell it from another by; define it in a file")
+    return Noted(
+        what=part.registry.what if part.registry else "part",
+        kind=part.kind,
+        source=source_of(part),
+        script=part.__module__ == "__main__",
+        sha256=sha256,
+    )
+
+
+def in_words(parts: Sequence[Noted]) -> str:
+    """Noted parts in one line."""
+    return "; ".join(
+        f"{part['what']} '{part['kind']}' of {Path(part['source']).name}, sha256 {part['sha256']}" for part in parts
+    )
+
+
+def check_parts(study: str, ours: Sequence[Noted], theirs: Sequence[Noted]) -> None:
+    """Refuse to go on with a study with another part of the same kind.
+
+    Args:
+        study: the study's name.
+        ours: the parts there are.
+        theirs: those it was begun with.
+
+    Raises:
+        ConfigurationError: a part's source is another one.
+    """
+    before = {(part["what"], part["kind"]): part for part in theirs}
+    for part in ours:
+        was = before.get((part["what"], part["kind"]))
+        if was and was["sha256"] != part["sha256"]:
+            raise ConfigurationError(
+                f"--study {study}: was begun with another {part['what']} '{part['kind']}': the source {part['source']} "
+                f"has sha256 {part['sha256'][:12]}, had {was['sha256'][:12]}; restore it, or choose another name"
+            )
+
+
+def _parts(holder: Any) -> Iterator[Part]:
+    """Every part in an object: in its fields, lists and tables."""
+    if isinstance(holder, Part):
+        yield holder
+    if is_dataclass(holder) and not isinstance(holder, type):
+        inner = [getattr(holder, field.name) for field in fields(holder)]
+    elif isinstance(holder, Mapping):
+        inner = list(holder.values())
+    else:
+        inner = holder if isinstance(holder, (tuple, list)) else ()
+    for value in inner:
+        yield from _parts(value)
