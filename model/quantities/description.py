@@ -96,15 +96,15 @@ def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
     described: list[tuple[type, Mapping[str, Leaf]]] = []
     for slot in slots(type(group), prefix):
         value = getattr(group, slot.field)
-        if isinstance(value, Part) and slot.choice:
-            choices = dict.fromkeys((*slot.choice.registry, value.kind))
-            described.append((type(group), {slot.choice_key: _choice_leaf(slot, tuple(choices))}))
         if slot.choices:
             kinds = dict.fromkeys((*slot.choices.registry, *(part.kind for part in value)))
             described.append((type(group), {slot.key: _kinds_leaf(slot, tuple(kinds))}))
             described += [(type(part), describe_parts(part, slot.below)) for part in value]
-        else:
-            described.append(_describe_value(type(group), slot, value))
+            continue
+        if isinstance(value, Part) and slot.choice:
+            choices = dict.fromkeys((*slot.choice.registry, value.kind))
+            described.append((type(group), {slot.choice_key: _choice_leaf(slot, tuple(choices))}))
+        described.append(_describe_value(type(group), slot, value))
     for part, own in described:
         if issubclass(part, Part) and part is not type(group) and not built_in(part):
             others = ((owner, leaf) for owner, known in described if known is not own for leaf in known.values())
