@@ -41,7 +41,6 @@ from .model.disturbance import Disturbance as Disturbance
 from .model.errors import ConfigurationError as ConfigurationError
 from .model.linear.linearisation import linearise as linearise
 from .model.linear.modes import modes as modes
-from .model.linear.operating_point import operating_point as operating_point
 from .model.linear.system import LinearSystem as LinearSystem
 from .model.motions.setpoint import Setpoint as Setpoint
 from .model.plant import Plant as Plant
@@ -66,6 +65,7 @@ from .simulation.analysis.margins import Margins as Margins
 from .simulation.analysis.margins import margins as margins
 from .simulation.analysis.nearby_gains import NearbyGains as NearbyGains
 from .simulation.analysis.nearby_gains import nearby_gains as nearby_gains
+from .simulation.analysis.operating_point import operating_point as operating_point
 from .simulation.batch.rollout import BatchResult as BatchResult
 from .simulation.batch.rollout import rollout as rollout
 from .simulation.batch.sensitivities import Sensitivities as Sensitivities

@@ -1,5 +1,6 @@
 """Figures of merit of a user's own: whatever works with a built-in one works with these."""
 
+import json
 import pickle
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 import dualwinch as dw
+from dualwinch.cli import main
+from dualwinch.commands.tuning_setup import definition_of, problem_from
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Simulation
@@ -18,7 +21,6 @@ from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.result import Result
 from tests.own_metrics import LastBeyond, PullSpread, Room
-from tests.registering import register
 
 OWN = (LastBeyond(2e-3), PullSpread(), Room())
 NAMES = ("last_beyond", "pull_spread", "room")
@@ -100,7 +102,7 @@ def test_a_result_is_saved_and_loaded(tmp_path: Path) -> None:
     for suffix in ("csv", "parquet", "npz", "mat"):
         dw.save(result, tmp_path / f"run.{suffix}")
         assert dw.load_result(tmp_path / f"run.{suffix}", base=dw.case(1, metrics=[Room(), *OWN[:2]])) == result
-        with pytest.raises(ConfigurationError, match=r"metrics = .*last-beyond.*: no such part is registered; give an"):
+        with pytest.raises(ConfigurationError, match=r"metrics = .*last-beyond.*: no such part is registered; register it, "):
             dw.load_result(tmp_path / f"run.{suffix}")
 
 
@@ -185,7 +187,7 @@ def test_one_whose_small_values_are_bad_is_no_objective() -> None:
         dw.tuning_problem(case=4, objectives=["room"])
 
 
-def test_files_name_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_name_them(tmp_path: Path) -> None:
     text = dw.to_toml(EXPERIMENT)
     assert "[metrics.last_beyond]  # [s] time at which the error was last beyond the band" in text
     assert "band = 0.002  # [m] half width of the band; > 0" in text
@@ -195,7 +197,7 @@ def test_files_name_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     with pytest.raises(ConfigurationError, match=r"own\.toml.*: unknown metric 'last_beyond': none is registered"):
         dw.load(path)
     for part in (LastBeyond, PullSpread, Room):
-        register(monkeypatch, part)
+        dw.register(part)
     assert dw.load(path) == EXPERIMENT
     for words in (
         'metrics = ["last-beyond", "room"]',
@@ -225,14 +227,87 @@ def test_files_name_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         ("[metrics.room]\nlimit = -1", "own.toml:2: metrics.room.limit = -1: must be a finite number > 0 N m"),
     ],
 )
-def test_wrong_entries_are_one_line(words: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    register(monkeypatch, Room)
+def test_wrong_entries_are_one_line(words: str, message: str, tmp_path: Path) -> None:
+    dw.register(Room)
     path = tmp_path / "own.toml"
     path.write_text(words)
     with pytest.raises(ConfigurationError) as caught:
         dw.load(path)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """A file of an experiment with registered metrics."""
+    for part in (LastBeyond, PullSpread, Room):
+        dw.register(part)
+    path = tmp_path / "own.toml"
+    path.write_text(dw.to_toml(dw.override(EXPERIMENT, {"simulation.duration": 0.5})))
+    return path
+
+
+def test_commands_print_them(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["simulate", "--config", str(config)])
+    assert "standard deviation of F1 - F2" in capsys.readouterr().out
+    few = ("--scenarios", "2", "--config", str(config))
+    main(["simulate", "--ensemble", "sea", *few])
+    assert "pull_spread" in capsys.readouterr().out
+    out = config.with_name("pairs.json")
+    main(["compare", "paper", str(config), *few, "--out", str(out)])
+    said = capsys.readouterr().out
+    assert "pull spread, mean" in said
+    first, second = json.loads(out.read_text())["files"]
+    assert first["mean_pull_spread"] > 0
+    assert set(second["over_first"]) >= set(NAMES)
+
+
+def test_studies_keep_them(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = config.with_name("tuned")
+    words = ("--space", "controller.observer.l0", "--trials", "3", "--out", str(out), "--config", str(config))
+    main(["tune", *words, "--objective", "mean.pull_spread", "--constraint", "worst.room>=1"])
+    assert "worst.room" in capsys.readouterr().out
+    study = json.loads((out / "study.json").read_text())
+    assert study["units"]["mean.pull_spread"] == "N"
+    assert study["metric_units"]["room"] == "N m"
+    assert "worst.room >= 1 N m" in (out / "best.toml").read_text()
+    assert dw.load(out / "best.toml").metrics == OWN
+    main(["tune", *words, "--objective", "mean.pull_spread", "--constraint", "worst.room>=1", "--resume"])
+    assert "trial" in capsys.readouterr().out
+
+
+def test_a_problem_survives_as_data(config: Path) -> None:
+    problem = dw.tuning_problem(config=config, objectives=["pull_spread"], space=["controller.observer.l0"])
+    assert problem_from(definition_of(problem, "tpe")) == problem
+
+
+def test_gradients_guide_the_search() -> None:
+    problem = dw.tuning_problem(
+        experiment=dw.override(EXPERIMENT, {"simulation.duration": 0.5, "controller.coordination.preload": 5000}),
+        space=["controller.observer.l0", "controller.winch.kp"],
+        objectives=["pull_spread"],
+        constraints=["worst.room>=1"],
+    )
+    tuned = dw.tune(problem, trials=12, method="gradient")
+    assert tuned.verdict.scored.statistics["mean.pull_spread"] <= tuned.verdict.statistics("start")["mean.pull_spread"]
+
+
+@pytest.mark.parametrize("name", ["controller", "plant", "closed-loop"])
+def test_exports_leave_them_out(name: str) -> None:
+    ours, theirs = dw.block(name, EXPERIMENT), dw.block(name, PLAIN)
+    assert (ours.states, ours.inputs, ours.outputs, ours.parameters) == (
+        theirs.states,
+        theirs.inputs,
+        theirs.outputs,
+        theirs.parameters,
+    )
+    assert str(ours.step) == str(theirs.step)
+
+
+def test_linear_loops_leave_them_out() -> None:
+    ours, theirs = (dw.linear_closed_loop(experiment, v=0.5) for experiment in (EXPERIMENT, PLAIN))
+    assert ours.states == theirs.states
+    assert np.array_equal(ours.A, theirs.A)
 
 
 @dataclass(frozen=True)
@@ -249,6 +324,11 @@ class Broken(Metric):
 
 class Taken(Broken):
     kind: ClassVar = "mse"
+
+
+class Branches(Broken):
+    def step(self, state: Any, sample: Any, sample_time: Any) -> Any:  # noqa: ARG002
+        return sample.t if sample.F1 > 0 else state
 
 
 class Meaningless(Broken):
@@ -278,6 +358,7 @@ class Listed(Broken):
         ([3], "metrics[0]: must be a Metric, not int"),
         ([Broken(), Broken()], "metric 'broken': is given twice"),
         ([Taken()], "metric 'mse': the name is taken by a built-in figure of merit"),
+        ([Branches()], "metric 'broken': its step asks for the value of a symbol; use where(condition, a, b) of "),
         ([Meaningless()], "metric 'broken': has no quantity; write e.g. quantity = Quantity(\"s\", "),
         ([Grows()], "metric 'broken': its step must give a state of the elements it was given, not value"),
         ([Worded()], "metric 'broken': initial_state must give a number, an array or a dataclass of them, not str"),

@@ -3,7 +3,6 @@
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.simulation.ensembles.statistic import statistic_from
 from dualwinch.tuning.finished import Finished
 from dualwinch.tuning.optimisers import default_method
 from dualwinch.tuning.plots.names import short, shown_unit
@@ -45,7 +44,7 @@ def statistics_table(tuned: Finished) -> tuple[list[str], list[list[str]]]:
         theirs = verdict.statistics("paper")[name]
         ratio = [f"{value / theirs:.3g}" if theirs else "" for _ in compared]
         values = [f"{verdict.statistics(column)[name]:.4g}" for column in columns]
-        rows.append([name, *values, *ratio, shown_unit(statistic_from(name).unit)])
+        rows.append([name, *values, *ratio, shown_unit(tuned.problem.units[name])])
     return ["", *columns.values(), *compared, ""], rows
 
 

@@ -35,7 +35,7 @@ app = App(
 @app.default
 def linearise(
     *,
-    x: Annotated[float | None, Parameter(help="Position in m (default 25).")] = None,
+    x: Annotated[float | None, Parameter(help="Position in m (default: amid the track).")] = None,
     v: Annotated[float | None, Parameter(help="Speed in m/s (default 0); negative: towards winch 2.")] = None,
     preload: Annotated[
         float | None, Parameter(help="Sum of both tensions in N (default: controller.coordination.preload).")

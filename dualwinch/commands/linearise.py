@@ -121,7 +121,7 @@ def grid(given: dict[str, float | None], sweep: str | None, experiment: Experime
     Raises:
         ConfigurationError: an unknown name, no range, or a name both given and swept.
     """
-    defaults = {"x": 25.0, "v": 0.0, "preload": experiment.controller.limits.preload}
+    defaults = {"x": experiment.plant.track.length / 2, "v": 0.0, "preload": experiment.controller.limits.preload}
     values = {name: [defaults[name] if given[name] is None else float(given[name] or 0.0)] for name in SWEPT}
     if sweep is not None:
         name = _swept_name(sweep)

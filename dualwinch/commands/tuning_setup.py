@@ -77,7 +77,9 @@ def tuning_problem(
         elif experiment is case is config is None:
             drawn = ensemble
         else:
-            drawn = replace(ensemble, experiment=replace(ensemble.experiment, controller=base.controller))
+            metrics = base.metrics or ensemble.experiment.metrics
+            changed = replace(ensemble.experiment, controller=base.controller, metrics=metrics)
+            drawn = replace(ensemble, experiment=changed)
         drawn = reset(drawn, values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios

@@ -84,10 +84,13 @@ def own_parts_to_toml(experiment: Experiment) -> str:
     there |= {leaf.key.rpartition(".")[0] for owner, leaf in every_leaf(Experiment) if built_in(owner)}
     lines: list[str] = []
     for key, leaf in describe_choices(experiment).items():
+        several = Mark.PARTS in leaf.marks
         for kind in leaf.choices:
-            other = with_leaves(experiment, {key: kind})
+            other = with_leaves(experiment, {key: (kind,) if several else kind})
             own = {name: leaf for name, leaf in describe_parts(other).items() if name.rpartition(".")[0] not in there}
-            if own:
+            if several and kind not in leaves(experiment)[key]:
+                lines += ["", *(f"# {line}" for line in _tables(other, {key: leaf, **own})[1:])]
+            elif own:
                 lines += ["", f'# where {key} = "{kind}":', *_tables(other, own)[1:]]
                 there |= {name.rpartition(".")[0] for name in own}
     return "".join(f"{line}\n" for line in lines)

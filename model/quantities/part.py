@@ -121,7 +121,7 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         if isinstance(kind, str) and kind in self._parts:
             return self._parts[kind]
         if not self._parts:
-            raise ConfigurationError(f"unknown {self.what} {kind!r}: none is registered")
+            raise ConfigurationError(f"unknown {self.what} {kind!r}: none is registered ({HOW_TO_REGISTER})")
         near, known = nearest(str(kind).lower(), self._parts), ", ".join(self._parts)
         raise ConfigurationError(
             f"unknown {self.what} {kind!r}; did you mean '{near}'? Must be one of {known} ({HOW_TO_REGISTER})"

@@ -28,7 +28,7 @@ def validated(leaf: Leaf, value: Any) -> Any:
         ConfigurationError: it is of another type or out of range.
     """
     if not leaf.admits(value):
-        hint = f" ({HOW_TO_REGISTER})" if leaf.marks & {Mark.PART, Mark.PARTS} else ""
+        hint = "" if leaf.marks.isdisjoint({Mark.PART, Mark.PARTS}) else f" ({HOW_TO_REGISTER})"
         raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}{hint}")
     if Mark.PARTS in leaf.marks:
         return (value,) if isinstance(value, str) else tuple(value)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.arrays import is_array
+from dualwinch.model.quantities.over_symbols import over_symbols
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.metrics.metric import Metric
@@ -51,7 +52,9 @@ def states_after(
     for metric in metrics:
         start = _start(metric)
         state = with_leaves(start, states, _prefix(metric))
-        following = _group(metric.step(_plain(state), sample, sample_time), metric, "step")
+        with over_symbols(f"metric '{metric.kind}': its step"):
+            stepped = metric.step(_plain(state), sample, sample_time)
+        following = _group(stepped, metric, "step")
         after = leaves(following, _prefix(metric))
         odd = leaves(start, _prefix(metric)).keys() ^ after.keys()
         if odd:

@@ -13,7 +13,6 @@ from dualwinch.commands.ranges import numbers_between
 from dualwinch.commands.sweep_axes import axes_from
 from dualwinch.model.errors import ConfigurationError
 from tests.own_metrics import LastBeyond
-from tests.registering import register
 
 L0 = "controller.observer.l0"
 SHORT = ("--case", "4", "--set", "simulation.duration=0.5")
@@ -73,10 +72,8 @@ def test_a_run_that_is_not_completed_shows_how_it_ended(tmp_path: Path, capsys: 
     assert None in table["mse"].to_pylist()
 
 
-def test_own_metrics_can_be_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    register(monkeypatch, LastBeyond)
+def test_own_metrics_can_be_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dw.register(LastBeyond)
     (tmp_path / "own.toml").write_text("[metrics.last-beyond]\nband = 1e-9\n[simulation]\nduration = 0.5\n")
     out = said(capsys, "metrics.last_beyond.band=1e-9,1", "--config", tmp_path / "own.toml", "--metric", "last_beyond")
     assert "last_beyond (s)" in out

@@ -9,13 +9,13 @@ from dualwinch.cli import main
 from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.ensembles.storage import save_ensemble
 from dualwinch.simulation.paper import case
 from tests.own_distributions import Triangular
-from tests.registering import register
 
 MASS = "plant.vehicle.mass"
 
@@ -97,8 +97,8 @@ def test_a_distribution_that_is_not_registered_is_drawn_and_not_saved() -> None:
     )
 
 
-def test_a_distribution_of_a_users_own_stands_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    register(monkeypatch, Triangular)
+def test_a_distribution_of_a_users_own_stands_in_files(tmp_path: Path) -> None:
+    register(Triangular)
     path = written(f'[distributions]\n{TRIANGULAR}, of = "nominal", together = "load" }}\n', tmp_path)
     ensemble = load_ensemble(path)
     assert dict(ensemble.distributions) == {
@@ -208,10 +208,8 @@ def test_relative_distributions_follow_the_nominal_value_and_others_refuse_it() 
         ('controller.nominal.mass = { uniform = [1, 2], of = "nominal" }', "no nominal value of its own"),
     ],
 )
-def test_wrong_entries_are_one_line_with_file_and_line(
-    entry: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    register(monkeypatch, Triangular)
+def test_wrong_entries_are_one_line_with_file_and_line(entry: str, message: str, tmp_path: Path) -> None:
+    register(Triangular)
     with pytest.raises(ConfigurationError) as caught:
         load_ensemble(written(f"[distributions]\n{entry}\n", tmp_path))
     assert message in str(caught.value)

@@ -17,10 +17,10 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, owners
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.plugins.register import register
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from tests.own_metrics import Room
-from tests.registering import register
 
 
 @pytest.mark.parametrize(
@@ -129,13 +129,13 @@ def test_gains_that_do_not_count_are_told() -> None:
     assert experiment == override(case(4), {"controller.nftsm.beta": 0.1})
 
 
-def test_all_keys_are_settable_where_they_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_keys_are_settable_where_they_count() -> None:
     """With another value than the default where there is one: it arrives, and nothing else changes.
 
     But for signals, whose file, or times and values, only go together: test_signal_files sets those.
     """
+    register(Room)
     together = {f"disturbance.{name}.{field}" for name in given_signals(Disturbance()) for field in ("times", "values")}
-    register(monkeypatch, Room)
     for key, leaf in known_keys().items():
         if key in together or leaf.marks & {Mark.FILE, Mark.DIGEST}:
             continue

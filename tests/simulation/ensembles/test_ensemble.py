@@ -5,13 +5,13 @@ import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
+from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.loop.structure import parameters_of, shaping_keys, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 from tests.own_metrics import Room
-from tests.registering import register
 
 SEA = load_ensemble("sea")
 MASS = "plant.vehicle.mass"
@@ -74,8 +74,8 @@ def test_the_seed_of_a_scenario_can_be_fixed() -> None:
     assert {scenario.experiment.simulation.seed for scenario in fixed.scenarios(4, 0)} == {7}
 
 
-def test_every_key_that_shapes_the_compiled_code_is_known_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    register(monkeypatch, Room)
+def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
+    register(Room)
     others = {
         "controller.kind": "nftsm",
         "controller.estimator": "kalman",
