@@ -46,6 +46,8 @@ from .model.quantities.quantity import Quantity as Quantity
 from .model.quantities.quantity import Rule as Rule
 from .model.quantities.quantity import Tunable as Tunable
 from .model.reference import Reference as Reference
+from .model.ropes.kelvin_voigt import Rope as Rope
+from .model.ropes.rope_law import RopeLaw as RopeLaw
 from .model.signals.signal import Signal as Signal
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify

@@ -12,7 +12,9 @@ from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
+from dualwinch.model.ropes.rope_law import RopeLaw
 from dualwinch.simulation.experiment import Experiment
 
 CASES = {
@@ -48,13 +50,20 @@ FIGURES = tuple(
 """Figures 5 to 20; Figure 21 compares two controllers."""
 
 
-def case(number: int, controller: str = FandoNftsm.kind, *, law: PositionLaw | None = None) -> Experiment:
+def case(
+    number: int,
+    controller: str = FandoNftsm.kind,
+    *,
+    law: PositionLaw | None = None,
+    rope: RopeLaw | None = None,
+) -> Experiment:
     """The experiment of a case of the paper.
 
     Args:
         number: 1 to 4.
         controller: a `controller.kind`.
         law: a position law with its gains, in place of `controller`; also one of your own.
+        rope: both ropes, in place of the paper's; also of a law of your own.
 
     Raises:
         ConfigurationError: there is no such case or controller; the message names the nearest controller.
@@ -62,6 +71,7 @@ def case(number: int, controller: str = FandoNftsm.kind, *, law: PositionLaw | N
     if isinstance(number, bool) or not isinstance(number, Integral) or number not in CASES:
         raise ConfigurationError(f"case {number!r}: must be 1, 2, 3 or 4")
     return Experiment(
+        plant=Plant() if rope is None else Plant(rope_1=rope, rope_2=rope),
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
         controller=Controller(law=law or POSITION_LAWS.find(controller)()),

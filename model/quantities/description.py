@@ -32,7 +32,7 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
         if slot.choice:
             found[slot.choice_key] = _choice_leaf(slot, tuple(slot.choice.registry))
             for part in slot.choice.registry.values():
-                found |= {key: leaf for key, leaf in describe(part, prefix).items() if key not in found}
+                found |= {key: leaf for key, leaf in describe(part, slot.beside).items() if key not in found}
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
             found |= _tied(describe(slot.hint, slot.below), slot)
         else:
@@ -84,7 +84,7 @@ def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
             if slot.choice:
                 choices = dict.fromkeys((*slot.choice.registry, value.kind))
                 found[slot.choice_key] = _choice_leaf(slot, tuple(choices))
-            found |= describe_parts(value, prefix)
+            found |= describe_parts(value, slot.beside)
         elif is_dataclass(value):
             found |= _tied(describe_parts(value, slot.below), slot)
         elif is_array(value):
@@ -151,7 +151,7 @@ def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...
         found = "", ()
         if slot.choice:
             kinds = slot.choice.registry.items()
-            found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, prefix))
+            found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, slot.beside))
         elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
             found = owners(slot.hint, key, slot.below)
         if found[1]:

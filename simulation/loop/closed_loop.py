@@ -8,6 +8,7 @@ import casadi as ca
 
 from dualwinch.codegen.source.expressions import BUILDING
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
+from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
@@ -138,7 +139,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         symbols["cut"] = ca.vertcat(*injected.values())
     values |= dict.fromkeys(zeros, ca.SX(0))
     plant = with_leaves(template.plant, values, "plant.")
-    nominal = with_leaves(template.plant, values, "nominal.")
+    nominal = with_leaves(nominal_structure(template.plant), values, "nominal.")
     controller = with_leaves(template.controller, values, "controller.")
     sensors = with_leaves(template.sensors, values, "sensors.")
     sample_time = values["simulation.sample_time"]

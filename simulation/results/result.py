@@ -11,6 +11,7 @@ from dualwinch.model.errors import UnknownNameError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators.solver import solver_of
 from dualwinch.simulation.loop.metrics import Metrics
 from dualwinch.simulation.results import frames, view
 from dualwinch.simulation.results.resampling import instants, interpolation, resampled
@@ -56,6 +57,11 @@ class Result:
     def interpolation(self) -> dict[str, str]:
         """Column name → how `resample` fills it in between two rows: ``linear`` or ``held``."""
         return interpolation(self.columns)
+
+    @property
+    def integrator(self) -> str:
+        """The integrator that solved the run: the one asked for, or rk4 where a rope is no Kelvin–Voigt rope."""
+        return solver_of(self.experiment).integrator
 
     def resample(self, rate: float | None = None, *, times: ArrayLike | None = None) -> "Result":
         """The same run with rows at other instants.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tests.oracle.collocation import Collocation
 from tests.oracle.laws import LAWS, Seen, WinchPid, tension_commands
-from tests.oracle.plant import Held, Plant, Triple
+from tests.oracle.plant import Held, Law, Plant, Triple
 from tests.oracle.values import DEFAULTS, Values
 
 Column = NDArray[np.float64]
@@ -53,7 +53,8 @@ REFERENCES = {1: uniform, 2: profile, 3: uniform, 4: profile}
 class Scenario:
     """What a run is: controller, reference case, values that differ from the defaults, signals by sample.
 
-    Signals, all optional, each (samples,): current (m/s), load (N), and the noise added to x, v, F1, F2.
+    Signals, all optional, each (samples,): current (m/s), load (N), and the noise added to x, v, F1, F2. A law is that
+    of both ropes, in place of the Kelvin–Voigt rope's.
     """
 
     kind: str
@@ -61,6 +62,7 @@ class Scenario:
     changes: Mapping[str, float] = field(default_factory=dict)
     signals: Mapping[str, Column] = field(default_factory=dict)
     position_resolution: float = 0.0
+    law: Law | None = None
 
     @property
     def values(self) -> Values:
@@ -74,7 +76,7 @@ def quantise(value: float, step: float) -> float:
 def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[str, Column]:
     """Columns of a run, one row a sample at its beginning; stops early where the vehicle leaves the track."""
     values = scenario.values
-    plant = Plant(values)
+    plant = Plant(values, scenario.law)
     solver = solver or Collocation(plant)
     law = LAWS[scenario.kind](values)
     winch_1, winch_2 = WinchPid(values, 1), WinchPid(values, 2)

@@ -128,6 +128,8 @@ def test_gains_that_do_not_count_are_told() -> None:
 def test_all_keys_are_settable_where_they_count() -> None:
     """With another value than the default where there is one: it arrives, and nothing else changes."""
     for key, leaf in known_keys().items():
+        if len(leaf.choices) == 1:
+            continue
         choice, kinds = owners(Experiment, key)
         base = override(Experiment(), {choice: kinds[0]} if kinds else {})
         for value in [*leaf.choices, True, False, 3, 7, 0.25, 0.05, (3.0, 7.0), "/gust.csv"]:
@@ -143,6 +145,8 @@ def test_all_keys_are_settable_where_they_count() -> None:
 
 def test_the_keys_that_choose_parts() -> None:
     assert list(describe_choices(Experiment())) == [
+        "plant.rope_1.kind",
+        "plant.rope_2.kind",
         "controller.estimator",
         "controller.kind",
         "controller.coordination.kind",
