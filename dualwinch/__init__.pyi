@@ -32,6 +32,11 @@ from .controllers.signals import CoordinationOutput as CoordinationOutput
 from .controllers.signals import Estimate as Estimate
 from .controllers.signals import Measurement as Measurement
 from .controllers.signals import PositionOutput as PositionOutput
+from .model.actuators.actuator import Actuator as Actuator
+from .model.actuators.actuator import Demand as Demand
+from .model.actuators.ideal import Ideal as Ideal
+from .model.actuators.ideal import NoState as NoState
+from .model.actuators.motor import Motor as Motor
 from .model.disturbance import Disturbance as Disturbance
 from .model.errors import ConfigurationError as ConfigurationError
 from .model.linear.linearisation import linearise as linearise

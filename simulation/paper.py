@@ -10,6 +10,8 @@ from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.actuators.ideal import Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
@@ -56,6 +58,7 @@ def case(
     *,
     law: PositionLaw | None = None,
     rope: RopeLaw | None = None,
+    actuator: Actuator | None = None,
 ) -> Experiment:
     """The experiment of a case of the paper.
 
@@ -64,6 +67,7 @@ def case(
         controller: a `controller.kind`.
         law: a position law with its gains, in place of `controller`; also one of your own.
         rope: both ropes, in place of the paper's; also of a law of your own.
+        actuator: of both motors, which the paper takes for ideal; also one of your own.
 
     Raises:
         ConfigurationError: there is no such case or controller; the message names the nearest controller.
@@ -75,4 +79,5 @@ def case(
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
         controller=Controller(law=law or POSITION_LAWS.find(controller)()),
+        actuator=actuator or Ideal(),
     )

@@ -193,7 +193,7 @@ def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -
     outside = dict.fromkeys(loop.exogenous, 0.0) | {"reference.x": x, "reference.v": v}
     signals = np.array([outside[name] for name in loop.exogenous])
     # what remembers the last sample, or whether there was one, knows it after two
-    remembers = np.array([name.startswith("controller.") for name in loop.states])
+    remembers = np.array([name.startswith(("controller.", "actuator_")) for name in loop.states])
     remembers &= ~loop.marked(Mark.POSITION, Mark.SPEED)
     parameters = loop.vector(parameters_of(experiment))
     for _ in range(2):

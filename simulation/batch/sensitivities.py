@@ -23,8 +23,8 @@ from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
 
-GAINS = ("controller.", "nominal.")
-"""What runs can be differentiated by: everything the controller knows."""
+GAINS = ("controller.", "nominal.", "actuator.")
+"""What runs can be differentiated by: everything that acts at the samples, not between them."""
 
 TINY = 1e-100
 """Step of the complex-step derivative: exact, as nothing is subtracted."""

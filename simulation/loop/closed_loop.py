@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import casadi as ca
 
 from dualwinch.codegen.source.expressions import BUILDING
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from dualwinch.controllers.nominal import nominal_structure
+from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.actuators.drive import drive
+from dualwinch.model.actuators.ideal import NoState, is_ideal
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
@@ -60,16 +63,21 @@ class LoopState:
     motion: Motion
     controller: ControllerState
     encoders: EncoderState = field(default_factory=EncoderState)
+    actuator_1: Any = field(default_factory=NoState)
+    actuator_2: Any = field(default_factory=NoState)
     sample: Annotated[Scalar, Quantity("1", "number of the sample"), Mark.BOOKKEEPING] = 0.0
 
 
-def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
-    """Plant, controller and encoders before the first sample."""
-    rest = resting_state(controller.limits.preload, plant)
+def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors, actuator: Actuator) -> LoopState:
+    """Plant, controller, encoders and actuators before the first sample."""
+    preload = controller.limits.preload
+    rest, holding = resting_state(preload, plant), holding_torques(preload, plant)
     return LoopState(
         motion=Motion(rest),
         controller=initial_controller_state(controller),
         encoders=read_encoders(rest, plant, sensors),
+        actuator_1=actuator.holding_state(holding.tau_1),
+        actuator_2=actuator.holding_state(holding.tau_2),
     )
 
 
@@ -83,16 +91,19 @@ def _queue_names(delay_samples: int) -> list[str]:
     return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
-def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay_samples: int = 0) -> dict[str, Scalar]:
+def starting_state(
+    controller: Controller, plant: Plant, sensors: Sensors, actuator: Actuator, delay_samples: int = 0
+) -> dict[str, Scalar]:
     """State before the first sample by name: at rest at x = 0, both ropes at preload/2, equilibrium torques under way.
 
     Args:
         controller: gives the preload, and the laws whose states these are.
         plant: floats or symbols.
         sensors: errors of the encoders.
+        actuator: gives the holding torques.
         delay_samples: samples a torque is late at the motor.
     """
-    start = initial_loop_state(controller, plant, sensors)
+    start = initial_loop_state(controller, plant, sensors, actuator)
     holding = leaves(holding_torques(controller.limits.preload, plant))
     queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
     return leaves(start) | queue | leaves(Accumulators(), "metrics.")
@@ -100,8 +111,13 @@ def starting_state(controller: Controller, plant: Plant, sensors: Sensors, delay
 
 def initial_state_of(experiment: Experiment) -> dict[str, float]:
     """`starting_state` of an experiment, as floats."""
-    delay_samples = experiment.simulation.delay_samples
-    start = starting_state(experiment.controller, experiment.plant, experiment.sensors, delay_samples)
+    start = starting_state(
+        experiment.controller,
+        experiment.plant,
+        experiment.sensors,
+        experiment.actuator,
+        experiment.simulation.delay_samples,
+    )
     return {key: float(value) for key, value in start.items()}
 
 
@@ -142,8 +158,9 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     nominal = with_leaves(nominal_structure(template.plant), values, "nominal.")
     controller = with_leaves(template.controller, values, "controller.")
     sensors = with_leaves(template.sensors, values, "sensors.")
+    actuator = with_leaves(template.actuator, values, "actuator.")
     sample_time = values["simulation.sample_time"]
-    start = initial_loop_state(template.controller, template.plant, template.sensors)
+    start = initial_loop_state(template.controller, template.plant, template.sensors, template.actuator)
     known = {**describe_parts(start), **_sums()}
     state = with_leaves(start, of_state)
     exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
@@ -163,13 +180,16 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         shared_force=injected.get("u"),
     )
 
-    # until the next sample: the plant moves on under the torques that reach the motors
+    # until the next sample: the plant moves on under what the motors make of the torques that reach them
     winches = output.winches
     sent = injected.get("tau_1", winches.tau_1), injected.get("tau_2", winches.tau_2)
     queue = [*(of_state[name] for name in queued), *sent]
+    actuators, torques = drive(
+        (state.actuator_1, state.actuator_2), Torques(queue[0], queue[1]), plant_state, plant, actuator, sample_time
+    )
     hold = ZeroOrderHold(
         t=state.sample * sample_time,
-        torques=Torques(queue[0], queue[1]),
+        torques=torques,
         current=exogenous.current,
         normal_force_variation=exogenous.normal_force_variation,
         force=exogenous.force,
@@ -191,6 +211,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         environment=environment,
         plant=plant,
         nominal=nominal,
+        torques=None if is_ideal(actuator) else torques,
     )
     power_1 = plant.winch_1.gear_ratio * hold.torques.tau_1 * plant_state.omega_1
     power_2 = plant.winch_2.gear_ratio * hold.torques.tau_2 * plant_state.omega_2
@@ -207,7 +228,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         steady=exogenous.steady,
     )
     sums = accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time)
-    following = leaves(LoopState(state.motion, controller_state, encoders, state.sample + 1))
+    following = leaves(LoopState(state.motion, controller_state, encoders, *actuators, state.sample + 1))
     following |= dict(zip(queued, queue[2:], strict=True)) | leaves(sums, "metrics.")
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "hold": ca.vertcat(*leaves(hold).values())}

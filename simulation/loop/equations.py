@@ -173,6 +173,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
     start = starting_state(
         *_symbolic(experiment, symbols)[:2],
         with_leaves(experiment.sensors, symbols, "sensors."),
+        with_leaves(experiment.actuator, symbols, "actuator."),
         experiment.simulation.delay_samples,
     )
     initial = {name: value for name, value in start.items() if not name.startswith("metrics.")}
@@ -181,7 +182,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
     vectors = ca.vertcat(*exogenous.values()), ca.vertcat(*(symbols[name] for name in loop.parameters))
     next_state, row, _ = loop.step(all_states, *vectors)
     following = dict(zip(loop.states, ca.vertsplit(next_state), strict=True))
-    parts = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors)
+    parts = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors, experiment.actuator)
     torques = _facts(describe(Torques))
     queue = {name: torques[name.rsplit(".", 1)[1]] for name in initial if name.startswith("queue.")}
     return Equations(

@@ -6,6 +6,7 @@ from functools import cache, lru_cache
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
+from dualwinch.model.actuators.actuator import Actuator
 from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
@@ -19,13 +20,14 @@ class Structure:
     """What shapes the compiled code; everything else is a number it takes at run time.
 
     Attributes:
-        plant, controller: their parts, with all numbers alike: only what they are made of counts.
+        plant, controller, actuator: their parts, with all numbers alike: only what they are made of counts.
         integrator, substeps: what solves the plant.
         delay_samples: as in an experiment.
     """
 
     plant: Plant
     controller: Controller
+    actuator: Actuator
     integrator: str
     substeps: int
     delay_samples: int
@@ -36,6 +38,7 @@ def template_of(structure: Structure) -> Experiment:
     return Experiment(
         plant=structure.plant,
         controller=structure.controller,
+        actuator=structure.actuator,
         simulation=Simulation(delay_samples=structure.delay_samples),
     )
 
@@ -50,6 +53,7 @@ def structure_of(experiment: Experiment) -> Structure:
     return Structure(
         plant=plant_structure(experiment.plant),
         controller=_alike(experiment.controller),
+        actuator=alike(experiment.actuator),
         integrator=solver.integrator,
         substeps=solver.substeps,
         delay_samples=experiment.simulation.delay_samples,
@@ -109,6 +113,7 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
         | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
         | numbers(experiment.disturbance, "disturbance.")
         | numbers(experiment.sensors, "sensors.")
+        | numbers(experiment.actuator, "actuator.")
         | {"simulation.sample_time": experiment.simulation.sample_time}
     )
     return {key: float(value) for key, value in values.items()}

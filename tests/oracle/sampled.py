@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import floor
+from math import exp, floor
 from typing import Protocol
 
 import numpy as np
@@ -54,7 +54,7 @@ class Scenario:
     """What a run is: controller, reference case, values that differ from the defaults, signals by sample.
 
     Signals, all optional, each (samples,): current (m/s), load (N), and the noise added to x, v, F1, F2. A law is that
-    of both ropes, in place of the Kelvin–Voigt rope's.
+    of both ropes, in place of the Kelvin–Voigt rope's. A lag in s is that of both motors, behind the delay.
     """
 
     kind: str
@@ -63,6 +63,7 @@ class Scenario:
     signals: Mapping[str, Column] = field(default_factory=dict)
     position_resolution: float = 0.0
     law: Law | None = None
+    lag: float = 0.0
 
     @property
     def values(self) -> Values:
@@ -86,6 +87,7 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
     Ts, filter_time = values["simulation.sample_time"], values["controller.speed_filter_time"]
     levers = [winch.drum_radius / winch.gear_ratio for winch in (plant.winch_1, plant.winch_2)]
     queue = deque([(levers[0] * preload / 2, levers[1] * preload / 2)] * int(values["simulation.delay_samples"]))
+    motors = [lever * preload / 2 for lever in levers]
     position, speed = plant.at_rest(preload)
     filtered_v = 0.0
     rows: list[tuple[float, ...]] = []
@@ -132,7 +134,13 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
                 *(F1_cmd, F2_cmd, said.u, said.u_sat, said.d_hat, said.L1, said.Z_a, said.s, tau_1, tau_2),
             )
         )
-        held = Held(*queue.popleft(), current=signal("current", k), load=signal("load", k))
+        arrived = queue.popleft()
+        if scenario.lag:  # exponentials on their way to what is asked for; the plant gets their means
+            gone = [asked - motor for asked, motor in zip(arrived, motors, strict=True)]
+            motors = [asked - exp(-Ts / scenario.lag) * way for asked, way in zip(arrived, gone, strict=True)]
+            lost = scenario.lag / Ts * (1 - exp(-Ts / scenario.lag))
+            arrived = [asked - lost * way for asked, way in zip(arrived, gone, strict=True)]
+        held = Held(*arrived, current=signal("current", k), load=signal("load", k))
         position, speed = solver.advance(t, Ts, position, speed, held)
         if not plant.on_track(position[0]):
             break

@@ -150,6 +150,7 @@ def test_the_keys_that_choose_parts() -> None:
         "controller.estimator",
         "controller.kind",
         "controller.coordination.kind",
+        "actuator.kind",
     ]
 
 

@@ -81,6 +81,7 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "simulation.integrator": "rk4",
         "simulation.substeps": 3,
         "simulation.delay_samples": 4,
+        "actuator.kind": "motor",
     }
     alone = {"plant.rope_1.kind", "plant.rope_2.kind"}
     assert set(others) | alone == shaping_keys(SEA.experiment)
