@@ -148,13 +148,24 @@ def test_many_run_side_by_side_with_numbers_of_their_own() -> None:
         assert batch.metrics["mse"][row, 0] == pytest.approx(single.metrics.mse, rel=1e-6)
 
 
-def test_scenarios_of_a_batch_take_the_most_sub_steps() -> None:
+def test_scenarios_of_a_batch_take_the_sub_steps_of_their_own() -> None:
     soft, stiff = EXPERIMENT, override(EXPERIMENT, {SOFT: 4e8, "plant.rope_2.soft": 4e8})
     assert structure_of(soft).substeps < structure_of(stiff).substeps
-    batch = rollout(["controller.nftsm.beta"], [[0.05]], [soft, stiff])
-    many = override(soft, {"simulation.substeps": structure_of(stiff).substeps})
-    assert batch.metrics["mse"][0, 0] == pytest.approx(simulate(many).metrics.mse, rel=1e-6)
-    assert batch.metrics["mse"][0, 1] == pytest.approx(simulate(stiff).metrics.mse, rel=1e-6)
+    scenarios, shares = [stiff, soft, stiff, override(soft, {SOFT: 3.9e6})], []
+    batch = rollout(["controller.nftsm.beta"], [[0.05]], scenarios, stride=500, progress=shares.append)
+    assert batch.outcomes.tolist() == [["completed"] * 4]
+    for index, scenario in enumerate(scenarios):
+        alone = rollout(["controller.nftsm.beta"], [[0.05]], [scenario], stride=500)
+        assert batch.metrics["mse"][0, index] == alone.metrics["mse"][0, 0], "to the bit"
+        assert np.array_equal(batch.columns["F1"][:, index], alone.columns["F1"][:, 0])
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
+    slopes = sensitivities(["controller.nftsm.beta"], [[0.05]], [stiff, soft], stride=0)
+    assert slopes.metrics["mse"][0] == pytest.approx([simulate(each).metrics.mse for each in (stiff, soft)], rel=1e-6)
+    assert slopes.gradients["mse"].shape == (1, 2, 1)
+    longer = override(stiff, {"simulation.duration": 2})
+    with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: must have the structure and the length of scen"):
+        rollout(["controller.nftsm.beta"], [[0.05]], [soft, longer])
     with pytest.raises(
         ConfigurationError, match=r"^parameters\[0\]: simulation\.substeps = \d+: must be >= \d+ for ro"
     ):

@@ -12,7 +12,7 @@ from dualwinch.simulation.exogenous.kept_signals import signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop
 from dualwinch.simulation.loop.start import starts
-from dualwinch.simulation.loop.structure import parameters_of, structures_of, zeros_of
+from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Pairs:
         believed = [given.nominal if isinstance(given, Scenario) else None for given in scenarios]
         numbers = [parameters_of(*pair) for pair in zip(self.experiments, believed, strict=True)]
         drawn = {key for given in scenarios if isinstance(given, Scenario) for key in given.draws}
-        self.structure = structures_of(self.experiments)[0]
+        self.structure = structure_of(self.experiments[0])
         self.zeros = zeros_of(self.structure, *numbers, varying=[*names, *drawn])
         self.zeros |= absent_signals(*self.experiments)
         self.loop = closed_loop(self.structure, self.zeros)

@@ -14,7 +14,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators.solver import solver_of
-from dualwinch.simulation.loop.structure import Structure, described_parameters, structures_of
+from dualwinch.simulation.loop.structure import Structure, described_parameters, structure_of
 
 Floats = NDArray[np.float64]
 
@@ -27,8 +27,8 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
     if not scenarios:
         raise ConfigurationError("scenarios: must be at least one experiment")
     experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
-    first, structures = experiments[0], structures_of(experiments)
-    described = described_parameters(structures[0])
+    first, structure = experiments[0], structure_of(experiments[0])
+    described = described_parameters(structure)
     known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
     for name in names:
         if name not in known:
@@ -44,9 +44,9 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
         except ConfigurationError as error:
             where = f"scenario {scenario.index}" if isinstance(scenario, Scenario) else f"scenarios[{number}]"
             raise ConfigurationError(f"{where}: {error}") from error
-        if structures[number] != structures[0] or experiment.samples != first.samples:
+        if structure_of(experiment) != structure or experiment.samples != first.samples:
             raise ConfigurationError(f"scenarios[{number}]: must have the structure and the length of scenarios[0]")
-    _check_together(columns, experiments, structures[0])
+    _check_together(columns, experiments, structure)
 
 
 def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) -> None:

@@ -1,6 +1,6 @@
 """What of an experiment shapes the compiled code, and what are numbers it takes at run time."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
@@ -12,7 +12,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, numbers
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.integrators.solver import is_automatic, solver_of
+from dualwinch.simulation.integrators.solver import solver_of
 
 
 @dataclass(frozen=True)
@@ -58,16 +58,6 @@ def structure_of(experiment: Experiment) -> Structure:
         substeps=solver.substeps,
         delay_samples=experiment.simulation.delay_samples,
     )
-
-
-def structures_of(experiments: Sequence[Experiment]) -> list[Structure]:
-    """The structures of experiments of a batch; where their ropes decide about the sub-steps, all have the most."""
-    structures = [structure_of(experiment) for experiment in experiments]
-    most = max(structure.substeps for structure in structures)
-    return [
-        replace(structure, substeps=most) if is_automatic(experiment) else structure
-        for structure, experiment in zip(structures, experiments, strict=True)
-    ]
 
 
 @lru_cache(maxsize=KEPT)
