@@ -16,7 +16,9 @@ from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
 class Metrics:
     """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure.
 
-    Chatter is what a switching control does to the ropes: their tensions jump to and fro from sample to sample.
+    Chatter is what a switching control does to the ropes: their tensions jump to and fro from sample to sample. Energy,
+    torque rate and continuous load are of the torques that reach the plant, behind delay and actuator; the share of
+    saturated torques is of the commands.
     """
 
     mae: Annotated[float, Quantity("m", "mean |e|, whole run")]
