@@ -7,6 +7,8 @@ import annotated_types as at
 
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.ropes.kelvin_voigt import Rope, tangent_rope
+from dualwinch.model.steady_cruise import PRELOAD
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,16 @@ class Nominal:
     ] = None
 
 
-def nominal_plant(nominal: Nominal, plant: Plant) -> Plant:
-    """The plant as the controller believes it to be."""
+def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> Plant:
+    """The plant as the controller believes it to be.
+
+    Its ropes are Kelvin–Voigt ones: of a rope of another law, the tangent at half the preload, amid the track.
+
+    Args:
+        nominal: what it believes.
+        plant: gives the rest.
+        preload: sum of both tensions in N.
+    """
     vehicle = plant.vehicle
     if nominal.mass is not None:
         vehicle = replace(vehicle, mass=nominal.mass, added_mass=0.0)
@@ -37,4 +47,11 @@ def nominal_plant(nominal: Nominal, plant: Plant) -> Plant:
         vehicle = replace(vehicle, drag_coefficient=nominal.drag_coefficient)
     if nominal.friction_coefficient is not None:
         vehicle = replace(vehicle, friction_coefficient=nominal.friction_coefficient)
-    return replace(plant, vehicle=vehicle)
+    length = plant.track.length / 2 + plant.track.rope_offset
+    rope_1, rope_2 = (tangent_rope(rope, preload / 2, length) for rope in (plant.rope_1, plant.rope_2))
+    return replace(plant, vehicle=vehicle, rope_1=rope_1, rope_2=rope_2)
+
+
+def nominal_structure(plant: Plant) -> Plant:
+    """What the controller's plant is made of, with numbers of no plant in particular."""
+    return replace(plant, rope_1=Rope(), rope_2=Rope())

@@ -37,6 +37,11 @@ from .controllers.signals import CoordinationOutput as CoordinationOutput
 from .controllers.signals import Estimate as Estimate
 from .controllers.signals import Measurement as Measurement
 from .controllers.signals import PositionOutput as PositionOutput
+from .model.actuators.actuator import Actuator as Actuator
+from .model.actuators.actuator import Demand as Demand
+from .model.actuators.ideal import Ideal as Ideal
+from .model.actuators.ideal import NoState as NoState
+from .model.actuators.motor import Motor as Motor
 from .model.disturbance import Disturbance as Disturbance
 from .model.errors import ConfigurationError as ConfigurationError
 from .model.linear.linearisation import linearise as linearise
@@ -51,6 +56,8 @@ from .model.quantities.quantity import Quantity as Quantity
 from .model.quantities.quantity import Rule as Rule
 from .model.quantities.quantity import Tunable as Tunable
 from .model.reference import Reference as Reference
+from .model.ropes.kelvin_voigt import Rope as Rope
+from .model.ropes.rope_law import RopeLaw as RopeLaw
 from .model.scalar import clip as clip
 from .model.scalar import where as where
 from .model.signals.signal import Signal as Signal

@@ -5,12 +5,18 @@ from typing import Annotated
 
 import casadi as ca
 
+from dualwinch.model.quantities.part import Choice
 from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
-from dualwinch.model.rope import Rope, Track, rope_lengths, spring_tension, stiffness
+from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
+from dualwinch.model.ropes.kelvin_voigt import Rope
+from dualwinch.model.ropes.registry import ROPES
+from dualwinch.model.ropes.rope_law import RopeLaw, one_sided
+from dualwinch.model.ropes.track import Track, rope_lengths
 from dualwinch.model.scalar import Scalar, reciprocals
 from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
 from dualwinch.model.winch import Winch, drum_acceleration
+
+ROPE_LAW = Quantity("", "law of the rope's tension", "paper Section 2.2")
 
 
 @dataclass(frozen=True)
@@ -22,8 +28,8 @@ class Plant:
     ] = True
     vehicle: Vehicle = field(default_factory=Vehicle)
     track: Track = field(default_factory=Track)
-    rope_1: Rope = field(default_factory=Rope)
-    rope_2: Rope = field(default_factory=Rope)
+    rope_1: Annotated[RopeLaw, ROPE_LAW, Choice("rope_1.kind", ROPES, "rope_1")] = field(default_factory=Rope)
+    rope_2: Annotated[RopeLaw, ROPE_LAW, Choice("rope_2.kind", ROPES, "rope_2")] = field(default_factory=Rope)
     winch_1: Winch = field(default_factory=Winch)
     winch_2: Winch = field(default_factory=Winch)
 
@@ -59,23 +65,16 @@ class Environment:
 
 def tensions(state: PlantState, plant: Plant) -> tuple[Scalar, Scalar]:
     """Tensions F_1 and F_2 in N of the two ropes (paper Section 2.2, E1, A1, A2)."""
-    closeness_1, closeness_2 = reciprocals(*rope_lengths(state.x, plant.track))
+    length_1, length_2 = rope_lengths(state.x, plant.track)
+    closeness_1, closeness_2 = reciprocals(length_1, length_2)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    force_1 = spring_tension(
-        radius_1 * state.theta_1 - state.x,
-        radius_1 * state.omega_1 - state.v,
-        plant.rope_1.modulus * plant.rope_1.area * closeness_1,
-        plant.rope_1,
-        slack=plant.rope_slack,
-    )
-    force_2 = spring_tension(
-        radius_2 * state.theta_2 + state.x,
-        radius_2 * state.omega_2 + state.v,
-        plant.rope_2.modulus * plant.rope_2.area * closeness_2,
-        plant.rope_2,
-        slack=plant.rope_slack,
-    )
-    return force_1, force_2
+    stretch_1, rate_1 = radius_1 * state.theta_1 - state.x, radius_1 * state.omega_1 - state.v
+    stretch_2, rate_2 = radius_2 * state.theta_2 + state.x, radius_2 * state.omega_2 + state.v
+    pull_1 = plant.rope_1.pull(stretch_1, rate_1, length_1, closeness_1)
+    pull_2 = plant.rope_2.pull(stretch_2, rate_2, length_2, closeness_2)
+    if not plant.rope_slack:
+        return pull_1, pull_2
+    return one_sided(stretch_1, pull_1), one_sided(stretch_2, pull_2)
 
 
 def vehicle_acceleration(v: Scalar, pull: Scalar, environment: Environment, vehicle: Vehicle) -> Scalar:
@@ -101,8 +100,8 @@ def derivative(state: PlantState, torques: Torques, environment: Environment, pl
 def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
     """At rest at x in m with both ropes at tension preload/2 in N: the initial state of every run."""
     length_1, length_2 = rope_lengths(x, plant.track)
-    stretch_1 = preload / 2 / stiffness(length_1, plant.rope_1)
-    stretch_2 = preload / 2 / stiffness(length_2, plant.rope_2)
+    stretch_1 = plant.rope_1.resting_stretch(preload / 2, length_1)
+    stretch_2 = plant.rope_2.resting_stretch(preload / 2, length_2)
     return PlantState(
         x=x,
         v=0.0,
@@ -122,20 +121,24 @@ def holding_torques(preload: Scalar, plant: Plant) -> Torques:
     )
 
 
-def symbolic_plant(rope_slack: bool) -> tuple[Plant, ca.SX]:
-    """A plant whose numbers are symbols, and the vector of these symbols in the order of ``numbers(Plant())``."""
-    template = Plant(rope_slack=rope_slack)
-    names = list(numbers(template))
+def plant_structure(plant: Plant) -> Plant:
+    """The laws of a plant's ropes and whether they go slack, with numbers of no plant in particular."""
+    return Plant(rope_slack=plant.rope_slack, rope_1=alike(plant.rope_1), rope_2=alike(plant.rope_2))
+
+
+def symbolic_plant(structure: Plant) -> tuple[Plant, ca.SX]:
+    """A plant of a structure whose numbers are symbols, and their vector in the order of ``numbers(structure)``."""
+    names = list(numbers(structure))
     p = ca.SX.sym("p", len(names))
-    return with_leaves(template, dict(zip(names, ca.vertsplit(p), strict=True))), p
+    return with_leaves(structure, dict(zip(names, ca.vertsplit(p), strict=True))), p
 
 
 def plant(values: Plant | None = None) -> ca.Function:
     """The plant as a named CasADi function to call, print, differentiate or generate code from.
 
     Args:
-        values: the structure (``rope_slack``) and, if given, the values of the parameters. Without it the
-            parameters are an input.
+        values: the structure (``rope_slack``, the ropes' laws) and, if given, the values of the parameters. Without
+            it the parameters are an input, those of the paper's ropes.
 
     Returns:
         ``plant(x, u, w, p) -> (dx, F)`` with the state x (6, fields of `PlantState`), the torques u (2), the
@@ -144,7 +147,7 @@ def plant(values: Plant | None = None) -> ca.Function:
         there is no p.
     """
     structure = values or Plant()
-    symbolic, p = symbolic_plant(structure.rope_slack)
+    symbolic, p = symbolic_plant(structure)
     parameters = structure if values else symbolic
     x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
     state = PlantState(*ca.vertsplit(x))

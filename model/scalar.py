@@ -70,6 +70,11 @@ def exp(value: Scalar) -> Scalar:
     return ca.exp(value)
 
 
+def log(value: Scalar) -> Scalar:
+    """Natural logarithm."""
+    return ca.log(value)
+
+
 def sqrt(value: Scalar) -> Scalar:
     """Square root."""
     return ca.sqrt(value)

@@ -5,12 +5,13 @@ tension stays constant if the *strain* does: with the stretch ``s = strain * len
 ds/dt``, the strain is ``F / (E A + c dlength/dt)``. So a drum turns a little slower than the vehicle moves, by the
 share ``strain`` of the speed. (Were drum and vehicle equally fast, the tension would rise by ``F v / length`` newtons
 a second.) This is an exact solution of the plant, not an approximation; only position and drum angles change along it.
+What ropes of other laws do in a cruise, `RopeLaw.steady_stretch` says.
 """
 
 from typing import NamedTuple
 
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques
-from dualwinch.model.rope import Rope, rope_lengths
+from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
 from dualwinch.model.vehicle import drag, friction
 from dualwinch.model.winch import friction_torque
@@ -55,16 +56,16 @@ def steady_cruise(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: 
     """
     length_1, length_2 = rope_lengths(x, plant.track)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    strain_1 = _strain(tensions[0], -v, plant.rope_1)
-    strain_2 = _strain(tensions[1], v, plant.rope_2)
-    omega_1 = v * (1 - strain_1) / radius_1
-    omega_2 = -v * (1 - strain_2) / radius_2
+    stretch_1, slope_1 = plant.rope_1.steady_stretch(tensions[0], length_1, -v)
+    stretch_2, slope_2 = plant.rope_2.steady_stretch(tensions[1], length_2, v)
+    omega_1 = v * (1 - slope_1) / radius_1
+    omega_2 = -v * (1 - slope_2) / radius_2
     state = PlantState(
         x=x,
         v=v,
-        theta_1=(strain_1 * length_1 + x) / radius_1,
+        theta_1=(stretch_1 + x) / radius_1,
         omega_1=omega_1,
-        theta_2=(strain_2 * length_2 - x) / radius_2,
+        theta_2=(stretch_2 - x) / radius_2,
         omega_2=omega_2,
     )
     torques = Torques(
@@ -72,7 +73,3 @@ def steady_cruise(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: 
         tau_2=(radius_2 * tensions[1] + friction_torque(omega_2, plant.winch_2)) / plant.winch_2.gear_ratio,
     )
     return SteadyCruise(state, torques, *tensions)
-
-
-def _strain(tension: Scalar, length_rate: Scalar, rope: Rope) -> Scalar:
-    return tension / (rope.modulus * rope.area + rope.damping * length_rate)

@@ -9,11 +9,17 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.s_curve import least_duration
 from dualwinch.model.quantities.validation import check_rules
 from dualwinch.model.reference import Reference, cruise_speed, setpoint
-from dualwinch.model.rope import Track
+from dualwinch.model.ropes.kelvin_voigt import kelvin_voigt
+from dualwinch.model.ropes.track import Track
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.integrators import INTEGRATORS, swing_rate
+from dualwinch.simulation.integrators import INTEGRATORS
+from dualwinch.simulation.integrators.solver import FINE, is_automatic, solver_of, swing_rates
+from dualwinch.simulation.integrators.swing_rate import swing_rate
 from dualwinch.simulation.loop.closed_loop import initial_state_of
 from dualwinch.simulation.loop.structure import KEPT
+
+MOST_SUBSTEPS = 256
+"""Sub-steps of a sample at most."""
 
 LONGEST = 10**9
 """Samples of the longest run."""
@@ -121,9 +127,12 @@ def _check_jerk(experiment: Experiment) -> None:
 
 def _check_substeps(experiment: Experiment) -> None:
     simulation, plant = experiment.simulation, experiment.plant
+    if is_automatic(experiment):
+        _check_automatic_substeps(experiment)
+        return
     reach = INTEGRATORS[simulation.integrator].reach
     fastest = max(
-        swing_rate(rope, winch, plant.track)
+        swing_rate(kelvin_voigt(rope), winch, plant.track)
         for rope, winch in ((plant.rope_1, plant.winch_1), (plant.rope_2, plant.winch_2))
     )
     needed = math.ceil(fastest * simulation.sample_time / reach)
@@ -132,6 +141,20 @@ def _check_substeps(experiment: Experiment) -> None:
             f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {simulation.integrator} at "
             f"simulation.sample_time = {simulation.sample_time:g} s (the shortest rope swings at {fastest:.4g} rad/s)"
         )
+
+
+def _check_automatic_substeps(experiment: Experiment) -> None:
+    if solver_of(experiment).substeps <= MOST_SUBSTEPS:
+        return
+    rates = swing_rates(experiment)
+    fastest = max(rates)
+    number = 1 + rates.index(fastest)
+    kind = (experiment.plant.rope_1, experiment.plant.rope_2)[number - 1].kind
+    raise ConfigurationError(
+        f"simulation.sample_time = {experiment.simulation.sample_time:g}: must be <= "
+        f'{MOST_SUBSTEPS * FINE / fastest:.4g} s for plant.rope_{number}.kind = "{kind}", which swings at '
+        f"{fastest:.4g} rad/s"
+    )
 
 
 def check_memory(samples: int, stride: int, columns: int) -> None:

@@ -7,9 +7,12 @@ from typing import Annotated, Literal
 import annotated_types as at
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.actuators.ideal import Ideal
+from dualwinch.model.actuators.registry import ACTUATORS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantities.part import Choices
+from dualwinch.model.quantities.part import Choice, Choices
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.validation import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
@@ -62,6 +65,11 @@ class Experiment:
     reference: Reference = field(default_factory=Reference)
     disturbance: Disturbance = field(default_factory=Disturbance)
     sensors: Sensors = field(default_factory=Sensors)
+    actuator: Annotated[
+        Actuator,
+        Quantity("", "what stands between a torque command and the torque of the motor", "assumption"),
+        Choice("actuator.kind", ACTUATORS, "actuator"),
+    ] = field(default_factory=Ideal)
     simulation: Simulation = field(default_factory=Simulation)
     metrics: Annotated[
         Sequence[Metric], Quantity("", "figures of merit beside the built-in ones"), Choices(METRICS)

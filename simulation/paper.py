@@ -13,9 +13,13 @@ from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.actuators.ideal import Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
+from dualwinch.model.ropes.rope_law import RopeLaw
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric
 
@@ -59,6 +63,8 @@ def case(
     law: PositionLaw | None = None,
     estimator: Estimator | None = None,
     coordination: Coordination | None = None,
+    rope: RopeLaw | None = None,
+    actuator: Actuator | None = None,
     metrics: Sequence[Metric] = (),
 ) -> Experiment:
     """The experiment of a case of the paper.
@@ -69,6 +75,8 @@ def case(
         law: a position law with its gains, in place of `controller`; also one of your own.
         estimator: in place of the low-pass filter; likewise.
         coordination: in place of differential tension; likewise.
+        rope: both ropes, in place of the paper's; also of a law of your own.
+        actuator: of both motors, which the paper takes for ideal; also one of your own.
         metrics: figures of merit of your own, beside the built-in ones.
 
     Raises:
@@ -78,8 +86,10 @@ def case(
         raise ConfigurationError(f"case {number!r}: must be 1, 2, 3 or 4")
     parts = {"law": law or POSITION_LAWS.find(controller)(), "estimator": estimator, "coordination": coordination}
     return Experiment(
+        plant=Plant() if rope is None else Plant(rope_1=rope, rope_2=rope),
         reference=Reference(kind="uniform" if number in {1, 3} else "profile"),
         disturbance=Disturbance(vortex=number in {3, 4}),
         controller=Controller(**{name: part for name, part in parts.items() if part is not None}),
+        actuator=actuator or Ideal(),
         metrics=metrics,
     )

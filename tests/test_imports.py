@@ -132,25 +132,25 @@ def test_folders_are_imported_by_their_names_in_dualwinch() -> None:
 @pytest.mark.parametrize(
     ("line", "name"),
     [
-        ("import dualwinch.model.rope", "dualwinch.model.rope"),
-        ("def f():\n    from dualwinch.model import rope", "dualwinch.model.rope"),
+        ("import dualwinch.model.winch", "dualwinch.model.winch"),
+        ("def f():\n    from dualwinch.model import winch", "dualwinch.model.winch"),
         ("if TYPE_CHECKING:\n    from dualwinch.tuning.tune import tune", "dualwinch.tuning.tune.tune"),
-        ("from .rope import Rope", "dualwinch.model.rope.Rope"),
+        ("from .winch import Winch", "dualwinch.model.winch.Winch"),
         ("from ..codegen import cache", "dualwinch.codegen.cache"),
-        ("import model.rope", "model.rope"),
+        ("import model.winch", "model.winch"),
     ],
 )
 def test_every_kind_of_import_is_found(line: str, name: str) -> None:
-    assert [found.name for found in imports_of("dualwinch.model.winch", line, package=False)] == [name]
+    assert [found.name for found in imports_of("dualwinch.model.vehicle", line, package=False)] == [name]
 
 
 def test_a_circle_and_an_import_upwards_are_noticed() -> None:
     found = circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})
     assert "→".join(found) in {"a→b→c→a", "b→c→a→b", "c→a→b→c"}
     assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})
-    higher, lower = "dualwinch.simulation.simulate", "dualwinch.model.rope"
+    higher, lower = "dualwinch.simulation.simulate", "dualwinch.model.winch"
     assert upward(Import(lower, 1, f"{higher}.simulate"))
-    assert not upward(Import(higher, 1, f"{lower}.Rope"))
+    assert not upward(Import(higher, 1, f"{lower}.Winch"))
     assert upward(Import(lower, 1, "dualwinch.simulate"))
     assert upward(Import("dualwinch.config.settings", 1, "dualwinch.commands.tune"))
     assert not upward(Import("dualwinch.commands.tune", 1, "numpy.linalg"))

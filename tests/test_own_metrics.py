@@ -102,7 +102,9 @@ def test_a_result_is_saved_and_loaded(tmp_path: Path) -> None:
     for suffix in ("csv", "parquet", "npz", "mat"):
         dw.save(result, tmp_path / f"run.{suffix}")
         assert dw.load_result(tmp_path / f"run.{suffix}", base=dw.case(1, metrics=[Room(), *OWN[:2]])) == result
-        with pytest.raises(ConfigurationError, match=r"metrics = .*last-beyond.*: no such part is registered; register it, "):
+        with pytest.raises(
+            ConfigurationError, match=r"metrics = .*last-beyond.*: no such part is registered; register it, "
+        ):
             dw.load_result(tmp_path / f"run.{suffix}")
 
 

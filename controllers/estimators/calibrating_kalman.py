@@ -22,7 +22,8 @@ from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, Kalman
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.rope import Rope, rope_lengths, stiffness
+from dualwinch.model.ropes.kelvin_voigt import Rope, kelvin_voigt, stiffness
+from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar, clip, exp, where
 
 
@@ -123,13 +124,14 @@ class CalibratingKalman(Estimator):
     ) -> tuple[CalibratingState, CalibratingEstimate]:
         """One sample: learn of the ropes, then filter the motion with what is known of them."""
         nominal, sample_time = context.nominal, context.sample_time
+        believed_1, believed_2 = kelvin_voigt(nominal.rope_1), kelvin_voigt(nominal.rope_2)
         length_1, length_2 = rope_lengths(state.motion.x, nominal.track)
         taut = TAUT * context.limits.tension_min
         noise, gains = self.kalman.position_noise, self.calibration
         F1, F2 = measurement.F1, measurement.F2
         rope_1 = learn(
             state.rope_1,
-            F1 / stiffness(length_1, nominal.rope_1),
+            F1 / stiffness(length_1, believed_1),
             nominal.winch_1.drum_radius * measurement.theta_1 - measurement.x,
             taut < F1,
             noise,
@@ -138,16 +140,14 @@ class CalibratingKalman(Estimator):
         )
         rope_2 = learn(
             state.rope_2,
-            F2 / stiffness(length_2, nominal.rope_2),
+            F2 / stiffness(length_2, believed_2),
             nominal.winch_2.drum_radius * measurement.theta_2 + measurement.x,
             taut < F2,
             noise,
             gains,
             sample_time,
         )
-        calibrated = replace(
-            nominal, rope_1=_calibrated(nominal.rope_1, rope_1), rope_2=_calibrated(nominal.rope_2, rope_2)
-        )
+        calibrated = replace(nominal, rope_1=_calibrated(believed_1, rope_1), rope_2=_calibrated(believed_2, rope_2))
         motion, estimate = filter_motion(state.motion, measurement, self.kalman, calibrated, context)
         learnt = {"excess_1": rope_1.excess, "excess_2": rope_2.excess}
         return CalibratingState(motion, rope_1, rope_2), CalibratingEstimate(**vars(estimate) | learnt)

@@ -39,7 +39,8 @@ from dualwinch.model.matrix import Matrix, diagonal, plus, solve, times, transpo
 from dualwinch.model.plant import Environment, Plant, vehicle_acceleration
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.rope import compliance, rope_lengths
+from dualwinch.model.ropes.kelvin_voigt import compliance, kelvin_voigt
+from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar, where
 
 
@@ -177,8 +178,8 @@ def filter_motion(
     total = position + encoder_1 + encoder_2
     length_1, length_2 = rope_lengths(state.x, nominal.track)
     F1, F2 = measurement.F1, measurement.F2
-    from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 * compliance(length_1, nominal.rope_1)
-    from_2 = F2 * compliance(length_2, nominal.rope_2) - nominal.winch_2.drum_radius * measurement.theta_2
+    from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
+    from_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2)) - nominal.winch_2.drum_radius * measurement.theta_2
     taut = TAUT * context.limits.tension_min
     surprise_x = position / total * (measurement.x - state.x)
     surprise_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)

@@ -17,6 +17,7 @@ from dualwinch.config.settings import override
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators.solver import is_automatic, solver_of
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.results.formats import format_of
@@ -100,7 +101,8 @@ def print_result(result: Result) -> None:
     """Print outcome and figures of merit of a run."""
     console = Console()
     kind = result.experiment.controller.law.kind
-    console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s")
+    solver = f" ({solver_of(result.experiment)})" if is_automatic(result.experiment) else ""
+    console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s{solver}")
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(justify="right")

@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
+from dualwinch.model.plant import (
+    Environment,
+    Plant,
+    PlantState,
+    Torques,
+    derivative,
+    plant_structure,
+    symbolic_plant,
+    tensions,
+)
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves, numbers
 from dualwinch.model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
@@ -114,7 +123,7 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
     arguments.append(np.repeat(np.array([list(numbers(plant).values())]).T, len(points), axis=1))
     jacobians = [
         np.array(np.split(side_by_side.full(), len(points), axis=1))
-        for side_by_side in _jacobians(plant.rope_slack)(*arguments)
+        for side_by_side in _jacobians(plant_structure(plant))(*arguments)
     ]
     systems = [
         LinearSystem(A, B, C, D, dt=None, **NAMES, operating_point=numbers(point))
@@ -124,9 +133,9 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
 
 
 @cache
-def _jacobians(rope_slack: bool) -> ca.Function:
+def _jacobians(structure: Plant) -> ca.Function:
     """``(state, torques, environment, parameters) -> (A, B, C, D)``."""
-    plant, p = symbolic_plant(rope_slack)
+    plant, p = symbolic_plant(structure)
     x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
     state, environment = PlantState(*ca.vertsplit(x)), Environment(*ca.vertsplit(w))
     dx = ca.vertcat(*leaves(derivative(state, Torques(*ca.vertsplit(u)), environment, plant)).values())

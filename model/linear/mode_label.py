@@ -6,7 +6,8 @@ from typing import NamedTuple
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.rope import rope_lengths, stiffness
+from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.steady_cruise import PRELOAD
 from dualwinch.model.vehicle import inertia
 
 RIGID = 0.05
@@ -47,7 +48,8 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     if max(map(abs, moved.stretches)) < RIGID * largest:
         speed, position = participation[prefix + "v"], participation[prefix + "x"]
         return "rigid drift: speed" if speed > position else "rigid drift: position"
-    return _by_energies(moved, plant, x)
+    springs = _springs(plant, x, system.operating_point)
+    return _by_energies(moved, plant, springs)
 
 
 def plant_prefix(states: Sequence[str]) -> str | None:
@@ -68,14 +70,19 @@ def displacements(shape: Mapping[str, complex], plant: Plant, prefix: str = "") 
     )
 
 
-def _by_energies(moved: Shape, plant: Plant, x: float) -> str:
+def _springs(plant: Plant, x: float, point: Mapping[str, float]) -> tuple[float, float]:
+    """Spring rates in N/m of both ropes at an operating point."""
     length_1, length_2 = rope_lengths(x, plant.track)
+    tension_1, tension_2 = (point.get(name, PRELOAD / 2) for name in ("F1", "F2"))
+    return plant.rope_1.tangent(tension_1, length_1)[0], plant.rope_2.tangent(tension_2, length_2)[0]
+
+
+def _by_energies(moved: Shape, plant: Plant, springs: tuple[float, float]) -> str:
     masses = (
         inertia(plant.vehicle),
         plant.winch_1.inertia / plant.winch_1.drum_radius**2,
         plant.winch_2.inertia / plant.winch_2.drum_radius**2,
     )
-    springs = (stiffness(length_1, plant.rope_1), stiffness(length_2, plant.rope_2))
     vehicle, *drums = _taking_part(masses, moved)
     ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
     turning = [number for number, there in enumerate(drums, start=1) if there]

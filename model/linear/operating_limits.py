@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
-from dualwinch.model.rope import SHORTEST_ROPE, Track
+from dualwinch.model.ropes.track import SHORTEST_ROPE, Track
 
 FASTEST = 10.0
 """Bound in m/s on the speed of an operating point, far beyond what the ropes can give."""

@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_limits import FASTEST, check_position, check_range, remarks, violations
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative, symbolic_plant, tensions
+from dualwinch.model.plant import (
+    Environment,
+    Plant,
+    PlantState,
+    Torques,
+    derivative,
+    plant_structure,
+    symbolic_plant,
+    tensions,
+)
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, numbers
 from dualwinch.model.steady_cruise import (
@@ -131,8 +140,9 @@ def operating_points(
     outside = np.array([[force], [current], [tension_min], [tension_max]])
     inputs = np.vstack([points, np.repeat(outside, points.shape[1], axis=1)])
     parameters = np.repeat(np.array([list(numbers(plant).values())]).T, points.shape[1], axis=1)
-    found = _cruise(plant.rope_slack)(inputs, parameters).full()
-    left = _left(plant.rope_slack)(found[:6], found[6:8], inputs[3:5], parameters).full()
+    structure = plant_structure(plant)
+    found = _cruise(structure)(inputs, parameters).full()
+    left = _left(structure)(found[:6], found[6:8], inputs[3:5], parameters).full()
     table = np.vstack([found, left])
     limits = (tension_min, tension_max)
     return [_point(column, inputs[:, k], plant, limits) for k, column in enumerate(table.T)]
@@ -149,9 +159,9 @@ def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
 
 
 @cache
-def _cruise(rope_slack: bool) -> ca.Function:  # the key of a cache
+def _cruise(structure: Plant) -> ca.Function:
     """``(x, v, preload, force, current, tension_min, tension_max), p -> state, torques, tensions``."""
-    plant, p = symbolic_plant(rope_slack)
+    plant, p = symbolic_plant(structure)
     point = ca.SX.sym("point", 7)
     x, v, preload, force, current, tension_min, tension_max = ca.vertsplit(point)
     environment = Environment(force, current)
@@ -162,9 +172,9 @@ def _cruise(rope_slack: bool) -> ca.Function:  # the key of a cache
 
 
 @cache
-def _left(rope_slack: bool) -> ca.Function:
+def _left(structure: Plant) -> ca.Function:
     """``state, torques, (force, current), p -> what is left``: largest acceleration and rate of a tension."""
-    plant, p = symbolic_plant(rope_slack)
+    plant, p = symbolic_plant(structure)
     x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 2)
     state = PlantState(*ca.vertsplit(x))
     rate = derivative(state, Torques(*ca.vertsplit(u)), Environment(*ca.vertsplit(w)), plant)

@@ -41,7 +41,7 @@ def every_leaf(group: type, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
         if slot.choice:
             yield group, _choice_leaf(slot, tuple(slot.choice.registry))
             for part in slot.choice.registry.values():
-                for _, leaf in every_leaf(part, prefix):
+                for _, leaf in every_leaf(part, slot.beside):
                     yield part, leaf
         elif slot.choices:
             yield group, _kinds_leaf(slot, tuple(slot.choices.registry))
@@ -236,7 +236,7 @@ def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...
         found = "", ()
         if slot.choice:
             kinds = slot.choice.registry.items()
-            found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, prefix))
+            found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, slot.beside))
         elif slot.choices:
             kinds = slot.choices.registry.items()
             found = slot.key, tuple(kind for kind, part in kinds if key in describe(part, slot.below))

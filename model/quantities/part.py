@@ -43,7 +43,7 @@ class Part(ABC):
 
     @classmethod
     def table(cls) -> str:
-        """The table of its own numbers: the kind, as it is written in a key."""
+        """The table of its own numbers: the kind, as it is written in a key; empty: they need no table of their own."""
         return cls.kind.replace("-", "_")
 
 
@@ -130,10 +130,17 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
 
 @dataclass(frozen=True)
 class Choice:
-    """A field that holds a part: the key of its kind, and the registry that knows the other kinds."""
+    """A field that holds a part.
+
+    Attributes:
+        key: of the part's kind.
+        registry: knows the other kinds.
+        table: where the part's keys stand below its owner; default: beside the owner's own.
+    """
 
     key: str
     registry: Registry[Any]
+    table: str = ""
 
 
 @dataclass(frozen=True)

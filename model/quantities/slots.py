@@ -57,7 +57,7 @@ def check_base(slot: Slot, value: Any) -> None:
 def slots(group: type, prefix: str) -> tuple[Slot, ...]:
     """The fields with keys of a group type, whose keys begin with a prefix, in declaration order."""
     hints, declared = get_type_hints(group, include_extras=True), fields(group)
-    own = f"{prefix}{group.table()}." if issubclass(group, Part) else prefix
+    own = own_prefix(group, prefix)
     found = []
     for field in declared:
         hint, metadata = hints[field.name], ()
@@ -75,7 +75,7 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
                 default=field.default,
                 key=own + field.name if given is None else prefix + given,
                 below=f"{prefix}{given or field.name}.",
-                beside=prefix,
+                beside=f"{prefix}{choice.table}." if choice and choice.table else prefix,
                 plain=hint in PLAIN or get_origin(hint) is Literal or _all_plain(get_args(hint)),
                 choice=choice,
                 choice_key=prefix + choice.key if choice else "",
@@ -83,6 +83,12 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
             )
         )
     return tuple(found)
+
+
+def own_prefix(group: type, prefix: str) -> str:
+    """What the keys of a group's own scalars begin with: a part's, in its own table."""
+    table = group.table() if issubclass(group, Part) else ""
+    return f"{prefix}{table}." if table else prefix
 
 
 def _all_plain(options: tuple[Any, ...]) -> bool:

@@ -9,7 +9,7 @@ from dualwinch.model.quantities.arrays import elements, is_array, rebuilt
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.part import Choices, Part
 from dualwinch.model.quantities.quantity import Rule
-from dualwinch.model.quantities.slots import slots
+from dualwinch.model.quantities.slots import own_prefix, slots
 
 Group = TypeVar("Group")
 
@@ -37,7 +37,7 @@ def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tupl
         elif isinstance(value, Part):
             if slot.choice:
                 yield slot.choice_key, value.kind
-            yield from pairs(value, prefix, whole=whole)
+            yield from pairs(value, slot.beside, whole=whole)
         elif slot.choices:
             yield slot.key, tuple(part.kind for part in value)
             for part in value:
@@ -74,8 +74,8 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         if isinstance(value, Part):
             kind = values.get(slot.choice_key, value.kind)
             if slot.choice and kind != value.kind:
-                value = with_leaves(slot.choice.registry.find(kind)(), leaves(value, prefix), prefix)
-            changes[slot.field] = with_leaves(value, values, prefix)
+                value = with_leaves(slot.choice.registry.find(kind)(), leaves(value, slot.beside), slot.beside)
+            changes[slot.field] = with_leaves(value, values, slot.beside)
         elif slot.choices:
             chosen = _chosen(slot.choices, value, values.get(slot.key))
             changes[slot.field] = tuple(with_leaves(part, values, slot.below) for part in chosen)
@@ -112,15 +112,21 @@ def numbers(group: Any, prefix: str = "") -> dict[str, Any]:
     return {key: value for key, value in leaves(group, prefix).items() if known[key].is_number and value is not None}
 
 
+def alike(group: Group) -> Group:
+    """A group of the same structure with numbers of no group in particular: a key for what its likes share."""
+    known = describe_parts(group)
+    return with_leaves(group, {key: known[key].some_value for key in numbers(group)})
+
+
 def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
     """Every rule between values below a group: what the keys of its fields begin with, the group it is of, the rule."""
-    own = f"{prefix}{group.table()}." if isinstance(group, Part) else prefix
+    own = own_prefix(type(group), prefix)
     for rule in getattr(group, "rules", ()):
         yield own, group, rule
     for slot in slots(type(group), prefix):
         value = None if slot.plain else getattr(group, slot.field)
         if isinstance(value, Part):
-            yield from rules(value, prefix)
+            yield from rules(value, slot.beside)
         elif slot.choices and value:
             for part in value:
                 yield from rules(part, slot.below)

@@ -16,7 +16,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import nearest
-from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise
+from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise, with_taut_ropes
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop, initial_loop_state
 from dualwinch.simulation.loop.row import COLUMNS
@@ -101,7 +101,7 @@ def whole_broken_loop(experiment: Experiment, x: float, v: float, cut: str) -> L
 
 def structure_of_cruise(cruise: LoopCruise) -> Structure:
     """The structure that was linearised: ropes taut."""
-    return replace(structure_of(cruise.experiment), rope_slack=False)
+    return with_taut_ropes(structure_of(cruise.experiment))
 
 
 @cache
@@ -160,7 +160,8 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 def state_names(cruise: LoopCruise) -> tuple[list[str], dict[str, str]]:
     """Short names of the closed loop's states, and their units by these names."""
     experiment = cruise.experiment
-    known = describe_parts(initial_loop_state(experiment.controller, experiment.plant, experiment.sensors))
+    start = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors, experiment.actuator)
+    known = describe_parts(start)
     names, units = [], {}
     for state in cruise.loop.states:
         name = state

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
-from dualwinch.model.plant import Plant, PlantState, tensions
+from dualwinch.model.plant import PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
-from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.vehicle import drag, friction
 from dualwinch.simulation.check import check
 from dualwinch.simulation.exogenous.sensors import Sensors
@@ -82,7 +82,7 @@ def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
     """
     calm = _calm(experiment)
     _check(calm, v)
-    structure = replace(structure_of(calm), rope_slack=False)
+    structure = with_taut_ropes(structure_of(calm))
     loop = closed_loop(structure)
     parameters = loop.vector(parameters_of(calm))
     start = _first_guess(calm, loop, x, v)
@@ -107,6 +107,11 @@ def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
         row=row,
         residual=residual,
     )
+
+
+def with_taut_ropes(structure: Structure) -> Structure:
+    """A structure with ropes that never go slack."""
+    return replace(structure, plant=replace(structure.plant, rope_slack=False))
 
 
 def _solved(
@@ -188,7 +193,7 @@ def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -
     outside = dict.fromkeys(loop.exogenous, 0.0) | {"reference.x": x, "reference.v": v}
     signals = np.array([outside[name] for name in loop.exogenous])
     # what remembers the last sample, or whether there was one, knows it after two
-    remembers = np.array([name.startswith("controller.") for name in loop.states])
+    remembers = np.array([name.startswith(("controller.", "actuator_")) for name in loop.states])
     remembers &= ~loop.marked(Mark.POSITION, Mark.SPEED)
     parameters = loop.vector(parameters_of(experiment))
     for _ in range(2):
@@ -225,8 +230,7 @@ def _residual_function(structure: Structure) -> ca.Function:
     v = ca.SX.sym("v")
     following = loop.step(*symbols.values())[0]
     values = dict(zip(loop.parameters, ca.vertsplit(symbols["parameters"]), strict=True))
-    template = Plant(rope_slack=structure.rope_slack)
-    plant = with_leaves(template, {f"plant.{key}": values[f"plant.{key}"] for key in numbers(template)}, "plant.")
+    plant = with_leaves(structure.plant, values, "plant.")
 
     def forces(vector: ca.SX) -> tuple[ca.SX, ca.SX]:
         of_state = dict(zip(loop.states, ca.vertsplit(vector), strict=True))

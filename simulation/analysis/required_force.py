@@ -6,8 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
-from dualwinch.model.plant import Environment, symbolic_plant, vehicle_acceleration
+from dualwinch.model.plant import Environment, Plant, symbolic_plant, vehicle_acceleration
 from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.model.reference import setpoint
 from dualwinch.model.scalar import Scalar
@@ -69,14 +70,15 @@ def shortfall(experiment: Experiment) -> float:
 
 def force_parameters(experiment: Experiment) -> Floats:
     """The parameters of `force_law`: the simulated plant's, and the vortices'."""
-    values = [*numbers(experiment.plant).values(), *numbers(experiment.disturbance).values()]
+    plant = nominal_structure(experiment.plant)  # ropes that do not stretch have no law
+    values = [*numbers(plant).values(), *numbers(experiment.disturbance).values()]
     return np.array(values, float)
 
 
 @cache
 def force_law() -> ca.Function:
     """``force(outside, parameters)`` of time, position, speed, acceleration and what acts on the vehicle (`Sea`)."""
-    plant, p = symbolic_plant(rope_slack=True)
+    plant, p = symbolic_plant(Plant())
     vortices, outside = numbers(Disturbance()), ca.SX.sym("outside", 7)
     switches = ca.SX.sym("switches", len(vortices))
     disturbance = with_leaves(Disturbance(), dict(zip(vortices, ca.vertsplit(switches), strict=True)))

@@ -13,7 +13,8 @@ from dualwinch.model.quantities.tree import rules, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import described_parameters, structure_of
+from dualwinch.simulation.integrators.solver import solver_of
+from dualwinch.simulation.loop.structure import Structure, described_parameters, structure_of
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +27,8 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
     if not scenarios:
         raise ConfigurationError("scenarios: must be at least one experiment")
     experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
-    first = experiments[0]
-    described = described_parameters(structure_of(first))
+    first, structure = experiments[0], structure_of(experiments[0])
+    described = described_parameters(structure)
     known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
     for name in names:
         if name not in known:
@@ -43,9 +44,9 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
         except ConfigurationError as error:
             where = f"scenario {scenario.index}" if isinstance(scenario, Scenario) else f"scenarios[{number}]"
             raise ConfigurationError(f"{where}: {error}") from error
-        if structure_of(experiment) != structure_of(first) or experiment.samples != first.samples:
+        if structure_of(experiment) != structure or experiment.samples != first.samples:
             raise ConfigurationError(f"scenarios[{number}]: must have the structure and the length of scenarios[0]")
-    _check_together(columns, experiments, described)
+    _check_together(columns, experiments, structure)
 
 
 def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) -> None:
@@ -78,10 +79,9 @@ def _check_noise(names: Iterable[str], experiment: Experiment) -> None:
                 raise ConfigurationError(f"{name} = 0: must be > 0 where it varies (without it no noise is drawn)")
 
 
-def _check_together(
-    columns: Mapping[str, Floats], experiments: Sequence[Experiment], described: Mapping[str, Leaf]
-) -> None:
+def _check_together(columns: Mapping[str, Floats], experiments: Sequence[Experiment], structure: Structure) -> None:
     """Rules between values: rows that break one are shown to `check`, which has the words for it."""
+    described = described_parameters(structure)
     whole_plant = any(name.startswith("plant.") for name in columns)
     checked: set[Controller] = set()
     for number, experiment in enumerate(experiments):
@@ -94,10 +94,21 @@ def _check_together(
             suspect |= ~np.asarray(rule.holds(group))
         for row in np.flatnonzero(suspect):
             where = f"parameters[{row}]" + (f" in scenarios[{number}]" if len(experiments) > 1 else "")
+            changed = with_leaves(experiment, {name: _typed(described[name], c[row]) for name, c in columns.items()})
             try:
-                check(with_leaves(experiment, {name: _typed(described[name], c[row]) for name, c in columns.items()}))
+                check(changed)
+                _check_substeps(changed, structure)
             except ConfigurationError as error:
                 raise ConfigurationError(f"{where}: {error}") from error
+
+
+def _check_substeps(experiment: Experiment, structure: Structure) -> None:
+    """A row's own ropes may ask for more sub-steps than the scenarios'."""
+    needed = solver_of(experiment).substeps
+    if needed > structure.substeps:
+        raise ConfigurationError(
+            f"simulation.substeps = {structure.substeps}: must be >= {needed} for ropes as stiff as these"
+        )
 
 
 def _typed(leaf: Leaf, value: float) -> float | int:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.ensembles.ensemble import Scenario
@@ -71,7 +72,14 @@ def rollout(
         ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go together.
         DualwinchError: no compiler, or no usable cache folder.
     """
-    pairs = Pairs(names, parameters, scenarios)
+
+    def run(together: Scenarios, report: Progress) -> BatchResult:
+        return _rollout(Pairs(names, parameters, together), stride, threads, report)
+
+    return run_in_groups(run, scenarios, progress)
+
+
+def _rollout(pairs: Pairs, stride: int, threads: int | None, progress: Progress) -> BatchResult:
     loop, samples = pairs.loop, pairs.samples
     run = compile_batch(loop)
     shape, kept = pairs.shape, -(-samples // stride) if stride else 0

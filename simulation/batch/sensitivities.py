@@ -11,6 +11,7 @@ from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivi
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
+from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.batch.rollout import NOT_RUN
@@ -26,8 +27,8 @@ from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
 
-GAINS = ("controller.", "nominal.")
-"""What runs can be differentiated by: everything the controller knows."""
+GAINS = ("controller.", "nominal.", "actuator.")
+"""What runs can be differentiated by: everything that acts at the samples, not between them."""
 
 TINY = 1e-100
 """Step of the complex-step derivative: exact, as nothing is subtracted."""
@@ -82,7 +83,14 @@ def sensitivities(
     Raises:
         ConfigurationError, DualwinchError: as `simulation.batch.rollout.rollout`.
     """
-    pairs = Pairs(names, parameters, scenarios)
+
+    def run(together: Scenarios, report: Progress) -> Sensitivities:
+        return _sensitivities(Pairs(names, parameters, together), stride, threads, report)
+
+    return run_in_groups(run, scenarios, progress)
+
+
+def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Progress) -> Sensitivities:
     _check_names(pairs.names)
     smooth = closed_loop(pairs.structure, pairs.zeros | steps(pairs.structure))
     run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.columns))

@@ -5,15 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.rope import Rope, Track, stiffness
 from dualwinch.model.scalar import Scalar, where
-from dualwinch.model.winch import Winch
 from dualwinch.simulation.integrators.adaptive import taut_step
 from dualwinch.simulation.integrators.exponential import exponential
 from dualwinch.simulation.integrators.problem import Motion, Problem
 from dualwinch.simulation.integrators.rk4 import rk4
 
-__all__ = ["INTEGRATORS", "Integrator", "Motion", "Problem", "swing_rate"]
+__all__ = ["INTEGRATORS", "Integrator", "Motion", "Problem"]
 
 
 @dataclass(frozen=True)
@@ -24,6 +22,7 @@ class Integrator:
         substep: ``(problem, motion, t, h) -> motion`` after a step of length h in s from the time t in s.
         order: halving the sub-step divides the error by 2**order on smooth stretches.
         reach: largest `swing_rate` times sub-step in rad it is made for.
+        any_rope: whether it is made for ropes of all laws; else for Kelvin–Voigt ropes alone.
         one_step: ``(problem, motion) -> (motion, valid)``, the one-step update over the whole sample, cheaper
             and to be taken wherever valid > 0.
     """
@@ -31,6 +30,7 @@ class Integrator:
     substep: Callable[[Problem, Motion, Scalar, Scalar], Motion]
     order: int
     reach: float
+    any_rope: bool = False
     one_step: Callable[[Problem, Motion], tuple[Motion, Scalar]] | None = None
 
     def advance(self, problem: Problem, motion: Motion, substeps: int) -> Motion:
@@ -45,15 +45,12 @@ class Integrator:
         return with_leaves(quick, {key: where(valid > 0, chosen[key], values[key]) for key in chosen})
 
 
+TURN = 2 * math.pi
+"""A whole oscillation in rad."""
+
 INTEGRATORS = {
-    "adaptive": Integrator(exponential, order=2, reach=2 * math.pi, one_step=taut_step),
-    "exponential": Integrator(exponential, order=2, reach=2 * math.pi),
-    "rk4": Integrator(rk4, order=4, reach=2.78),
+    "adaptive": Integrator(exponential, order=2, reach=TURN, one_step=taut_step),
+    "exponential": Integrator(exponential, order=2, reach=TURN),
+    "rk4": Integrator(rk4, order=4, reach=2.78, any_rope=True),
 }
 """Every integrator by its name."""
-
-
-def swing_rate(rope: Rope, winch: Winch, track: Track) -> float:
-    """How fast in rad/s a rope and its drum swing, or settle, where the rope is shortest."""
-    mobility = winch.drum_radius**2 / winch.inertia
-    return max(math.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * rope.damping / 2)

@@ -15,7 +15,8 @@ the Kelvin–Voigt rope.
 
 from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.plant import PlantState, vehicle_acceleration
-from dualwinch.model.rope import Rope, compliance, rope_lengths
+from dualwinch.model.ropes.kelvin_voigt import Rope, compliance, kelvin_voigt
+from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar, minimum, reciprocals
 from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import Winch, friction_slope, friction_torque
@@ -96,7 +97,7 @@ def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) ->
         length=length_1,
         closeness=closeness_1,
         lengthening=-travel,
-        rope=plant.rope_1,
+        rope=kelvin_voigt(plant.rope_1),
         winch=plant.winch_1,
         slack=slack,
         h=h,
@@ -110,7 +111,7 @@ def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) ->
         length=length_2,
         closeness=closeness_2,
         lengthening=travel,
-        rope=plant.rope_2,
+        rope=kelvin_voigt(plant.rope_2),
         winch=plant.winch_2,
         slack=slack,
         h=h,

@@ -1,14 +1,19 @@
 """Plant and controller as one symbolic step of the sampled closed loop."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import casadi as ca
 
 from dualwinch.codegen.source.expressions import BUILDING
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
+from dualwinch.controllers.nominal import nominal_structure
+from dualwinch.controllers.signals import ControllerOutput
+from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.actuators.drive import drive
+from dualwinch.model.actuators.ideal import NoState, is_ideal
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, Quantity
@@ -63,16 +68,21 @@ class LoopState:
     motion: Motion
     controller: ControllerState
     encoders: EncoderState = field(default_factory=EncoderState)
+    actuator_1: Any = field(default_factory=NoState)
+    actuator_2: Any = field(default_factory=NoState)
     sample: Annotated[Scalar, Quantity("1", "number of the sample"), Mark.BOOKKEEPING] = 0.0
 
 
-def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors) -> LoopState:
-    """Plant, controller and encoders before the first sample."""
-    rest = resting_state(controller.limits.preload, plant)
+def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors, actuator: Actuator) -> LoopState:
+    """Plant, controller, encoders and actuators before the first sample."""
+    preload = controller.limits.preload
+    rest, holding = resting_state(preload, plant), holding_torques(preload, plant)
     return LoopState(
         motion=Motion(rest),
         controller=initial_controller_state(controller),
         encoders=read_encoders(rest, plant, sensors),
+        actuator_1=actuator.holding_state(holding.tau_1),
+        actuator_2=actuator.holding_state(holding.tau_2),
     )
 
 
@@ -87,7 +97,12 @@ def _queue_names(delay_samples: int) -> list[str]:
 
 
 def starting_state(
-    controller: Controller, plant: Plant, sensors: Sensors, delay_samples: int = 0, metrics: Sequence[Metric] = ()
+    controller: Controller,
+    plant: Plant,
+    sensors: Sensors,
+    actuator: Actuator,
+    delay_samples: int = 0,
+    metrics: Sequence[Metric] = (),
 ) -> dict[str, Scalar]:
     """State before the first sample by name: at rest at x = 0, both ropes at preload/2, equilibrium torques under way.
 
@@ -95,10 +110,11 @@ def starting_state(
         controller: gives the preload, and the laws whose states these are.
         plant: floats or symbols.
         sensors: errors of the encoders.
+        actuator: gives the holding torques.
         delay_samples: samples a torque is late at the motor.
         metrics: figures of merit beside the built-in ones.
     """
-    start = initial_loop_state(controller, plant, sensors)
+    start = initial_loop_state(controller, plant, sensors, actuator)
     holding = leaves(holding_torques(controller.limits.preload, plant))
     queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
     return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(metrics)
@@ -106,9 +122,13 @@ def starting_state(
 
 def initial_state_of(experiment: Experiment) -> dict[str, float]:
     """`starting_state` of an experiment, as floats."""
-    delay_samples = experiment.simulation.delay_samples
     start = starting_state(
-        experiment.controller, experiment.plant, experiment.sensors, delay_samples, experiment.metrics
+        experiment.controller,
+        experiment.plant,
+        experiment.sensors,
+        experiment.actuator,
+        experiment.simulation.delay_samples,
+        experiment.metrics,
     )
     return {key: float(value) for key, value in start.items()}
 
@@ -129,6 +149,32 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts:
         return _closed_loop(structure, zeros, cuts)
 
 
+def _offered(
+    row: Mapping[str, tuple[Scalar, Quantity]],
+    torques: Torques,
+    plant: Plant,
+    output: ControllerOutput,
+    *,
+    number: Scalar,
+    steady: Scalar,
+) -> Sample:
+    """What the sample of a row offers to figures of merit."""
+    columns = {name: value for name, (value, _) in row.items()}
+    power_1 = plant.winch_1.gear_ratio * torques.tau_1 * columns["omega_1"]
+    power_2 = plant.winch_2.gear_ratio * torques.tau_2 * columns["omega_2"]
+    return Sample(
+        **{name: columns[name] for name in COLUMNS},
+        number=number,
+        torque_1=torques.tau_1,
+        torque_2=torques.tau_2,
+        power=absolute(power_1) + absolute(power_2),
+        saturated=output.saturated,
+        torque_saturated=output.winches.torque_saturated,
+        steady=steady,
+        signals={name: value for name, value in columns.items() if name not in COLUMNS},
+    )
+
+
 def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
     template = template_of(structure)
     queued = _queue_names(structure.delay_samples)
@@ -147,11 +193,12 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         symbols["cut"] = ca.vertcat(*injected.values())
     values |= dict.fromkeys(zeros, ca.SX(0))
     plant = with_leaves(template.plant, values, "plant.")
-    nominal = with_leaves(template.plant, values, "nominal.")
+    nominal = with_leaves(nominal_structure(template.plant), values, "nominal.")
     controller = with_leaves(template.controller, values, "controller.")
     sensors = with_leaves(template.sensors, values, "sensors.")
+    actuator = with_leaves(template.actuator, values, "actuator.")
     sample_time = values["simulation.sample_time"]
-    start = initial_loop_state(template.controller, template.plant, template.sensors)
+    start = initial_loop_state(template.controller, template.plant, template.sensors, template.actuator)
     state = with_leaves(start, of_state)
     exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
     plant_state = state.motion.plant
@@ -170,13 +217,16 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         shared_force=injected.get("u"),
     )
 
-    # until the next sample: the plant moves on under the torques that reach the motors
+    # until the next sample: the plant moves on under what the motors make of the torques that reach them
     winches = output.winches
     sent = injected.get("tau_1", winches.tau_1), injected.get("tau_2", winches.tau_2)
     queue = [*(of_state[name] for name in queued), *sent]
+    actuators, torques = drive(
+        (state.actuator_1, state.actuator_2), Torques(queue[0], queue[1]), plant_state, plant, actuator, sample_time
+    )
     hold = ZeroOrderHold(
         t=state.sample * sample_time,
-        torques=Torques(queue[0], queue[1]),
+        torques=torques,
         current=exogenous.current,
         normal_force_variation=exogenous.normal_force_variation,
         force=exogenous.force,
@@ -198,25 +248,13 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         environment=environment,
         plant=plant,
         nominal=nominal,
+        torques=None if is_ideal(actuator) else torques,
     )
-    power_1 = plant.winch_1.gear_ratio * hold.torques.tau_1 * plant_state.omega_1
-    power_2 = plant.winch_2.gear_ratio * hold.torques.tau_2 * plant_state.omega_2
-    columns = {name: value for name, (value, _) in row.items()}
-    sample = Sample(
-        **{name: columns[name] for name in COLUMNS},
-        number=state.sample,
-        torque_1=hold.torques.tau_1,
-        torque_2=hold.torques.tau_2,
-        power=absolute(power_1) + absolute(power_2),
-        saturated=output.saturated,
-        torque_saturated=winches.torque_saturated,
-        steady=exogenous.steady,
-        signals={name: value for name, value in columns.items() if name not in COLUMNS},
-    )
+    sample = _offered(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
     sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")
     own = tuple(with_leaves(metric, values, "metrics.") for metric in template.metrics)
     sums |= states_after(own, of_state, sample, sample_time)
-    following = leaves(LoopState(state.motion, controller_state, encoders, state.sample + 1))
+    following = leaves(LoopState(state.motion, controller_state, encoders, *actuators, state.sample + 1))
     following |= dict(zip(queued, queue[2:], strict=True)) | sums
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "hold": ca.vertcat(*leaves(hold).values())}

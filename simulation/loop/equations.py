@@ -9,16 +9,18 @@ import casadi as ca
 import numpy as np
 
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
+from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, resting_state, tensions
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.rope import rope_lengths, stiffness
+from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
+from dualwinch.simulation.integrators.solver import solver_of
 from dualwinch.simulation.loop.closed_loop import Exogenous, closed_loop, initial_loop_state, starting_state
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.loop.structure import structure_of
@@ -64,7 +66,7 @@ def _symbolic(experiment: Experiment, symbols: Scalars) -> tuple[Controller, Pla
     return (
         with_leaves(experiment.controller, symbols, "controller."),
         with_leaves(experiment.plant, symbols, "plant."),
-        with_leaves(experiment.plant, symbols, "nominal."),
+        with_leaves(nominal_structure(experiment.plant), symbols, "nominal."),
     )
 
 
@@ -121,8 +123,8 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         disturbance=with_leaves(experiment.disturbance, symbols, "disturbance."),
         plant=plant,
     )
-    simulation = experiment.simulation
-    moved = INTEGRATORS[simulation.integrator].advance(problem, motion, simulation.substeps)
+    solver = solver_of(experiment)
+    moved = INTEGRATORS[solver.integrator].advance(problem, motion, solver.substeps)
     slope = problem.derivative(problem.t, motion)
 
     def output(at: PlantState) -> Scalars:
@@ -146,17 +148,18 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         ),
         output_now=output(motion.plant),
         derivative=leaves(slope.plant) | {PHASE: slope.phase, SAMPLE: 1 / sample_time},
-        nominal=_swings(experiment.plant),
+        nominal=_swings(experiment.plant, experiment.controller.limits.preload),
     )
 
 
-def _swings(plant: Plant) -> dict[str, float]:
+def _swings(plant: Plant, preload: float) -> dict[str, float]:
     """Size of each speed beside its position: the frequency in rad/s of the ropes' swing amid the track, in decades.
 
     A solver that allows both the same error would ask more of the speeds than the positions can give.
     """
     lengths = rope_lengths(plant.track.length / 2, plant.track)
-    rates = [stiffness(length, rope) for length, rope in zip(lengths, (plant.rope_1, plant.rope_2), strict=True)]
+    ropes = (plant.rope_1, plant.rope_2)
+    rates = [rope.tangent(preload / 2, length)[0] for rope, length in zip(ropes, lengths, strict=True)]
     squares = {"v": sum(rates) / plant.vehicle.mass}
     for number, rate, winch in zip((1, 2), rates, (plant.winch_1, plant.winch_2), strict=True):
         squares[f"omega_{number}"] = rate * winch.drum_radius**2 / winch.inertia
@@ -170,6 +173,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
     start = starting_state(
         *_symbolic(experiment, symbols)[:2],
         with_leaves(experiment.sensors, symbols, "sensors."),
+        with_leaves(experiment.actuator, symbols, "actuator."),
         experiment.simulation.delay_samples,
     )
     initial = {name: value for name, value in start.items() if not name.startswith("metrics.")}
@@ -178,7 +182,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
     vectors = ca.vertcat(*exogenous.values()), ca.vertcat(*(symbols[name] for name in loop.parameters))
     next_state, row, _ = loop.step(all_states, *vectors)
     following = dict(zip(loop.states, ca.vertsplit(next_state), strict=True))
-    parts = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors)
+    parts = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors, experiment.actuator)
     torques = _facts(describe(Torques))
     queue = {name: torques[name.rsplit(".", 1)[1]] for name in initial if name.startswith("queue.")}
     return Equations(

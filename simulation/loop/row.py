@@ -6,7 +6,7 @@ from typing import Annotated
 from dualwinch.controllers.controller import own_signals
 from dualwinch.controllers.signals import ControllerOutput
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Environment, Plant, PlantState, vehicle_acceleration
+from dualwinch.model.plant import Environment, Plant, PlantState, Torques, vehicle_acceleration
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves
@@ -41,8 +41,19 @@ class Row:
     tau_2: Annotated[Scalar, Quantity("N m", "motor torque command of winch 2"), Mark.HELD]
 
 
+@dataclass(frozen=True)
+class ActualTorques:
+    """What the motors give, where that is not what they are asked for."""
+
+    torque_1: Annotated[Scalar, Quantity("N m", "torque of motor 1, its mean until the next sample"), Mark.HELD]
+    torque_2: Annotated[Scalar, Quantity("N m", "torque of motor 2, its mean until the next sample"), Mark.HELD]
+
+
 COLUMNS = {leaf.key: leaf.quantity for leaf in describe(Row).values()}
 """Columns that every result has: name → quantity, in the order of a result file; a controller's own come after."""
+
+TORQUES = {leaf.key: leaf.quantity for leaf in describe(ActualTorques).values()}
+"""Columns that follow where the actuator is not ideal."""
 
 CONTINUOUS = frozenset(leaf.key for leaf in describe(Row).values() if Mark.HELD not in leaf.marks)
 """Columns of what goes on between two samples; all others, a controller's own too, are held until the next."""
@@ -57,6 +68,7 @@ def row_of(
     environment: Environment,
     plant: Plant,
     nominal: Plant,
+    torques: Torques | None = None,
 ) -> dict[str, tuple[Scalar, Quantity]]:
     """The row of one sample: column name → value and what it is.
 
@@ -72,6 +84,7 @@ def row_of(
         environment: what acts on the vehicle from outside.
         plant: the plant.
         nominal: the plant as the controller believes it to be.
+        torques: what the motors give, where that is not what they are asked for.
 
     Raises:
         ConfigurationError: a part of the controller names a signal of its own like a column there is.
@@ -97,8 +110,11 @@ def row_of(
         tau_1=output.winches.tau_1,
         tau_2=output.winches.tau_2,
     )
-    own = own_signals(output)
-    taken = sorted(own.keys() & COLUMNS.keys())
+    own, motors = own_signals(output), {}
+    if torques is not None:
+        actual = ActualTorques(torques.tau_1, torques.tau_2)
+        motors = {key: (value, TORQUES[key]) for key, value in leaves(actual).items()}
+    taken = sorted(own.keys() & (COLUMNS.keys() | TORQUES.keys()))
     if taken:
         raise ConfigurationError(f"signal '{taken[0]}': the name is taken by a column of every result")
-    return {key: (value, COLUMNS[key]) for key, value in leaves(row).items()} | own
+    return {key: (value, COLUMNS[key]) for key, value in leaves(row).items()} | motors | own

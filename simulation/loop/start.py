@@ -51,6 +51,7 @@ def _start(structure: Structure, *, steps: bool) -> tuple[ca.SX, ca.SX]:
         with_leaves(template.controller, symbols, "controller."),
         with_leaves(template.plant, symbols, "plant."),
         with_leaves(Sensors(), symbols, "sensors.") if steps else Sensors(),
+        with_leaves(template.actuator, symbols, "actuator."),
         structure.delay_samples,
         [with_leaves(metric, symbols, "metrics.") for metric in template.metrics],
     )

@@ -1,17 +1,18 @@
 """What of an experiment shapes the compiled code, and what are numbers it takes at run time."""
 
-from collections.abc import Collection, Hashable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from typing import TypeVar
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.nominal import Nominal, nominal_plant
-from dualwinch.model.plant import Plant
+from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
+from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import numbers, with_leaves
+from dualwinch.model.quantities.tree import alike, numbers
 from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.integrators.solver import solver_of
 from dualwinch.simulation.metrics.metric import Metric
 
 
@@ -20,13 +21,15 @@ class Structure:
     """What shapes the compiled code; everything else is a number it takes at run time.
 
     Attributes:
-        controller: its parts, with all their numbers alike: only what they are made of counts.
-        rope_slack, integrator, substeps, delay_samples: as in an experiment.
-        metrics: figures of merit beside the built-in ones, as the controller.
+        plant, controller, actuator: their parts, with all numbers alike: only what they are made of counts.
+        integrator, substeps: what solves the plant.
+        delay_samples: as in an experiment.
+        metrics: figures of merit beside the built-in ones, likewise.
     """
 
+    plant: Plant
     controller: Controller
-    rope_slack: bool
+    actuator: Actuator
     integrator: str
     substeps: int
     delay_samples: int
@@ -36,8 +39,9 @@ class Structure:
 def template_of(structure: Structure) -> Experiment:
     """An experiment of a structure; its numbers are those of no experiment in particular."""
     return Experiment(
-        plant=Plant(rope_slack=structure.rope_slack),
+        plant=structure.plant,
         controller=structure.controller,
+        actuator=structure.actuator,
         simulation=Simulation(delay_samples=structure.delay_samples),
         metrics=structure.metrics,
     )
@@ -49,37 +53,29 @@ KEPT = 64
 
 def structure_of(experiment: Experiment) -> Structure:
     """The part of an experiment that shapes the compiled code."""
-    simulation = experiment.simulation
+    solver = solver_of(experiment)
     return Structure(
+        plant=plant_structure(experiment.plant),
         controller=_alike(experiment.controller),
-        rope_slack=experiment.plant.rope_slack,
-        integrator=simulation.integrator,
-        substeps=simulation.substeps,
-        delay_samples=simulation.delay_samples,
-        metrics=tuple(map(_with_some_numbers, experiment.metrics)),
+        actuator=alike(experiment.actuator),
+        integrator=solver.integrator,
+        substeps=solver.substeps,
+        delay_samples=experiment.simulation.delay_samples,
+        metrics=tuple(map(alike, experiment.metrics)),
     )
 
 
 @lru_cache(maxsize=KEPT)
 def _alike(controller: Controller) -> Controller:
     """A controller of the same structure with numbers of no controller in particular; nothing computes with them."""
-    return replace(_with_some_numbers(controller), nominal=Nominal())
-
-
-Group = TypeVar("Group", bound=Hashable)
-
-
-@lru_cache(maxsize=KEPT)
-def _with_some_numbers(group: Group) -> Group:
-    known = describe_parts(group)
-    return with_leaves(group, {key: known[key].some_value for key in numbers(group)})
+    return replace(alike(controller), nominal=Nominal())
 
 
 @cache
 def described_parameters(structure: Structure) -> dict[str, Leaf]:
     """What every parameter of a closed loop is, by its key (`parameters_of`)."""
     template = template_of(structure)
-    known = {**describe_parts(template), **describe_parts(template.plant, "nominal.")}
+    known = {**describe_parts(template), **describe_parts(nominal_structure(template.plant), "nominal.")}
     return {key: known[key] for key in parameters_of(template)}
 
 
@@ -103,13 +99,16 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
 
 @lru_cache(maxsize=KEPT)
 def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
-    gains = numbers(experiment.controller, "controller.")
+    controller = experiment.controller
+    gains = numbers(controller, "controller.")
+    believed = nominal_plant(controller.nominal, nominal or experiment.plant, controller.limits.preload)
     values = (
         numbers(experiment.plant, "plant.")
-        | numbers(nominal_plant(experiment.controller.nominal, nominal or experiment.plant), "nominal.")
+        | numbers(believed, "nominal.")
         | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
         | numbers(experiment.disturbance, "disturbance.")
         | numbers(experiment.sensors, "sensors.")
+        | numbers(experiment.actuator, "actuator.")
         | {"simulation.sample_time": experiment.simulation.sample_time}
         | {key: value for metric in experiment.metrics for key, value in numbers(metric, "metrics.").items()}
     )

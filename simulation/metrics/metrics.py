@@ -24,7 +24,9 @@ class Metrics:
     By name it gives them as a mapping does: ``metrics["mse"]``, ``"mse" in metrics``, ``dict(metrics)``. An
     experiment's own (`Metric`) come after the built-in ones, as attributes too.
 
-    Chatter is what a switching control does to the ropes: their tensions jump to and fro from sample to sample.
+    Chatter is what a switching control does to the ropes: their tensions jump to and fro from sample to sample. Energy,
+    torque rate and continuous load are of the torques that reach the plant, behind delay and actuator; the share of
+    saturated torques is of the commands.
     """
 
     mae: Annotated[float, Quantity("m", "mean |e|, whole run")]

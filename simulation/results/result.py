@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
+from dualwinch.simulation.integrators.solver import solver_of
 from dualwinch.simulation.results import frames, view
 from dualwinch.simulation.results.resampling import instants, resampled
 from dualwinch.simulation.results.run import Run
@@ -20,6 +21,11 @@ class Result(Run):
 
     Two results are equal where all they hold is, number for number. Fields are those of `Run`.
     """
+
+    @property
+    def integrator(self) -> str:
+        """The integrator that solved the run: the one asked for, or rk4 where a rope is no Kelvin–Voigt rope."""
+        return solver_of(self.experiment).integrator
 
     def resample(self, rate: float | None = None, *, times: ArrayLike | None = None) -> "Result":
         """The same run with rows at other instants.

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metrics_with
@@ -99,5 +98,5 @@ def _result_of(content: Content, base: Experiment) -> Result:
         final_state={name: number(value) for name, value in facts["final_state"].items()},
         experiment=experiment,
         quantities=content.quantities,
-        nominal=None if facts["nominal"] is None else with_leaves(Plant(), facts["nominal"]),
+        nominal=None if facts["nominal"] is None else with_leaves(base.plant, facts["nominal"]),
     )

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from dualwinch.model.quantities.html import page, readable, readable_unit, section, table
+from dualwinch.simulation.integrators.solver import is_automatic, solver_of
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.run import Run
 
@@ -48,4 +49,9 @@ def _law(result: Run) -> str:
 
 def _words(result: Run) -> str:
     ending, rows = result.outcome.replace("_", " "), len(next(iter(result.columns.values())))
-    return f"{ending} at {result.end_time:g} s, {rows} rows of {len(result.columns)} columns"
+    return f"{ending} at {result.end_time:g} s, {rows} rows of {len(result.columns)} columns{_solver(result)}"
+
+
+def _solver(result: Run) -> str:
+    """The integrator that the ropes ask for, in place of the experiment's."""
+    return f", {solver_of(result.experiment)}" if is_automatic(result.experiment) else ""

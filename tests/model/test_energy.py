@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.rope import Track, rope_lengths, stiffness
+from dualwinch.model.ropes.kelvin_voigt import Rope, kelvin_voigt, stiffness
+from dualwinch.model.ropes.track import Track, rope_lengths
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 
@@ -32,7 +33,7 @@ def springs(state: PlantState, plant: Plant) -> list[tuple[float, float, float, 
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     stretches = max(radius_1 * state.theta_1 - state.x, 0.0), max(radius_2 * state.theta_2 + state.x, 0.0)
     rates = radius_1 * state.omega_1 - state.v, radius_2 * state.omega_2 + state.v
-    ropes = plant.rope_1, plant.rope_2
+    ropes = kelvin_voigt(plant.rope_1), kelvin_voigt(plant.rope_2)
     return [
         (stiffness(length, rope), stretch, rate, length)
         for length, rope, stretch, rate in zip(lengths, ropes, stretches, rates, strict=True)
@@ -70,7 +71,10 @@ def states(draw: st.DrawFn, plant: Plant) -> PlantState:
     x, v = draw(st.floats(1, 49)), draw(st.floats(-3, 3))
     pulls, slips = draw(st.tuples(*2 * [st.floats(-500, 8000)])), draw(st.tuples(*2 * [st.floats(-1, 1)]))
     length_1, length_2 = rope_lengths(x, plant.track)
-    stretch_1, stretch_2 = pulls[0] / stiffness(length_1, plant.rope_1), pulls[1] / stiffness(length_2, plant.rope_2)
+    stretch_1, stretch_2 = (
+        plant.rope_1.resting_stretch(pulls[0], length_1),
+        plant.rope_2.resting_stretch(pulls[1], length_2),
+    )
     return PlantState(x, v, (stretch_1 + x) / 0.8, (v + slips[0]) / 0.8, (stretch_2 - x) / 0.8, (slips[1] - v) / 0.8)
 
 
@@ -90,8 +94,8 @@ FIXED = replace(PLANT, track=Track(rope_offset=1e6))
 """Ropes so long that their lengths do not change, as stiff as those in the middle of the track."""
 FIXED = replace(
     FIXED,
-    rope_1=replace(FIXED.rope_1, modulus=80e9 * 1e6 / 25.5),
-    rope_2=replace(FIXED.rope_2, modulus=80e9 * 1e6 / 25.5),
+    rope_1=Rope(modulus=80e9 * 1e6 / 25.5),
+    rope_2=Rope(modulus=80e9 * 1e6 / 25.5),
 )
 
 

@@ -84,7 +84,7 @@ def test_at_rest_the_holding_torques_keep_it_at_rest(x: float, preload: float) -
 
 
 def test_default_parameters_are_the_papers() -> None:
-    ours = leaves(PLANT, "plant.")
+    ours = {key: value for key, value in leaves(PLANT, "plant.").items() if not key.endswith(".kind")}
     theirs = {key: value for key, value in DEFAULTS.items() if key.startswith("plant.")}
     assert ours == theirs
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from math import pi, sin, tanh
 from types import SimpleNamespace
 
+from scipy.optimize import root_scalar
+
 from tests.oracle.values import Values, group
 
 Triple = tuple[float, float, float]
@@ -12,6 +14,12 @@ Triple = tuple[float, float, float]
 
 Taut = tuple[bool, bool]
 """Whether rope 1 and rope 2 pull."""
+
+Law = Callable[[float, float, float], float]
+"""Pull of a two-sided rope in N from stretch in m, its rate in m/s and length in m."""
+
+STRONG = 6000.0
+"""Tension in N at which a rope of a law of its own is taken for a spring."""
 
 Gates = tuple[float, float]
 """One number a rope: positive where it should be taut."""
@@ -30,16 +38,17 @@ class Hold:
 class Plant:
     """Vehicle, two ropes, two winches.
 
-    ``motion(t, position, speed, hold, taut)`` gives the accelerations with the ropes' modes hold, and the gates.
+    ``motion(t, position, speed, hold, taut)`` gives the accelerations with the ropes' modes held, and the gates. Both
+    ropes are Kelvin–Voigt ones, or of the law that is given.
     """
 
-    def __init__(self, values: Values) -> None:
+    def __init__(self, values: Values, law: Law | None = None) -> None:
         self.vehicle = group(values, "plant.vehicle.")
         self.track = group(values, "plant.track.")
         self.rope_1, self.rope_2 = group(values, "plant.rope_1."), group(values, "plant.rope_2.")
         self.winch_1, self.winch_2 = group(values, "plant.winch_1."), group(values, "plant.winch_2.")
         self.vortex = group(values, "disturbance.")
-        self.slack = bool(values["plant.rope_slack"])
+        self.slack, self.law = bool(values["plant.rope_slack"]), law
         self.motion = _motion(self)
 
     def lengths(self, x: float) -> tuple[float, float]:
@@ -50,18 +59,26 @@ class Plant:
     def stiffnesses(self, x: float) -> tuple[float, float]:
         """Spring rates of both ropes."""
         length_1, length_2 = self.lengths(x)
+        if self.law is not None:
+            return _spring(self.law, length_1), _spring(self.law, length_2)
         return (
             self.rope_1.modulus * self.rope_1.area / length_1,
             self.rope_2.modulus * self.rope_2.area / length_2,
         )
 
+    def pulls(self, x: float, stretch_1: float, rate_1: float, stretch_2: float, rate_2: float) -> tuple[float, float]:
+        """What two-sided ropes pull."""
+        if self.law is not None:
+            length_1, length_2 = self.lengths(x)
+            return self.law(stretch_1, rate_1, length_1), self.law(stretch_2, rate_2, length_2)
+        k_1, k_2 = self.stiffnesses(x)
+        return k_1 * stretch_1 + self.rope_1.damping * rate_1, k_2 * stretch_2 + self.rope_2.damping * rate_2
+
     def tensions(self, position: Triple, speed: Triple) -> tuple[float, float]:
         """Tensions that two-sided ropes would have, cut where the ropes hang loose."""
-        k_1, k_2 = self.stiffnesses(position[0])
         stretch_1, stretch_2 = _stretches(self, position)
         rate_1, rate_2 = _stretches(self, speed)
-        pull_1 = k_1 * stretch_1 + self.rope_1.damping * rate_1
-        pull_2 = k_2 * stretch_2 + self.rope_2.damping * rate_2
+        pull_1, pull_2 = self.pulls(position[0], stretch_1, rate_1, stretch_2, rate_2)
         if self.slack:
             pull_1 = pull_1 if stretch_1 > 0 and pull_1 > 0 else 0.0
             pull_2 = pull_2 if stretch_2 > 0 and pull_2 > 0 else 0.0
@@ -74,15 +91,26 @@ class Plant:
 
     def at_rest(self, preload: float) -> tuple[Triple, Triple]:
         """Position and speed at x = 0 with both ropes at tension preload/2."""
-        k_1, k_2 = self.stiffnesses(0.0)
-        theta_1 = preload / 2 / k_1 / self.winch_1.drum_radius
-        theta_2 = preload / 2 / k_2 / self.winch_2.drum_radius
+        if self.law is not None:
+            stretch_1, stretch_2 = (_stretch(self.law, preload / 2, length) for length in self.lengths(0.0))
+        else:
+            stretch_1, stretch_2 = (preload / 2 / k for k in self.stiffnesses(0.0))
+        theta_1, theta_2 = stretch_1 / self.winch_1.drum_radius, stretch_2 / self.winch_2.drum_radius
         return (0.0, theta_1, theta_2), (0.0, 0.0, 0.0)
 
     def on_track(self, x: float) -> bool:
         """Whether the vehicle has not left the track."""
         overrun = self.track.rope_offset / 2
         return -overrun <= x <= self.track.length + overrun
+
+
+def _stretch(law: Law, tension: float, length: float) -> float:
+    return root_scalar(lambda s: law(s, 0.0, length) - tension, bracket=(0.0, length), method="brentq", xtol=1e-16).root
+
+
+def _spring(law: Law, length: float) -> float:
+    stretch = _stretch(law, STRONG, length)
+    return (law(1.001 * stretch, 0.0, length) - law(0.999 * stretch, 0.0, length)) / (0.002 * stretch)
 
 
 def _stretches(plant: Plant, angles: Triple) -> tuple[float, float]:
@@ -121,16 +149,13 @@ def _motion(plant: Plant) -> Callable[[float, Triple, Triple, Hold, Taut], tuple
     resistance = _resistance(plant.vehicle, plant.vortex)
     winch_1, winch_2 = _winch(plant.winch_1), _winch(plant.winch_2)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    damping_1, damping_2 = plant.rope_1.damping, plant.rope_2.damping
-    stiffnesses = plant.stiffnesses
+    pulls = plant.pulls
 
     def motion(t: float, position: Triple, speed: Triple, hold: Hold, taut: Taut) -> tuple[Triple, Gates]:
         x, theta_1, theta_2 = position
         v, omega_1, omega_2 = speed
-        k_1, k_2 = stiffnesses(x)
         stretch_1, stretch_2 = radius_1 * theta_1 - x, radius_2 * theta_2 + x
-        pull_1 = k_1 * stretch_1 + damping_1 * (radius_1 * omega_1 - v)
-        pull_2 = k_2 * stretch_2 + damping_2 * (radius_2 * omega_2 + v)
+        pull_1, pull_2 = pulls(x, stretch_1, radius_1 * omega_1 - v, stretch_2, radius_2 * omega_2 + v)
         force_1, force_2 = pull_1 if taut[0] else 0.0, pull_2 if taut[1] else 0.0
         net = force_1 - force_2 - resistance(t, x, v, hold.current, hold.load)
         accelerations = (

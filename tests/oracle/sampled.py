@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import floor
+from math import exp, floor
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tests.oracle.collocation import Collocation
 from tests.oracle.laws import LAWS, Measured, WinchPid, tension_commands
-from tests.oracle.plant import Hold, Plant, Triple
+from tests.oracle.plant import Hold, Law, Plant, Triple
 from tests.oracle.values import DEFAULTS, Values
 
 Column = NDArray[np.float64]
@@ -53,7 +53,8 @@ REFERENCES = {1: uniform, 2: profile, 3: uniform, 4: profile}
 class Scenario:
     """What a run is: controller, reference case, values that differ from the defaults, signals by sample.
 
-    Signals, all optional, each (samples,): current (m/s), load (N), and the noise added to x, v, F1, F2.
+    Signals, all optional, each (samples,): current (m/s), load (N), and the noise added to x, v, F1, F2. A law is that
+    of both ropes, in place of the Kelvin–Voigt rope's. A lag in s is that of both motors, behind the delay.
     """
 
     kind: str
@@ -61,6 +62,8 @@ class Scenario:
     changes: Mapping[str, float] = field(default_factory=dict)
     signals: Mapping[str, Column] = field(default_factory=dict)
     position_resolution: float = 0.0
+    law: Law | None = None
+    lag: float = 0.0
 
     @property
     def values(self) -> Values:
@@ -74,7 +77,7 @@ def quantise(value: float, step: float) -> float:
 def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[str, Column]:
     """Columns of a run, one row a sample at its beginning; stops early where the vehicle leaves the track."""
     values = scenario.values
-    plant = Plant(values)
+    plant = Plant(values, scenario.law)
     solver = solver or Collocation(plant)
     law = LAWS[scenario.kind](values)
     winch_1, winch_2 = WinchPid(values, 1), WinchPid(values, 2)
@@ -84,6 +87,7 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
     Ts, filter_time = values["simulation.sample_time"], values["controller.speed_filter_time"]
     levers = [winch.drum_radius / winch.gear_ratio for winch in (plant.winch_1, plant.winch_2)]
     queue = deque([(levers[0] * preload / 2, levers[1] * preload / 2)] * int(values["simulation.delay_samples"]))
+    motors = [lever * preload / 2 for lever in levers]
     position, speed = plant.at_rest(preload)
     filtered_v = 0.0
     rows: list[tuple[float, ...]] = []
@@ -130,7 +134,13 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
                 *(F1_cmd, F2_cmd, said.u, said.u_sat, said.d_hat, said.L1, said.Z_a, said.s, tau_1, tau_2),
             )
         )
-        hold = Hold(*queue.popleft(), current=signal("current", k), load=signal("load", k))
+        arrived = queue.popleft()
+        if scenario.lag:  # exponentials on their way to what is asked for; the plant gets their means
+            gone = [asked - motor for asked, motor in zip(arrived, motors, strict=True)]
+            motors = [asked - exp(-Ts / scenario.lag) * way for asked, way in zip(arrived, gone, strict=True)]
+            lost = scenario.lag / Ts * (1 - exp(-Ts / scenario.lag))
+            arrived = [asked - lost * way for asked, way in zip(arrived, gone, strict=True)]
+        hold = Hold(*arrived, current=signal("current", k), load=signal("load", k))
         position, speed = solver.advance(t, Ts, position, speed, hold)
         if not plant.on_track(position[0]):
             break

@@ -32,7 +32,8 @@ from dualwinch.model.plant import (
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, setpoint
-from dualwinch.model.rope import Rope, stiffness, tension
+from dualwinch.model.ropes.kelvin_voigt import Rope, stiffness
+from dualwinch.model.ropes.rope_law import one_sided
 from dualwinch.model.vehicle import Vehicle, drag, friction
 from dualwinch.model.winch import Winch, drum_acceleration
 from dualwinch.simulation.experiment import Simulation
@@ -61,7 +62,7 @@ def test_e1_retrieving_rope_2_raises_its_tension() -> None:
     """Printed, its elongation is x - R theta_2, while its winch equation counts retrieval as positive."""
     wound = replace(REST, theta_2=REST.theta_2 + 1e-4)
     assert tensions(wound, PLANT)[1] > tensions(REST, PLANT)[1]
-    k = stiffness(25.5, PLANT.rope_2)
+    k = stiffness(25.5, Rope())
     printed = [k * (25.0 - 0.8 * theta) for theta in (REST.theta_2, wound.theta_2)]
     assert printed[1] < printed[0]
 
@@ -76,14 +77,14 @@ def test_e1_as_printed_no_equilibrium_is_stable() -> None:
 
     force_1 = tensions(state, PLANT)[0]
     stretch_2, rate_2 = state.x - 0.8 * state.theta_2, state.v - 0.8 * state.omega_2
-    force_2 = tension(stretch_2, rate_2, state.x + 0.5, PLANT.rope_2)
+    force_2 = one_sided(stretch_2, PLANT.rope_2.tension(stretch_2, rate_2, state.x + 0.5))
     resistance = friction(state.v, PLANT.vehicle) + drag(state.v, PLANT.vehicle)
     printed = replace(
         ours,
         v=(force_1 - force_2 - resistance) / 1e4,
         omega_2=drum_acceleration(state.omega_2, force_2, torques.tau_2, PLANT.winch_2),
     )
-    stretched = 1000 / stiffness(25.5, PLANT.rope_2)
+    stretched = 1000 / stiffness(25.5, Rope())
     rest[4] = (25.0 - stretched) / 0.8
     assert fastest_growth(as_function(list(leaves(printed).values()), x), rest) > 10
 
@@ -111,7 +112,7 @@ def test_e2_as_printed_a_vehicle_at_rest_starts_to_move() -> None:
 
 def test_e2_the_drags_area_is_not_the_ropes(paper_run: PaperRun) -> None:
     """One symbol A for both would leave less than a newton of drag; the ropes pull 2.9 kN at 1.8 m/s."""
-    assert 0.5 * 0.3 * 1000 * PLANT.rope_1.area * 1.8**2 < 1
+    assert 0.5 * 0.3 * 1000 * Rope().area * 1.8**2 < 1
     result = paper_run(2, "fando-nftsm")
     cruise = (result["t"] > 20) & (result["t"] < 28)
     pull = np.mean((result["F1"] - result["F2"])[cruise])
@@ -316,7 +317,7 @@ def tension_after(seconds: float, gains: WinchGains) -> float:
     for _ in range(round(seconds / 1e-3)):
         state, output = winch_step(state, 3000.0, force, 0.0, believed, gains, CONTEXT)
         for _ in range(5):
-            force = tension(0.8 * theta, 0.8 * omega, 25.0, rope)
+            force = one_sided(0.8 * theta, rope.tension(0.8 * theta, 0.8 * omega, 25.0))
             omega += 2e-4 * drum_acceleration(omega, force, output.torque, winch)
             theta += 2e-4 * omega
     return force

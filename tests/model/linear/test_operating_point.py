@@ -13,7 +13,7 @@ from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.operating_point import operating_point, operating_points
 from dualwinch.model.plant import Plant, holding_torques, resting_state
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.model.rope import Track
+from dualwinch.model.ropes.track import Track
 from dualwinch.model.steady_cruise import shared_tensions
 from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant

@@ -48,6 +48,7 @@ def test_every_part_there_is_has_code_of_its_own() -> None:
         ({"simulation.substeps": 7}, True),
         ({"simulation.integrator": "rk4"}, True),
         ({"controller.kind": "nftsm"}, True),
+        ({"actuator.kind": "motor"}, True),
     ],
 )
 def test_what_shapes_the_code(values: dict[str, Any], shapes: bool) -> None:
@@ -56,7 +57,8 @@ def test_what_shapes_the_code(values: dict[str, Any], shapes: bool) -> None:
 
 def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
     assert shaping_keys(case(4)) == {
-        *("controller.kind", "controller.estimator", "controller.coordination.kind", "metrics"),
+        *("controller.kind", "controller.estimator", "controller.coordination.kind"),
+        *("plant.rope_1.kind", "plant.rope_2.kind", "actuator.kind", "metrics"),
         *("plant.rope_slack", "simulation.delay_samples", "simulation.substeps", "simulation.integrator"),
     }
 

@@ -1,0 +1,39 @@
+"""Both motors over one sample, each with an actuator of its own state."""
+
+from typing import Any
+
+from dualwinch.model.actuators.actuator import Actuator, Demand
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant, PlantState, Torques
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.scalar import Scalar
+
+
+def drive(
+    states: tuple[Any, Any], asked: Torques, motion: PlantState, plant: Plant, actuator: Actuator, sample_time: Scalar
+) -> tuple[tuple[Any, Any], Torques]:
+    """Next states of both actuators, and the motor torques until then.
+
+    Args:
+        states: as the last sample left them.
+        asked: torque commands.
+        motion: of the drums at the sample.
+        plant: its gears lie between drum and motor.
+        actuator: of both motors.
+        sample_time: in s.
+
+    Raises:
+        ConfigurationError: the actuator gives a state of other elements than it was given.
+    """
+    ratio_1, ratio_2 = plant.winch_1.gear_ratio, plant.winch_2.gear_ratio
+    demand_1 = Demand(asked.tau_1, ratio_1 * motion.theta_1, ratio_1 * motion.omega_1)
+    demand_2 = Demand(asked.tau_2, ratio_2 * motion.theta_2, ratio_2 * motion.omega_2)
+    state_1, torque_1 = actuator.step(states[0], demand_1, sample_time)
+    state_2, torque_2 = actuator.step(states[1], demand_2, sample_time)
+    odd = leaves(states[0]).keys() ^ leaves(state_1).keys()
+    if odd:
+        names = ", ".join(sorted(odd))
+        raise ConfigurationError(
+            f"{actuator.kind}: its step must give a state of the elements it was given, not {names}"
+        )
+    return (state_1, state_2), Torques(torque_1, torque_2)

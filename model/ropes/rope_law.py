@@ -1,0 +1,153 @@
+"""A rope's law: the tension of a stretched rope, and what follows from it.
+
+A law of your own is a frozen dataclass of its numbers with one method, `RopeLaw.tension`. What else is asked of a rope
+follows from that expression: spring rate and damping are its derivatives, the stretch at a tension its solution by
+Newton's method. A law that knows these in closed form may write those methods too.
+"""
+
+from abc import abstractmethod
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.tree import alike, numbers, with_leaves
+from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, where
+
+
+class RopeLaw(Part):
+    """Tension of a rope: a frozen dataclass of the law's own numbers.
+
+    There are two ropes: the numbers stand below the name of the field that holds the rope, ``plant.rope_1.k``.
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """What follows from a tension is not inherited by a law that writes another one."""
+        super().__init_subclass__(**options)
+        if "tension" in vars(cls):
+            for name in DERIVED.difference(vars(cls)):
+                setattr(cls, name, getattr(RopeLaw, name))
+
+    @classmethod
+    def table(cls) -> str:
+        """Its numbers have no table of their own, but that of the field that holds it."""
+        return ""
+
+    @abstractmethod
+    def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
+        """Tension in N, over floats or CasADi symbols; it grows with the stretch.
+
+        Where a rope is slack, or would push, the plant makes it zero: a law need not look at that.
+
+        Args:
+            stretch: elongation in m; negative while the rope hangs loose.
+            stretch_rate: its rate in m/s.
+            length: of the unstretched rope in m.
+        """
+
+    def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, closeness: Scalar) -> Scalar:  # noqa: ARG002
+        """`tension`, where ``closeness``, 1/length in 1/m, is known already."""
+        return self.tension(stretch, stretch_rate, length)
+
+    def resting_stretch(self, tension: Scalar, length: Scalar) -> Scalar:
+        """Stretch in m at which a rope of a length in m rests under a tension in N."""
+        (stretch,) = _called(_resting(alike(self)), self, tension, length)
+        return stretch
+
+    def steady_stretch(self, tension: Scalar, length: Scalar, length_rate: Scalar) -> tuple[Scalar, Scalar]:
+        """Stretch in m at which the tension stays constant while the rope gets longer or shorter.
+
+        Exact at rest, and for all laws whose stretch at a tension is proportional to the length. For others the rate
+        of the stretch's own slope is left out.
+
+        Args:
+            tension: in N.
+            length: in m.
+            length_rate: in m/s.
+
+        Returns:
+            The stretch, and its slope over the length, in m/m.
+        """
+        stretch, slope = _called(_steady(alike(self)), self, tension, length, length_rate)
+        return stretch, slope
+
+    def tangent(self, tension: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
+        """Spring rate in N/m and damping in N s/m about rest under a tension in N, of a rope of a length in m."""
+        stretch = self.resting_stretch(tension, length)
+        _, spring, damping, _ = _called(_slopes(alike(self)), self, stretch, 0.0, length)
+        return spring, damping
+
+
+DERIVED = frozenset({"pull", "resting_stretch", "steady_stretch", "tangent"})
+"""Methods that follow from `RopeLaw.tension`."""
+
+ITERATIONS = 30
+"""Newton steps for the stretch at rest, each of which squares the error, or halvings of where it may be."""
+
+CORRECTIONS = 8
+"""Newton steps from there to the stretch of a rope that gets longer or shorter."""
+
+STRAINS = (-40.0, -7.0, 3.0)
+"""Natural logarithms of the strains that they look between, and of the one from which they start."""
+
+TINY = 1e-60
+"""Floor under what is divided by, or has a logarithm; small, yet its square and its slope are numbers."""
+
+
+def one_sided(stretch: Scalar, pull: Scalar) -> Scalar:
+    """Tension in N of a rope that would pull or push with a force in N: zero while it is slack (A2)."""
+    return where(minimum(stretch, pull) > 0, pull, 0.0)
+
+
+def _called(function: ca.Function, rope: RopeLaw, *values: Scalar) -> list[Scalar]:
+    """What a function gives of some values and of a rope's numbers: floats of floats."""
+    found = function.call([*values, *numbers(rope).values()])
+    return [float(value) if isinstance(value, ca.DM) else value for value in found]
+
+
+@cache
+def _slopes(rope: RopeLaw) -> ca.Function:
+    """``(stretch, stretch_rate, length, *numbers) -> tension`` and its slopes over the first three."""
+    symbols = {name: ca.SX.sym(name) for name in numbers(rope)}
+    given = [ca.SX.sym(name) for name in ("stretch", "stretch_rate", "length")]
+    tension = ca.SX(with_leaves(rope, symbols).tension(*given))
+    slopes = [ca.densify(ca.jacobian(tension, variable)) for variable in given]
+    return ca.Function("tension", [*given, *symbols.values()], [ca.densify(tension), *slopes])
+
+
+@cache
+def _resting(rope: RopeLaw) -> ca.Function:
+    """``(tension, length, *numbers) -> stretch`` at rest.
+
+    Newton's method for the logarithm of the strain, which solves for a tension that is a power of the stretch in one
+    step; where it would leave the interval that the strain is known to be in, the interval is halved.
+    """
+    symbols = [ca.SX.sym(name) for name in numbers(rope)]
+    tension, length = ca.SX.sym("tension"), ca.SX.sym("length")
+    least, strain, most = map(ca.SX, STRAINS)
+    for _ in range(ITERATIONS):
+        stretch = exp(strain) * length
+        pull, spring, *_ = _slopes(rope).call([stretch, 0, length, *symbols])
+        least, most = where(pull < tension, strain, least), where(pull < tension, most, strain)
+        exponent = maximum(stretch * spring, TINY) / maximum(pull, TINY)
+        newton = strain + log(maximum(tension, TINY) / maximum(pull, TINY)) / exponent
+        inside = both(pull > 0, both(newton >= least, newton <= most))
+        strain = where(inside, newton, (least + most) / 2)
+    return ca.Function("resting", [tension, length, *symbols], [exp(strain) * length])
+
+
+@cache
+def _steady(rope: RopeLaw) -> ca.Function:
+    """``(tension, length, length_rate, *numbers) -> (stretch, slope)`` of `RopeLaw.steady_stretch`.
+
+    While the tension T(s, ds/dt, l) stays, dT = 0 gives ds/dl = −(∂T/∂l)/(∂T/∂s). By how much that rate changes the
+    stretch at rest is little, and found by Newton's method.
+    """
+    symbols = [ca.SX.sym(name) for name in numbers(rope)]
+    tension, length, length_rate = (ca.SX.sym(name) for name in ("tension", "length", "length_rate"))
+    (stretch,), slope = _resting(rope).call([tension, length, *symbols]), ca.SX(0)
+    for _ in range(CORRECTIONS):
+        pull, spring, _, by_length = _slopes(rope).call([stretch, slope * length_rate, length, *symbols])
+        stretch, slope = stretch + (tension - pull) / spring, -by_length / spring
+    return ca.Function("steady", [tension, length, length_rate, *symbols], [stretch, slope])

@@ -1,0 +1,69 @@
+"""Batches whose scenarios take different numbers of sub-steps, as the laws of their ropes ask for: run one by one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators.solver import is_automatic, solver_of
+from dualwinch.simulation.loop.structure import structure_of
+
+Scenarios = Sequence[Experiment | Scenario]
+Progress = Callable[[float], None] | None
+Result = TypeVar("Result")
+
+
+def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scenarios, progress: Progress) -> Result:
+    """The result of a batch, of groups of scenarios with the same sub-steps each: no pair depends on its neighbours.
+
+    Args:
+        run: gives the result of scenarios that go together; a dataclass of arrays (n, m, ...) and dictionaries of such.
+        scenarios: m of them.
+        progress: called now and then with the share that is done.
+
+    Raises:
+        ConfigurationError: scenarios of different groups do not go together.
+    """
+    groups: dict[int, list[int]] = {}
+    experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
+    for index, experiment in enumerate(experiments):
+        groups.setdefault(solver_of(experiment).substeps if is_automatic(experiment) else 0, []).append(index)
+    if len(groups) <= 1:
+        return run(scenarios, progress)
+    _check_together(experiments, [indices[0] for indices in groups.values()])
+    results, done = [], 0
+    for indices in groups.values():
+
+        def report(share: float, before: int = done, count: int = len(indices)) -> None:
+            if progress:
+                progress((before + share * count) / len(scenarios))
+
+        results.append(run([scenarios[index] for index in indices], report))
+        done += len(indices)
+    return _merged(results, list(groups.values()))
+
+
+def _check_together(experiments: list[Experiment], indices: list[int]) -> None:
+    shapes = [(replace(structure_of(experiments[k]), substeps=0), experiments[k].samples) for k in indices]
+    for index, shape in zip(indices, shapes, strict=True):
+        if shape != shapes[0]:
+            raise ConfigurationError(f"scenarios[{index}]: must have the structure and the length of scenarios[0]")
+
+
+def _merged(results: list[Result], groups: list[list[int]]) -> Result:
+    """Results of groups as one, the scenarios in their order."""
+    order = np.argsort(np.concatenate(groups))
+
+    def joined(values: list[Any]) -> Any:
+        if isinstance(values[0], np.ndarray):
+            return np.concatenate(values, axis=1)[:, order]
+        if isinstance(values[0], dict):
+            return {name: joined([value[name] for value in values]) for name in values[0]}
+        return any(values) if isinstance(values[0], bool) else values[0]
+
+    first: Any = results[0]
+    return type(first)(**{f.name: joined([getattr(result, f.name) for result in results]) for f in fields(first)})

@@ -1,0 +1,292 @@
+"""Actuators, built in and of a user's own: between torque command and plant, in all that runs the closed loop."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from dualwinch.codegen.native import compile as compile_function
+from dualwinch.config.experiment_file import load, loads, to_toml
+from dualwinch.config.settings import override
+from dualwinch.model.actuators.actuator import Actuator, Demand
+from dualwinch.model.actuators.ideal import Ideal, NoState, is_ideal
+from dualwinch.model.actuators.motor import Motor
+from dualwinch.model.actuators.registry import ACTUATORS
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.scalar import Scalar
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.simulation.exogenous.signals import exogenous_pieces
+from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.results.storage import load_result, save
+from dualwinch.simulation.simulate import simulate
+from tests.oracle.sampled import Scenario, run
+from tests.own_actuators import Drooping, TwoLags
+
+SHORT = Simulation(duration=1.0)
+LAG, LIMIT = "actuator.motor.time_constant", "actuator.motor.rate_limit"
+ACTUATED = {
+    "motor": Motor(time_constant=5e-3),
+    "limited": Motor(time_constant=2e-3, rate_limit=200.0),
+    "two-lags": TwoLags(),
+    "drooping": Drooping(),
+}
+
+
+def experiment(actuator: Actuator, number: int = 4) -> Experiment:
+    return replace(case(number, actuator=actuator), simulation=SHORT)
+
+
+def filtered(command: np.ndarray, start: float, lag: float, sample_time: float = 1e-3) -> np.ndarray:
+    """Mean torque of each sample behind a lag, from where a run begins."""
+    torque, means = start, []
+    for asked in command:
+        following = asked + (torque - asked) * np.exp(-sample_time / lag)
+        means.append(asked - lag * (following - torque) / sample_time)
+        torque = following
+    return np.array(means)
+
+
+def test_the_torque_that_reaches_the_plant_is_the_lagged_command() -> None:
+    result = simulate(experiment(Motor(time_constant=5e-3)))
+    for number in (1, 2):
+        expected = filtered(result[f"tau_{number}"], 0.8 / 36 * 1000, 5e-3)
+        assert result[f"torque_{number}"] == pytest.approx(expected, abs=1e-9)
+        assert np.abs(result[f"torque_{number}"] - result[f"tau_{number}"]).max() > 0.1
+    assert result.units["torque_1"] == "N m"
+    assert result.interpolation["torque_1"] == "held"
+
+
+def test_a_run_equals_that_of_the_independent_implementation() -> None:
+    late = override(experiment(Motor(time_constant=5e-3)), {"simulation.delay_samples": 2})
+    ours = simulate(late)
+    theirs = run(Scenario("fando-nftsm", 4, {"simulation.delay_samples": 2}, lag=5e-3), 1000)
+    assert np.abs(ours["x"] - theirs["x"]).max() < 1e-7
+    for name in ("F1", "F2"):
+        assert np.abs(ours[name] - theirs[name]).max() < 1.0, name
+
+
+def test_the_lag_comes_after_the_delay() -> None:
+    late = override(experiment(Motor(time_constant=5e-3)), {"simulation.delay_samples": 3})
+    result = simulate(late)
+    held = 0.8 / 36 * 1000
+    arriving = np.concatenate([[held] * 3, result["tau_1"][:-3]])
+    assert result["torque_1"] == pytest.approx(filtered(arriving, held, 5e-3), abs=1e-9)
+
+
+def test_drums_turn_as_the_torque_that_reaches_them_says() -> None:
+    """Momentum of drum 1 over a sample: inertia times change of speed, by motor and rope."""
+    result = simulate(experiment(Motor(time_constant=5e-3)))
+    gained = 1.8 * np.diff(result["omega_1"])
+    pulled = 0.8 * (result["F1"][1:] + result["F1"][:-1]) / 2 * 1e-3
+    given = 36 * result["torque_1"][:-1] * 1e-3
+    calm = slice(500, None)
+    assert gained[calm] == pytest.approx((given - pulled)[calm], abs=2e-5)
+
+
+def test_figures_of_merit_count_the_torque_that_reaches_the_plant() -> None:
+    result = simulate(experiment(ACTUATED["limited"], 1))
+    torques, speeds = (np.array([result[f"{name}_{n}"] for n in (1, 2)]) for name in ("torque", "omega"))
+    assert result.metrics.continuous_load == pytest.approx(np.sqrt((torques**2).mean()))
+    assert result.metrics.energy == pytest.approx(np.abs(36 * torques * speeds).sum() * 1e-3)
+    assert result.metrics.torque_rate == pytest.approx(np.abs(np.diff(torques)).mean() / 1e-3)
+    assert np.abs(np.diff(torques)).max() <= 200 * 1e-3 + 1e-9
+    assert result["tau_1"][0] - 0.8 / 36 * 1000 > 100
+    assert result["torque_1"][0] - 0.8 / 36 * 1000 < 0.2
+
+
+@pytest.mark.parametrize("actuator", ACTUATED.values(), ids=ACTUATED)
+def test_both_engines_run_them(actuator: Actuator) -> None:
+    asked = experiment(actuator)
+    ours, theirs = simulate(asked), simulate(asked, engine_name="interpreter")
+    assert ours.outcome == theirs.outcome == "completed"
+    for name, column in ours.columns.items():
+        assert np.abs(column - theirs[name]).max() <= 1e-9 * max(1.0, np.abs(column).max()), name
+
+
+@pytest.mark.parametrize("actuator", [*ACTUATED.values(), Ideal()], ids=[*ACTUATED, "ideal"])
+def test_a_run_begins_in_equilibrium(actuator: Actuator) -> None:
+    still = override(experiment(actuator), {"reference.kind": "way-points", "reference.points": (1e-9,)})
+    result = simulate(still)
+    assert result["F1"] == pytest.approx(1000, abs=1e-3)
+    assert result["x"] == pytest.approx(0, abs=1e-6)
+
+
+def test_the_ideal_actuator_is_not_there() -> None:
+    plain = simulate(replace(case(4), simulation=SHORT))
+    assert case(4, actuator=Ideal()) == case(4)
+    assert not [name for name in plain.columns if name.startswith("torque_")]
+    assert not [name for name in plain.final_state if name.startswith("actuator")]
+    assert not [name for name in parameters_of(case(4)) if name.startswith("actuator")]
+
+
+@dataclass(frozen=True)
+class Halved(Ideal):
+    """Made of the ideal one, and not ideal."""
+
+    kind: ClassVar = "halved"
+
+    def step(self, state: NoState, demand: Demand, sample_time: Scalar) -> tuple[NoState, Scalar]:  # noqa: ARG002
+        return state, demand.torque / 2
+
+
+def test_what_is_made_of_the_ideal_actuator_is_not_ideal() -> None:
+    assert is_ideal(Ideal())
+    assert not is_ideal(Halved())
+    result = simulate(experiment(Halved()))
+    assert result["torque_2"] == pytest.approx(result["tau_2"] / 2)
+
+
+def test_a_motor_without_lag_is_the_ideal_one() -> None:
+    quick, ideal = simulate(experiment(Motor(time_constant=1e-9))), simulate(experiment(Ideal()))
+    assert np.abs(quick["x"] - ideal["x"]).max() < 1e-9
+
+
+def test_states_have_names_by_their_places_and_units() -> None:
+    loop = closed_loop(structure_of(experiment(TwoLags())))
+    names = [name for name in loop.states if name.startswith("actuator")]
+    assert names == [f"actuator_{number}.tau.{element}" for number in (1, 2) for element in (0, 1)]
+    linear = linear_closed_loop(experiment(Motor()), 10.0, 0.5)
+    assert linear.units["actuator_2.torque"] == "N m"
+
+
+def test_keys_are_set_and_checked_as_any_other() -> None:
+    faster = override(experiment(Motor()), {LAG: 1e-3, LIMIT: 500})
+    assert faster.actuator == Motor(1e-3, 500.0)
+    assert override(case(4), {"actuator.kind": "motor", LAG: 0.01}).actuator == Motor(0.01)
+    assert structure_of(override(faster, {LIMIT: 600})) == structure_of(faster), "numbers compile nothing"
+    for values, message in (
+        ({LAG: 0}, f"{LAG} = 0: must be a finite number > 0 s"),
+        ({LAG: 1}, f'{LAG}: belongs to actuator.kind = "motor", here it is "ideal"'),
+        ({"actuator.kind": "moter"}, 'actuator.kind = "moter": must be "ideal" or "motor"'),
+        (
+            {"actuator.motor.time_constan": 1},
+            "unknown key 'actuator.motor.time_constan'; did you mean 'actuator.motor.time_constant'?",
+        ),
+    ):
+        base = case(4) if "belongs" in message or "kind" in message else faster
+        with pytest.raises(ConfigurationError) as caught:
+            override(base, values)
+        assert str(caught.value) == message
+
+
+def test_many_run_side_by_side() -> None:
+    sets = [[2e-3], [8e-3]]
+    batch = rollout([LAG], sets, [experiment(Motor())], stride=1)
+    for row, (lag,) in enumerate(sets):
+        single = simulate(experiment(Motor(lag)))
+        assert np.abs(batch.columns["x"][row, 0] - single["x"]).max() < 1e-9
+        assert np.abs(batch.columns["torque_1"][row, 0] - single["torque_1"]).max() < 1e-6
+    own = rollout(["actuator.two_lags.lag"], sets, [experiment(TwoLags())])
+    for row, (lag,) in enumerate(sets):
+        assert own.metrics["mse"][row, 0] == pytest.approx(simulate(experiment(TwoLags(lag))).metrics.mse, rel=1e-6)
+    with pytest.raises(ConfigurationError, match=r"^parameters\[0\]: actuator\.two_lags\.lag = 2: must be >= 0\.001"):
+        rollout(["actuator.two_lags.lag"], [[2.0]], [experiment(TwoLags())])
+
+
+@pytest.mark.parametrize(
+    ("actuator", "name", "value"),
+    [(Motor(), LAG, 5e-3), (TwoLags(), "actuator.two_lags.lag", 4e-3)],
+    ids=["motor", "own"],
+)
+def test_runs_can_be_differentiated_by_their_numbers(actuator: Actuator, name: str, value: float) -> None:
+    smooth = override(experiment(actuator), {"controller.coordination.preload": 5000})
+    names, step = ["controller.observer.l0", name], 1e-4 * value
+    found = sensitivities(names, [[5.0, value]], [smooth], stride=0)
+    around = rollout(names, [[5.0, value - step], [5.0, value + step]], [smooth])
+    quotient = np.diff(around.metrics["mse"][:, 0])[0] / (2 * step)
+    assert found.gradients["mse"][0, 0, 1] == pytest.approx(quotient, rel=1e-3)
+    with pytest.raises(ConfigurationError, match=r"no sensitivity to 'plant\.vehicle\.mass'"):
+        sensitivities(["plant.vehicle.mass"], [[1e4]], [smooth])
+
+
+def test_a_lag_takes_phase_off_the_loop() -> None:
+    ideal, lagging = (margins(linear_broken_loop(experiment(one), 20.0, 0.5)) for one in (Ideal(), Motor(0.02)))
+    assert lagging.phase < ideal.phase
+    loop = linear_closed_loop(experiment(Motor(0.02)), 20.0, 0.5)
+    assert {"actuator_1.torque", "actuator_2.torque"} <= set(loop.states)
+    assert np.abs(np.linalg.eigvals(loop.A)).max() < 1
+
+
+def test_it_belongs_to_the_closed_loop_and_to_no_controller() -> None:
+    asked = experiment(Motor())
+    controller, plant, loop = (block(name, asked) for name in ("controller", "plant", "closed-loop"))
+    for part in (controller, plant):
+        assert not [variable.name for variable in (*part.states, *part.parameters) if "actuator" in variable.name]
+    assert LAG in {parameter.name for parameter in loop.parameters}
+    starts = {state.name: state.start for state in loop.states}
+    assert starts["actuator_1.torque"] == pytest.approx(0.8 / 36 * 1000)
+    assert {"torque_1", "torque_2"} <= {output.name for output in loop.outputs}
+
+
+@pytest.mark.parametrize("actuator", [Motor(rate_limit=500.0), TwoLags()], ids=["motor", "own"])
+def test_the_closed_loop_runs_as_a_block_too(actuator: Actuator) -> None:
+    asked = experiment(actuator)
+    whole, result = block("closed-loop", asked), simulate(asked)
+    step, state = compile_function(whole.step), np.array([variable.start for variable in whole.states])
+    parameters = np.array([variable.start for variable in whole.parameters])
+    names, outputs = [variable.name for variable in whole.inputs], [variable.name for variable in whole.outputs]
+    for index, signals in enumerate(next(iter(exogenous_pieces(asked, 200)))):
+        every = dict(zip(closed_loop(structure_of(asked)).exogenous, signals.tolist(), strict=True))
+        state, row = (np.array(value).ravel() for value in step(state, [every[name] for name in names], parameters))
+        for name in ("x", "torque_1", "tau_2"):
+            assert row[outputs.index(name)] == pytest.approx(result[name][index], rel=1e-9, abs=1e-12), name
+        if index == 100:
+            break
+
+
+def test_a_number_that_is_zero_for_good_is_left_out_of_the_code() -> None:
+    idle = experiment(Drooping(0.0))
+    assert "actuator.drooping.droop" in zeros_of(structure_of(idle), parameters_of(idle))
+
+
+def test_written_as_toml_they_are_read_where_they_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built_in = override(case(4, actuator=Motor(rate_limit=300.0)), {LAG: 2e-3})
+    assert loads(to_toml(built_in)) == built_in
+    assert "# rate_limit =" in to_toml(case(4, actuator=Motor()))
+    file = tmp_path / "own.toml"
+    own = case(4, actuator=TwoLags(0.01))
+    file.write_text(to_toml(own))
+    assert "[actuator.two_lags]" in file.read_text()
+    assert load(file, own) == own
+    with pytest.raises(ConfigurationError, match=r'own\.toml:\d+: actuator\.kind = "two-lags": must be "ideal" or'):
+        load(file)
+    monkeypatch.setitem(ACTUATORS._parts, "two-lags", TwoLags)
+    assert load(file) == own
+
+
+def test_results_are_saved_and_loaded_with_them(tmp_path: Path) -> None:
+    for result in (simulate(experiment(Motor(rate_limit=100.0))), simulate(experiment(TwoLags()))):
+        save(result, tmp_path / "run.npz")
+        assert load_result(tmp_path / "run.npz", result.experiment) == result
+    assert leaves(result.experiment)["actuator.two_lags.lag"] == 4e-3
+
+
+@dataclass(frozen=True)
+class Shifty(Actuator):
+    """An actuator that does not keep to its state."""
+
+    kind: ClassVar = "shifty"
+
+    def initial_state(self) -> Any:
+        return TwoLags().initial_state()
+
+    def step(self, state: Any, demand: Demand, sample_time: Scalar) -> tuple[NoState, Scalar]:  # noqa: ARG002
+        return NoState(), demand.torque
+
+
+def test_a_state_that_changes_its_shape_is_named() -> None:
+    with pytest.raises(
+        ConfigurationError,
+        match=r"^shifty: its step must give a state of the elements it was given, not tau\.0, tau\.1$",
+    ):
+        simulate(case(4, actuator=Shifty()))
