@@ -35,17 +35,19 @@ class ExtendedKalman(dw.Estimator):
         return Belief()
 
     def step(self, state, measurement, setpoint, context):
-        T, C = context.sample_time, ca.DM([[1, 0, 0], [0, 1, 0]])
-        R, Q = ca.diag(ca.vertcat(self.x, self.v) ** 2), ca.diag(ca.vertcat(0, 0, T * self.wander**2))
-        gain = state.P @ C.T @ ca.inv_minor(C @ state.P @ C.T + R)
-        z = state.z + gain @ (ca.vertcat(measurement.x, measurement.v) - C @ state.z)
+        T, R = context.sample_time, ca.diag(ca.vertcat(self.x, self.v) ** 2)
+        gain = state.P[:, :2] @ ca.inv_minor(state.P[:2, :2] + R)
+        z = state.z + gain @ (ca.vertcat(measurement.x, measurement.v) - state.z[:2])
         point = ca.SX.sym("z", 3)  # the model at a symbol, differentiated, then taken at the estimate
         forces = dw.nominal_forces(point[1], point[2], context.nominal)
         acceleration = (measurement.F1 - measurement.F2 - forces.resistance) / forces.mass
         ahead = point + T * ca.vertcat(point[1] + T / 2 * acceleration, acceleration, 0)
         z_next, F = ca.substitute([ahead, ca.jacobian(ahead, point)], [point], [z])
-        P_next = F @ (ca.DM.eye(3) - gain @ C) @ state.P @ F.T + Q
-        return Belief(z_next, P_next), dw.Estimate(**vars(measurement) | {"x": z[0], "v": z[1], "d": z[2]})
+        Q, estimate = (
+            ca.diag(ca.vertcat(0, 0, T * self.wander**2)),
+            dw.Estimate(**vars(measurement) | {"x": z[0], "v": z[1], "d": z[2]}),
+        )
+        return Belief(z_next, F @ (state.P - gain @ state.P[:2, :]) @ F.T + Q), estimate
 
 
 def main(trials: int = 300, out: str = "extended-kalman") -> None:
