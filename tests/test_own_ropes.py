@@ -186,7 +186,22 @@ def test_scenarios_of_a_batch_take_the_sub_steps_of_their_own() -> None:
     slopes = sensitivities(["controller.nftsm.beta"], [[0.05]], [stiff, soft], stride=0)
     assert slopes.metrics["mse"][0] == pytest.approx([simulate(each).metrics.mse for each in (stiff, soft)], rel=1e-6)
     assert slopes.gradients["mse"].shape == (1, 2, 1)
-    longer = override(stiff, {"simulation.duration": 2})
+
+
+def test_an_interrupt_leaves_the_scenarios_of_further_groups_out() -> None:
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    stiff = override(EXPERIMENT, {SOFT: 4e8, "plant.rope_2.soft": 4e8})
+    batch = rollout(["controller.nftsm.beta"], [[0.05]], [stiff, EXPERIMENT, stiff], stride=500, progress=interrupt)
+    assert batch.interrupted
+    assert batch.outcomes.tolist() == [["completed", "not_run", "completed"]]
+    assert np.isnan(batch.metrics["mse"][0]).tolist() == [False, True, False]
+    assert np.isnan(batch.columns["F1"][0, 1]).all()
+
+
+def test_scenarios_of_two_lengths_are_no_batch() -> None:
+    soft, longer = EXPERIMENT, override(EXPERIMENT, {SOFT: 4e8, "simulation.duration": 2})
     with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: must have the structure and the length of scen"):
         rollout(["controller.nftsm.beta"], [[0.05]], [soft, longer])
     with pytest.raises(
