@@ -6,8 +6,9 @@ from typing import Annotated, ClassVar
 import annotated_types as at
 
 from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.ropes.kelvin_voigt import Rope
 from dualwinch.model.ropes.rope_law import RopeLaw
-from dualwinch.model.scalar import Scalar, absolute, exp
+from dualwinch.model.scalar import Scalar, absolute, exp, sqrt
 
 
 @dataclass(frozen=True)
@@ -38,3 +39,25 @@ class Bedding(RopeLaw):
 
     def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
         return self.scale * (exp(3e3 * stretch / (length + self.ends)) - 1) + 500 * stretch_rate
+
+
+@dataclass(frozen=True)
+class Root(RopeLaw):
+    """A rope that gets softer, by a root that a loose rope's stretch has not."""
+
+    strength: Annotated[float, at.Gt(0), Quantity("N", "tension at a strain of 1")] = 5e4
+
+    kind: ClassVar = "root"
+
+    def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
+        return self.strength * sqrt(stretch / length) + 1000 * stretch_rate
+
+
+@dataclass(frozen=True)
+class Fading(Rope):
+    """A built-in part, changed: this rope lets a tenth go."""
+
+    kind: ClassVar = "fading"
+
+    def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
+        return 0.9 * super().tension(stretch, stretch_rate, length)

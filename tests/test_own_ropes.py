@@ -31,7 +31,7 @@ from dualwinch.simulation.results.storage import load_result, save
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space_entries import space_of
 from tests.oracle.sampled import Scenario, run
-from tests.own_ropes import Bedding, Stiffening
+from tests.own_ropes import Bedding, Fading, Root, Stiffening
 
 EXPERIMENT = replace(case(4, rope=Stiffening()), simulation=Simulation(duration=1.0))
 SOFT, GROWTH = "plant.rope_1.soft", "plant.rope_2.growth"
@@ -89,6 +89,29 @@ def test_the_result_says_what_solved_it_also_when_it_is_loaded(tmp_path: Path) -
     assert plain.integrator == "adaptive"
     with pytest.raises(ConfigurationError, match=r'plant\.rope_1\.kind = "stiffening": no such part is registered'):
         load_result(tmp_path / "run.parquet")
+
+
+def test_each_rope_may_have_a_law_of_its_own() -> None:
+    mixed = replace(EXPERIMENT, plant=replace(EXPERIMENT.plant, rope_1=Rope(), rope_2=Bedding()))
+    result = simulate(mixed)
+    assert (result.outcome, result.integrator) == ("completed", "rk4")
+    assert [key for key in parameters_of(mixed) if key.startswith("plant.rope_2.")] == [
+        "plant.rope_2.scale",
+        "plant.rope_2.ends",
+    ]
+    point = operating_point(25.0, 1.0, plant=mixed.plant)
+    stretch = 0.8 * point.theta_2 + 25.0
+    assert Bedding().tension(stretch, 0.8 * point.omega_2 + 1.0, 25.5) == pytest.approx(point.F2, rel=1e-9)
+
+
+def test_a_law_that_has_no_value_where_the_rope_is_slack_runs_all_the_same() -> None:
+    root = override(case(1, rope=Root()), {"simulation.duration": 1.0})
+    result = simulate(root)
+    assert (result.outcome, result["F2"].min()) == ("completed", 0.0)
+    batch = rollout(["controller.nftsm.beta"], [[0.05]], [root], stride=1)
+    assert np.abs(batch.columns["F1"][0, 0] - result["F1"]).max() < 1e-3
+    found = sensitivities(["controller.nftsm.beta"], [[0.05]], [root], stride=0)
+    assert np.isfinite(found.gradients["mse"]).all()
 
 
 def test_their_numbers_stand_below_the_ropes_name() -> None:
@@ -163,7 +186,22 @@ def test_scenarios_of_a_batch_take_the_sub_steps_of_their_own() -> None:
     slopes = sensitivities(["controller.nftsm.beta"], [[0.05]], [stiff, soft], stride=0)
     assert slopes.metrics["mse"][0] == pytest.approx([simulate(each).metrics.mse for each in (stiff, soft)], rel=1e-6)
     assert slopes.gradients["mse"].shape == (1, 2, 1)
-    longer = override(stiff, {"simulation.duration": 2})
+
+
+def test_an_interrupt_leaves_the_scenarios_of_further_groups_out() -> None:
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    stiff = override(EXPERIMENT, {SOFT: 4e8, "plant.rope_2.soft": 4e8})
+    batch = rollout(["controller.nftsm.beta"], [[0.05]], [stiff, EXPERIMENT, stiff], stride=500, progress=interrupt)
+    assert batch.interrupted
+    assert batch.outcomes.tolist() == [["completed", "not_run", "completed"]]
+    assert np.isnan(batch.metrics["mse"][0]).tolist() == [False, True, False]
+    assert np.isnan(batch.columns["F1"][0, 1]).all()
+
+
+def test_scenarios_of_two_lengths_are_no_batch() -> None:
+    soft, longer = EXPERIMENT, override(EXPERIMENT, {SOFT: 4e8, "simulation.duration": 2})
     with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: must have the structure and the length of scen"):
         rollout(["controller.nftsm.beta"], [[0.05]], [soft, longer])
     with pytest.raises(
@@ -225,6 +263,17 @@ def test_a_linear_one_runs_as_the_paper_s() -> None:
     assert (ours.integrator, theirs.integrator) == ("rk4", "adaptive")
     assert np.abs(ours["x"] - theirs["x"]).max() < 1e-6
     assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-3)
+
+
+def test_what_changes_the_wire_rope_s_tension_changes_the_run() -> None:
+    """An integrator that knew the wire rope's law by heart would run the rope that was changed."""
+    ours = simulate(override(case(1, rope=Fading()), {"simulation.duration": 0.5, "simulation.substeps": 64}))
+    same = Rope(modulus=0.9 * 80e9, damping=900.0)
+    theirs = simulate(override(case(1, rope=same), {"simulation.duration": 0.5, "simulation.substeps": 64}))
+    other = simulate(override(case(1), {"simulation.duration": 0.5, "simulation.substeps": 64}))
+    assert (ours.integrator, theirs.integrator) == ("rk4", "adaptive")
+    assert np.abs(ours["F1"] - theirs["F1"]).max() < 1.0
+    assert np.abs(ours["F1"] - other["F1"]).max() > 30
 
 
 def test_operating_points_and_modes_are_theirs() -> None:

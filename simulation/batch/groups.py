@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,19 @@ from dualwinch.simulation.loop.structure import structure_of
 
 Scenarios = Sequence[Experiment | Scenario]
 Progress = Callable[[float], None] | None
-Result = TypeVar("Result")
+
+NOT_RUN = "not_run"
+"""Outcome of a pair that an interrupt left out."""
+
+
+class Interruptible(Protocol):
+    """A result of a batch."""
+
+    @property
+    def interrupted(self) -> bool: ...  # noqa: D102
+
+
+Result = TypeVar("Result", bound=Interruptible)
 
 
 def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scenarios, progress: Progress) -> Result:
@@ -37,6 +49,9 @@ def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scena
     _check_together(experiments, [indices[0] for indices in groups.values()])
     results, done = [], 0
     for indices in groups.values():
+        if results and results[-1].interrupted:
+            results.append(_left_out(results[-1], len(indices)))
+            continue
 
         def report(share: float, before: int = done, count: int = len(indices)) -> None:
             if progress:
@@ -52,6 +67,20 @@ def _check_together(experiments: list[Experiment], indices: list[int]) -> None:
     for index, shape in zip(indices, shapes, strict=True):
         if shape != shapes[0]:
             raise ConfigurationError(f"scenarios[{index}]: must have the structure and the length of scenarios[0]")
+
+
+def _left_out(result: Any, count: int) -> Any:
+    """The result of scenarios that an interrupt left out, shaped like another."""
+
+    def emptied(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: emptied(table) for name, table in value.items()}
+        if not isinstance(value, np.ndarray):
+            return value
+        nothing = NOT_RUN if value.dtype.kind == "U" else np.nan
+        return np.full((len(value), count, *value.shape[2:]), nothing, value.dtype)
+
+    return replace(result, **{f.name: emptied(getattr(result, f.name)) for f in fields(result)})
 
 
 def _merged(results: list[Result], groups: list[list[int]]) -> Result:

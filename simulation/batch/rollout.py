@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.codegen.drivers.rollout import COMPLETED
-from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
+from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.ensembles.ensemble import Scenario
@@ -17,9 +17,6 @@ from dualwinch.simulation.metrics.metrics import final_states, metrics_of
 from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
-
-NOT_RUN = "not_run"
-"""Outcome of a pair that an interrupt left out."""
 
 
 @dataclass(frozen=True)

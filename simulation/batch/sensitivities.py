@@ -11,10 +11,9 @@ from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivi
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
-from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
+from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
-from dualwinch.simulation.batch.rollout import NOT_RUN
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop

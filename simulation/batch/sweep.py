@@ -11,7 +11,8 @@ from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
+from dualwinch.simulation.batch.groups import NOT_RUN
+from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.metrics.metrics import metrics_with

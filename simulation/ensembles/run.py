@@ -6,8 +6,9 @@ from itertools import chain, islice
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.groups import NOT_RUN
 from dualwinch.simulation.batch.portions import in_portions, portion_size
-from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
+from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.collector import TRACED, Collector, Finished
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario

@@ -11,7 +11,7 @@ from dualwinch.model.quantities.arrays import Elements
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.part import Choice, Part, Registry
 from dualwinch.model.quantities.quantity import Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
-from dualwinch.model.quantities.tree import leaves, numbers, pairs, rules, with_leaves
+from dualwinch.model.quantities.tree import alike, leaves, numbers, pairs, rules, with_leaves
 
 
 @dataclass(frozen=True)
@@ -205,6 +205,55 @@ def test_the_kinds_that_own_a_key() -> None:
     assert owners(Fleet, "first.steam.heat") == ("first.drive.kind", ("steam",))
     assert owners(Fleet, "first.tank.volume") == ("first.drive.kind", ("slow-diesel", "steam"))
     assert owners(Fleet, "first.hull.volume") == owners(Fleet, "first.sail.area") == ("", ())
+
+
+@dataclass(frozen=True)
+class Wheel(Part):
+    """A part of which there are several: its numbers stand below the name of the field that holds it."""
+
+    radius: Annotated[float, at.Gt(0), Quantity("m", "radius")] = 0.3
+
+    kind: ClassVar = "wheel"
+    rules: ClassVar = (Rule(("radius",), lambda wheel: wheel.radius < 2, lambda _, table: f"{table} must be < 2"),)
+
+    @classmethod
+    def table(cls) -> str:
+        return ""
+
+
+WHEELS: Registry[Wheel] = Registry("wheel", Wheel)
+
+
+@dataclass(frozen=True)
+class Cart:
+    left: Annotated[Wheel, Quantity("", "wheel"), Choice("left.kind", WHEELS, "left")] = field(default_factory=Wheel)
+    right: Annotated[Wheel, Quantity("", "wheel"), Choice("right.kind", WHEELS, "right")] = field(default_factory=Wheel)
+    horse: Annotated[Engine, Quantity("", "in front"), Choice("horse.kind", ENGINES, "horse")] = field(
+        default_factory=Steam
+    )
+
+
+def test_parts_may_stand_in_tables_of_the_fields_that_hold_them() -> None:
+    cart = Cart(left=Wheel(0.5))
+    keys = ["c.left.kind", "c.left.radius", "c.right.kind", "c.right.radius"]
+    keys += ["c.horse.kind", "c.horse.steam.heat", "c.horse.tank.volume"]
+    assert list(leaves(cart, "c.")) == list(describe_parts(cart, "c.")) == keys
+    assert set(keys) < set(describe(Cart, "c."))
+    assert with_leaves(Cart(), leaves(cart)) == cart
+    assert with_leaves(cart, {"right.radius": 1.0}) == Cart(Wheel(0.5), Wheel(1.0))
+    assert with_leaves(cart, {"horse.kind": "slow-diesel", "horse.slow_diesel.power": 2.0}).horse == Diesel(
+        2.0, tank=Tank(3.0)
+    )
+    assert owners(Cart, "left.radius") == ("left.kind", ("wheel",))
+    assert owners(Cart, "horse.steam.heat") == ("horse.kind", ("steam",))
+    assert [table for table, _, rule in rules(cart) if rule.fields == ("radius",)] == ["left.", "right."]
+
+
+def test_groups_of_one_structure_are_alike() -> None:
+    assert alike(Cart(left=Wheel(0.5))) == alike(Cart(horse=Steam(7.0))) != alike(Cart(horse=Diesel()))
+    assert alike(Boat(Sail(3.0))) == alike(Boat(Sail(4.0))) != alike(Boat())
+    assert alike(Outer(inner=Inner(count=2))) != alike(Outer()) != alike(Outer("b"))
+    assert alike(Outer(inner=Inner(0.5))) == alike(Outer())
 
 
 def test_rules_come_with_their_group_and_what_its_keys_begin_with() -> None:

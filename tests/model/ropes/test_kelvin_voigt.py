@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes.kelvin_voigt import Rope, is_kelvin_voigt, kelvin_voigt, stiffness, tangent_rope
 from dualwinch.model.ropes.rope_law import one_sided
-from dualwinch.model.scalar import Scalar
+from tests.own_ropes import Fading
 
 ROPE = Rope()
 stretches = st.floats(-1, 1)
@@ -64,16 +64,6 @@ class Coloured(Rope):
     """The same law."""
 
     kind: ClassVar = "coloured"
-
-
-@dataclass(frozen=True)
-class Fading(Rope):
-    """Another law: this rope lets a tenth go."""
-
-    kind: ClassVar = "fading"
-
-    def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
-        return 0.9 * super().tension(stretch, stretch_rate, length)
 
 
 def test_a_rope_made_of_it_is_one_as_long_as_it_writes_no_tension() -> None:

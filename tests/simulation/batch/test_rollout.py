@@ -10,7 +10,8 @@ from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.rollout import NOT_RUN, BatchResult, rollout
+from dualwinch.simulation.batch.groups import NOT_RUN
+from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
