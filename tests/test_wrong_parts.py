@@ -65,6 +65,14 @@ def read(folder: Path, text: str) -> str:
             f"Spring of law.py: has no step; write def {STEP}",
         ),
         (
+            ('"by hand"), dw.Tunable(10, 1e5)] = 5e3', '"by hand"), dw.Tunable(10, 1e5)]'),
+            "Spring of law.py: stiffness has no default; write stiffness: Annotated[...] = ...",
+        ),
+        (
+            ('label: ClassVar = "spring and damper"', 'label: str = "spring and damper"'),
+            "Spring of law.py: label must be no field; write label: ClassVar = ...",
+        ),
+        (
             ("def initial_state(", "def initial("),
             "Spring of law.py: has no initial_state; write def initial_state(self)",
         ),

@@ -8,6 +8,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import check_keys, every_leaf
 from dualwinch.model.quantities.origin import named
 from dualwinch.model.quantities.part import Part, Registry
+from dualwinch.model.quantities.wrong_parts import check_defaults
 from dualwinch.simulation.experiment import Experiment
 
 PartType = TypeVar("PartType", bound=type[Part])
@@ -37,6 +38,8 @@ def register(part: PartType) -> PartType:
     with part.registry.with_part(part):
         leaves = list(every_leaf(Experiment))
         own = {leaf.key: leaf for owner, leaf in leaves if owner is part}
+        if own:
+            check_defaults(part)
         check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part))
     return part
 

@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Any, ClassVar, get_origin, get_type_hints
 
@@ -12,7 +12,7 @@ from dualwinch.model.quantities.origin import named
 KIND = re.compile(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*")
 """Words that can stand in keys, on command lines and in the names of functions."""
 
-OF_THE_CLASS = ("kind", "label", "colour", "dashes")
+OF_THE_CLASS = ("kind", "label", "colour", "dashes", "rules")
 """What a part says of itself, which is no number of it."""
 
 
@@ -28,7 +28,7 @@ def check_class(part: type) -> None:
 def _check_fields(part: type) -> None:
     if not _frozen(part):
         raise ConfigurationError(f"{named(part)}: write @dataclass(frozen=True) right above the class")
-    known, hints = {field.name for field in fields(part)}, get_type_hints(part)
+    known, hints = {field.name for field in fields(part)}, _hints(part)
     for field in OF_THE_CLASS:
         if field in known:
             raise ConfigurationError(f"{named(part)}: {field} must be no field; write {field}: ClassVar = ...")
@@ -41,6 +41,24 @@ def _check_fields(part: type) -> None:
     for field in known:
         if is_dataclass(hints[field]) and not _frozen(hints[field]):
             raise ConfigurationError(f"{named(hints[field])}: write @dataclass(frozen=True) right above the class")
+
+
+def _hints(part: type) -> dict[str, Any]:
+    try:
+        return get_type_hints(part)
+    except NameError as error:  # of annotations that are kept as text
+        raise ConfigurationError(
+            f"{named(part)}: {error}; its annotations take names from the top of its file"
+        ) from error
+
+
+def check_defaults(part: type) -> None:
+    """Raise `ConfigurationError` where a part cannot be made from its kind alone."""
+    for field in fields(part):
+        if field.init and field.default is MISSING and field.default_factory is MISSING:
+            raise ConfigurationError(
+                f"{named(part)}: {field.name} has no default; write {field.name}: Annotated[...] = ..."
+            )
 
 
 def _frozen(group: Any) -> bool:

@@ -60,6 +60,17 @@ def test_a_plugin_may_use_the_modules_beside_it(tmp_path: Path) -> None:
     assert POSITION_LAWS["spring"]().damping == 7e3  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def test_annotations_may_be_texts(tmp_path: Path) -> None:
+    file = tmp_path / "law.py"
+    file.write_text("from __future__ import annotations\n" + SPRING)
+    load_plugin(str(file))
+    assert POSITION_LAWS["spring"]().stiffness == 5e3  # pyright: ignore[reportAttributeAccessIssue]
+    text = changed(("import annotated_types as at", "from typing import TYPE_CHECKING\nif TYPE_CHECKING: at = 1"))
+    file.write_text("from __future__ import annotations\n" + text)
+    with pytest.raises(ConfigurationError, match=r"^Spring of law\.py: name 'at' is not defined; its annotations take"):
+        load_plugin(str(file))
+
+
 def test_a_module_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "package_of_springs").mkdir()
     (tmp_path / "package_of_springs" / "law.py").write_text(SPRING)

@@ -3,8 +3,9 @@
 import hashlib
 import json
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -103,6 +104,18 @@ def test_parts_that_have_changed_are_refused(tmp_path: Path) -> None:
         in str(caught.value)
     )
     assert part["sha256"][:12] in str(caught.value)
+
+
+def test_a_part_of_a_built_in_kind_is_not_taken_for_the_built_in_one() -> None:
+    @dataclass(frozen=True)
+    class Nftsm(StateFeedback):
+        kind: ClassVar = "nftsm"
+
+    part = noted_parts(case(4, law=Nftsm()))[0]
+    with pytest.raises(
+        ConfigurationError, match=r"^--study sea: was begun with another position law 'nftsm': the source"
+    ):
+        recall("sea", [part])
 
 
 def test_a_part_of_a_script_is_asked_for(tmp_path: Path) -> None:
