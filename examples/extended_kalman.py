@@ -43,11 +43,8 @@ class ExtendedKalman(dw.Estimator):
         acceleration = (measurement.F1 - measurement.F2 - forces.resistance) / forces.mass
         ahead = point + T * ca.vertcat(point[1] + T / 2 * acceleration, acceleration, 0)
         z_next, F = ca.substitute([ahead, ca.jacobian(ahead, point)], [point], [z])
-        Q, estimate = (
-            ca.diag(ca.vertcat(0, 0, T * self.wander**2)),
-            dw.Estimate(**vars(measurement) | {"x": z[0], "v": z[1], "d": z[2]}),
-        )
-        return Belief(z_next, F @ (state.P - gain @ state.P[:2, :]) @ F.T + Q), estimate
+        P = F @ (state.P - gain @ state.P[:2, :]) @ F.T + ca.diag(ca.vertcat(0, 0, T * self.wander**2))
+        return Belief(z_next, P), dw.Estimate(**vars(measurement) | {"x": z[0], "v": z[1], "d": z[2]})
 
 
 def main(trials: int = 300, out: str = "extended-kalman") -> None:
