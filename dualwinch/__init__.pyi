@@ -79,6 +79,8 @@ from .simulation.results.result import Result as Result
 from .simulation.results.storage import load_result as load_result
 from .simulation.results.storage import save as save
 from .simulation.simulate import simulate as simulate
+from .simulation.stepper.observation import Observation as Observation
+from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
 from .tuning.tune import Tuned as Tuned
 from .tuning.tune import tune as tune
