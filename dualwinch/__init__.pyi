@@ -32,6 +32,9 @@ from .controllers.signals import CoordinationOutput as CoordinationOutput
 from .controllers.signals import Estimate as Estimate
 from .controllers.signals import Measurement as Measurement
 from .controllers.signals import PositionOutput as PositionOutput
+from .environments.reward import Reward as Reward
+from .environments.single import Environment as Environment
+from .environments.vector import VectorEnvironment as VectorEnvironment
 from .model.disturbance import Disturbance as Disturbance
 from .model.errors import ConfigurationError as ConfigurationError
 from .model.linear.linearisation import linearise as linearise

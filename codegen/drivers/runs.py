@@ -136,10 +136,10 @@ class Runs:
         ]
         return self._code.step(self._at, 0, ends[1], samples, row) + sum(other.result() for other in others)
 
-    def states(self, run: int) -> Floats:
-        """(states,) of a run."""
-        block, lane = divmod(run, self._code.lanes)
-        return self._state[block, :, lane].copy()
+    def states(self, runs: Indices) -> Floats:
+        """(n, states) of some runs."""
+        blocks, lanes = np.divmod(runs, self._code.lanes)
+        return self._state[blocks, :, lanes]
 
     def copies(self, runs: Indices) -> "Runs":
         """Runs (n,) as they are, in others that go on by themselves."""
@@ -149,7 +149,7 @@ class Runs:
         if self._shared or whole:
             vars(other).update(_parameters=self._parameters, _constants=self._constants)
         parameters = self._parameters[0, :1] if self._shared else self._parameters[blocks, lanes]
-        other.start(np.arange(len(runs)), self._state[blocks, :, lanes], parameters)
+        other.start(np.arange(len(runs)), self.states(runs), parameters)
         other.read(np.arange(len(runs)), self._lines[runs])
         other.outcomes[:], other.done[:] = self.outcomes[runs], self.done[runs]
         other.commands[:], other.observation[:] = self.commands[runs], self.observation[:, runs]

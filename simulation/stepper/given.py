@@ -29,6 +29,7 @@ ROUNDING = 1e-9
 class Sensed(PositionOutput):
     """What a law gives that shows what it gets: the sensors' values, as the estimator passes them on."""
 
+    e_sensed: Annotated[Scalar, Quantity("m", "tracking error as the controller has it")]
     x_sensed: Annotated[Scalar, Quantity("m", "position as the controller has it")]
     v_sensed: Annotated[Scalar, Quantity("m/s", "speed as the controller has it")]
     F1_sensed: Annotated[Scalar, Quantity("N", "tension of rope 1 as the controller has it")]
@@ -40,11 +41,12 @@ class Sensed(PositionOutput):
     d_sensed: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration that the estimator knows")]
 
 
-def sensed(u: Scalar, u_sat: Scalar, estimate: Estimate) -> Sensed:
+def sensed(u: Scalar, u_sat: Scalar, estimate: Estimate, setpoint: Setpoint) -> Sensed:
     """Force before and after saturation in N, beside what is known when it is given."""
     return Sensed(
         u=u,
         u_sat=u_sat,
+        e_sensed=estimate.x - setpoint.x,
         x_sensed=estimate.x,
         v_sensed=estimate.v,
         F1_sensed=estimate.F1,
@@ -75,10 +77,10 @@ class GivenForce(PositionLaw):
         """No force."""
         return Force()
 
-    def step(self, state: Force, estimate: Estimate, setpoint: Setpoint, context: Context) -> tuple[Force, Sensed]:  # noqa: ARG002
+    def step(self, state: Force, estimate: Estimate, setpoint: Setpoint, context: Context) -> tuple[Force, Sensed]:
         """One sample."""
         limit = context.limits.force
-        return state, sensed(state.u, clip(state.u, -limit, limit), estimate)
+        return state, sensed(state.u, clip(state.u, -limit, limit), estimate, setpoint)
 
 
 @dataclass(frozen=True)
@@ -113,12 +115,12 @@ class ForceOfTorques(PositionLaw):
         self,
         state: MotorTorques,
         estimate: Estimate,
-        setpoint: Setpoint,  # noqa: ARG002
+        setpoint: Setpoint,
         context: Context,
     ) -> tuple[MotorTorques, Sensed]:
         """One sample."""
         F1, F2 = pulls(state, context.nominal)
-        return state, sensed(F1 - F2, F1 - F2, estimate)
+        return state, sensed(F1 - F2, F1 - F2, estimate, setpoint)
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ def replay(
         again.runs.commands[:] = given
         again.step(hold, row=rows[start:].ctypes.data)
     outcome, kept = int(again.runs.outcomes[0]), rows[::stride] if stride else rows[:0]
-    final = dict(zip(loop.states, again.runs.states(0).tolist(), strict=True))
+    final = dict(zip(loop.states, again.runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
     return Result(
         columns={name: column.copy() for name, column in zip(loop.columns, kept.T, strict=True)},
         metrics=metrics_of(final, completed=outcome == COMPLETED),

@@ -7,12 +7,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.codegen.drivers.stepping import RUNNING, compile_stepping
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.metrics import FINAL, metrics_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.stepper.given import COMMANDS, KINDS, CommandName, Sensed
 from dualwinch.simulation.stepper.lanes import Lanes
@@ -43,7 +45,7 @@ class Stepper:
         command: ``torques`` or ``force``.
         hold: samples that a command is held.
         signals: names of what is observed.
-        scenarios: of all lanes.
+        source: what lanes start from.
     """
 
     def __init__(
@@ -81,14 +83,14 @@ class Stepper:
         _check(command, {"batch": (batch, 1), "seed": (seed, 0), "hold": (hold, 1), "threads": (threads or 1, 1)})
         self.batch, self.seed, self.command, self.hold = int(batch), int(seed), command, int(hold)
         self.signals = tuple(signals)
-        self._source = Scenarios(experiment, command)
-        self.experiment, self._loop = self._source.experiment, self._source.loop
-        self._code = compile_stepping(self._source.commanded(self.signals), exact=exact)
+        self.source = Scenarios(experiment, command)
+        self.experiment, self._loop = self.source.experiment, self.source.loop
+        self._code = compile_stepping(self.source.commanded(self.signals), exact=exact)
         self._threads = threads or max(1, min(cores(), self.batch * self.hold // WORTH_A_THREAD[exact]))
         self._rows = {name: row for row, name in enumerate(self.signals)}
         self._quantities = {name: self._loop.quantities[name] for name in self.signals}
         self._shape = (self.batch, 2) if command == "torques" else (self.batch,)
-        self._lanes = Lanes(self._code, self.batch, self.experiment.samples, shared=self._source.ensemble is None)
+        self._lanes = Lanes(self._code, self.batch, self.experiment.samples, shared=self.source.ensemble is None)
         self._log: list[Floats] | None = [] if record else None
         self._since = np.zeros(self.batch, np.int64)
         self.reset()
@@ -123,10 +125,10 @@ class Stepper:
             raise ConfigurationError(f"scenarios: has {len(wanted)} numbers: must have {len(indices)}, one a lane")
         if len(indices):
             drawn = [
-                given if isinstance(given, Scenario) else self._source.drawn([given], self.seed)[0] for given in wanted
+                given if isinstance(given, Scenario) else self.source.drawn([given], self.seed)[0] for given in wanted
             ]
-            started = self._source.lanes(drawn)
-            self._lanes.start(indices, started, self._source.first_pages(started, self.batch))
+            started = self.source.lanes(drawn)
+            self._lanes.start(indices, started, self.source.first_pages(started, self.batch))
         self._running = int((self._lanes.runs.outcomes == RUNNING).sum())
         self._forget(indices)
         return self.observation
@@ -189,6 +191,14 @@ class Stepper:
         return WORDS[self._lanes.runs.outcomes]
 
     @property
+    def metrics(self) -> dict[str, Floats]:
+        """Name → (batch,) figures of merit, as in `Metrics`; NaN where a lane has not completed its run."""
+        runs = self._lanes.runs
+        states = runs.states(np.arange(self.batch))
+        final = {name: states[:, self._loop.states.index(name)] for name in FINAL}
+        return vars(metrics_of(final, completed=runs.outcomes == COMPLETED))
+
+    @property
     def scenarios(self) -> list[Scenario]:
         """What each lane runs; of an experiment itself, one without draws."""
         return [self._lanes.lanes[index].scenario for index in range(self.batch)]
@@ -240,7 +250,7 @@ class Stepper:
         index = int(self._indices([lane])[0])
         commands = (given[index] for given in self._log[self._since[index] :])
         started, samples = self._lanes.lanes[index], int(self._lanes.runs.done[index])
-        nominal = started.scenario.nominal if self._source.ensemble else None
+        nominal = started.scenario.nominal if self.source.ensemble else None
         return replay(self._code, self._loop, started, samples, commands, self.hold, stride, nominal)
 
     @property

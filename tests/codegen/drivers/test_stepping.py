@@ -51,9 +51,8 @@ def test_runs_are_those_of_single_rollouts(exact: bool, one_step: bool, count: i
                 states[run, 1] = speed[run]
                 single(parameters[run], forces[run, k : k + 1], states[run], 0)
         assert under_way == np.count_nonzero(runs.outcomes == RUNNING)
-    for run in range(count):
-        np.testing.assert_allclose(runs.states(run), states[run], rtol=1e-12, atol=1e-14)
-        np.testing.assert_allclose(runs.observation[0, run], states[run, 0], rtol=1e-12)
+    np.testing.assert_allclose(runs.states(np.arange(count)), states, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(runs.observation[0], states[:, 0], rtol=1e-12)
     expected = np.where(np.abs(states[:, 0]) > 1, LEFT, COMPLETED)
     np.testing.assert_array_equal(runs.outcomes, expected)
 

@@ -62,6 +62,9 @@ def test_a_lane_fed_with_the_torques_of_a_run_is_that_run_to_the_bit(experiment:
     for lane in (0, 1):
         assert_same_plant(stepper.result(lane), run)
     own = stepper.result(0)
+    np.testing.assert_array_equal(
+        [values[0] for values in stepper.metrics.values()], list(vars(own.metrics).values()), strict=True
+    )
     both = {name for name, value in vars(run.metrics).items() if value == getattr(own.metrics, name)}
     assert vars(run.metrics).keys() - both <= {"saturated_share", "steady_mae", "steady_mse", "steady_max_abs_error"}
     assert list(stepper.outcomes) == ["completed"] * 2
