@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.stepper.observation import Observation
 
 Floats = NDArray[np.float64]
 
@@ -34,20 +35,18 @@ class Reward:
             if not 0 <= value < np.inf:
                 raise ConfigurationError(f"reward.{name} = {value}: must be a finite number >= 0")
 
-    def of(
-        self, error: Floats, tensions: tuple[Floats, Floats], torque_changes: tuple[Floats, Floats], missing: Floats
-    ) -> Floats:
-        """The rewards of a step, (batch,) in m².
+    def of(self, now: Observation, before: Observation) -> Floats:
+        """The rewards (batch,) in m² of a step, where no run was lost.
 
         Args:
-            error: x − x_ref in m at its end.
-            tensions: F1 and F2 in N, likewise.
-            torque_changes: of both motors since the last step, in N m.
-            missing: steps that a run that has been lost still had to go; 0 of all others.
+            now: what is observed at its end: e, F1, F2, tau_1 and tau_2.
+            before: likewise, at its beginning.
         """
-        total = error**2 + self.lost**2 * missing
+        total = now["e"] ** 2
         if self.torque_change:
-            total += self.torque_change * (torque_changes[0] ** 2 + torque_changes[1] ** 2)
+            for name in ("tau_1", "tau_2"):
+                total += self.torque_change * (now[name] - before[name]) ** 2
         if self.slack:
-            total += self.slack * ((tensions[0] <= 0).astype(float) + (tensions[1] <= 0))
+            for name in ("F1", "F2"):
+                total += self.slack * (now[name] <= 0)
         return -total

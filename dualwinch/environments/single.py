@@ -51,16 +51,19 @@ class Environment(gymnasium.Env[Floats, Any]):
         self._task = Task(experiment, 1, command=command, hold=hold, reward=reward, exact=exact)
         self._actions = Actions(self._task.limits, normalised=normalised)
         self.render_mode = render_mode
-        self.action_space, self.observation_space = self._actions.space, observation_space(self._task)
+        self.action_space: gymnasium.Space[Any] = self._actions.space
+        self.observation_space: gymnasium.Space[Any] = observation_space(self._task)
         self.observed, self.units = SENSED, self._task.units
-        self._seed, self._episode = None, 0
+        self._seed, self._episode = -1, 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin the next episode, of a seed the first; there are no options."""
         super().reset(seed=seed, options=options)
         self._episode += 1
-        if seed is not None or self._seed is None:
-            self._seed, self._episode = self.np_random_seed if seed is None else seed, 0
+        if seed is not None:
+            self._seed, self._episode = seed, 0
+        elif self._seed < 0:
+            self._seed, self._episode = int(self.np_random.integers(2**31)), 0
         self._task.start(np.zeros(1, np.int64), [self._seed], [self._episode])
         return self._task.observation[0], {}
 

@@ -85,26 +85,24 @@ class Task:
             under way: 0, false, false.
         """
         stepper, before, running = self.stepper, self._last, self.stepper.running
-        limited = np.clip(commands, self._lower, self._upper)
-        if running.any():
+        limited = np.minimum(np.maximum(commands, self._lower), self._upper)
+        if stepper.under_way:
             self._last = stepper.step(limited if stepper.command == "torques" else limited[:, 0])
+        rewards = self._reward.of(self._last, before)
+        if stepper.under_way == stepper.batch:
+            return rewards, np.zeros(stepper.batch, bool), np.zeros(stepper.batch, bool)
         gone = running & ~stepper.running
-        lost = ended = gone
-        missing = np.zeros(stepper.batch)
-        if gone.any():
-            ended = gone & (stepper.outcomes == "completed")
-            lost = gone & ~ended
-            steps = -(-np.append(stepper.experiment.samples, stepper.samples[lost]) // stepper.hold)
-            missing[lost] = steps[0] - steps[1:]
-        now = self._last
-        changes = now["tau_1"] - before["tau_1"], now["tau_2"] - before["tau_2"]
-        rewards = self._reward.of(now["e"], (now["F1"], now["F2"]), changes, missing)
+        ended = gone & (stepper.outcomes == "completed")
+        lost = gone & ~ended
+        steps = -(-np.append(stepper.experiment.samples, stepper.samples) // stepper.hold)
+        rewards[lost] -= self._reward.lost**2 * (steps[0] - steps[1:][lost])
         return np.where(running, rewards, 0.0), lost, ended
 
     @property
     def observation(self) -> Floats:
         """(lanes, elements) as they are, within their bounds."""
-        return np.ascontiguousarray(self._last.array[: len(SENSED)].clip(self._low, self._high).T)
+        sensed = self._last.array[: len(SENSED)]
+        return np.ascontiguousarray(np.minimum(np.maximum(sensed, self._low), self._high).T)
 
     def info(self, lane: int) -> dict[str, Any]:
         """What is known at the end of a lane's episode: its outcome and, where it was completed, its MSE in m²."""

@@ -93,7 +93,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         super().reset(seed=first, options=options)
         self._episodes += 1
         if not self._seeds:
-            self._seeds = [self.np_random_seed + lane for lane in range(self.num_envs)]
+            own = int(self.np_random.integers(2**31))
+            self._seeds = [own + lane for lane in range(self.num_envs)]
             self._episodes[:] = 0
         for lane, number in enumerate(given or ()):
             if number is not None:
@@ -103,15 +104,16 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
 
     def step(self, actions: Any) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
         """Hold an action in every lane; what is beyond the space is limited to it."""
-        begin = np.flatnonzero(~self._task.stepper.running)
+        stepper, infos = self._task.stepper, {}
+        begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else ()
         rewards, lost, ended = self._task.step(self._actions.commands(actions, self.num_envs))
-        infos: dict[str, Any] = {}
-        for lane in np.flatnonzero(lost | ended).tolist():
-            infos = self._add_info(infos, self._task.info(lane), lane)
-        if begin.size:
+        if stepper.under_way < stepper.batch:
+            for lane in np.flatnonzero(lost | ended).tolist():
+                infos = self._add_info(infos, self._task.info(lane), lane)
+        if len(begin):
             self._episodes[begin] += 1
             self._start(begin)
-        return self._task.observation, rewards, lost.copy(), ended.copy(), infos
+        return self._task.observation, rewards, lost, ended, infos
 
     def _start(self, lanes: NDArray[np.int64]) -> None:
         self._task.start(lanes, [self._seeds[lane] for lane in lanes.tolist()], self._episodes[lanes].tolist())

@@ -34,9 +34,12 @@ WORTH_A_THREAD = {True: 4000, False: 16000}
 class Stepper:
     """Runs of an experiment side by side, moved on step by step under the caller's commands.
 
-    Fed with the torques of a run, a lane gives that run; where it is `exact`, every column of the plant is `simulate`'s
-    to the last bit. A lane's numbers depend on nothing but its scenario and its commands. One that leaves the track,
-    diverges or reaches the end stays as it is, with its outcome, while the others go on.
+    Fed with the torques of a run, a lane gives that run again: an exact one every column of the plant to the last bit, as
+    ``simulate(experiment, engine_name="interpreter")`` has it. (In the C of a whole closed loop compilers contract
+    products, in each one otherwise; so the last bits of the compiled `simulate` differ.)
+
+    A lane's numbers depend on nothing but its scenario and its commands. One that leaves the track, diverges or reaches
+    the end stays as it is, with its outcome, while the others go on.
 
     Attributes:
         experiment: what is run, with parts that pass on commands in place of its law (and coordination).
@@ -46,6 +49,7 @@ class Stepper:
         hold: samples that a command is held.
         signals: names of what is observed.
         source: what lanes start from.
+        under_way: number of lanes that are.
     """
 
     def __init__(
@@ -57,7 +61,7 @@ class Stepper:
         command: CommandName = "torques",
         hold: int = 1,
         signals: Iterable[str] = SENSED,
-        exact: bool = True,
+        exact: bool = False,
         record: bool = True,
         threads: int | None = None,
     ) -> None:
@@ -71,8 +75,8 @@ class Stepper:
                 position law's stead. The experiment's coordination shares it between the winches.
             hold: samples that a command is held.
             signals: columns of a result to observe; those of commands show the last ones.
-            exact: with the operations of `simulate`. Else sixteen lanes share the vector registers of a core, and
-                elementary functions err by up to 1e-9 of their value, as in `rollout`.
+            exact: each lane gives the bits of `simulate` in the interpreter. Else sixteen lanes share the vector
+                registers of a core, and elementary functions err by up to 1e-9 of their value, as in `rollout`.
             record: keep the commands, which `result` needs: 16 bytes a lane and step, of forces 8.
             threads: default: one a core where a step's work is worth it.
 
@@ -81,7 +85,8 @@ class Stepper:
             DualwinchError: no compiler, or no usable cache folder.
         """
         _check(command, {"batch": (batch, 1), "seed": (seed, 0), "hold": (hold, 1), "threads": (threads or 1, 1)})
-        self.batch, self.seed, self.command, self.hold = int(batch), int(seed), command, int(hold)
+        self.command: CommandName = command
+        self.batch, self.seed, self.hold = int(batch), int(seed), int(hold)
         self.signals = tuple(signals)
         self.source = Scenarios(experiment, command)
         self.experiment, self._loop = self.source.experiment, self.source.loop
@@ -129,7 +134,7 @@ class Stepper:
             ]
             started = self.source.lanes(drawn)
             self._lanes.start(indices, started, self.source.first_pages(started, self.batch))
-        self._running = int((self._lanes.runs.outcomes == RUNNING).sum())
+        self.under_way = int((self._lanes.runs.outcomes == RUNNING).sum())
         self._forget(indices)
         return self.observation
 
@@ -152,7 +157,7 @@ class Stepper:
             raise ConfigurationError(f"{self.command}: must be numbers, {self._wanted}") from error
         if given.shape != self._shape:
             raise ConfigurationError(f"{self.command}: shape {given.shape} must be {self._wanted}")
-        if not self._running:
+        if not self.under_way:
             raise ConfigurationError("step: all lanes have ended; reset() starts them anew")
         runs = self._lanes.runs
         runs.commands[:] = given if given.ndim == 2 else given[:, None]
@@ -162,7 +167,7 @@ class Stepper:
             raise ConfigurationError(f"{self.command}[{index}] = {runs.commands[odd]}: must be finite")
         if self._log is not None:
             self._log.append(given)
-        self._running = self._lanes.step(self.hold, self._threads)
+        self.under_way = self._lanes.step(self.hold, self._threads)
         return self.observation
 
     @property
@@ -178,7 +183,7 @@ class Stepper:
     @property
     def times(self) -> Floats:
         """(batch,) time of each lane in s."""
-        return self._lanes.runs.done * self.experiment.simulation.sample_time
+        return self._lanes.runs.done.astype(np.float64) * self.experiment.simulation.sample_time
 
     @property
     def running(self) -> NDArray[np.bool_]:
@@ -226,7 +231,7 @@ class Stepper:
             _shape=(len(indices), *self._shape[1:]),
             _lanes=continued,
             _since=self._since[indices],
-            _running=int((continued.runs.outcomes == RUNNING).sum()),
+            under_way=int((continued.runs.outcomes == RUNNING).sum()),
             _log=log,
         )
         return other

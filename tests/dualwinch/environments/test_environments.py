@@ -26,7 +26,7 @@ FORMS: list[dict[str, Any]] = [
 ]
 
 
-def short(duration: float = 0.2, **keys: object) -> dw.Experiment:
+def short(duration: float = 0.2, **keys: Any) -> dw.Experiment:
     return dw.override(dw.case(4), {"simulation.duration": duration} | keys)
 
 
@@ -97,7 +97,7 @@ def test_an_episode_is_a_run() -> None:
 def test_who_leaves_the_track_pays_for_every_missing_step() -> None:
     experiment = short(40.0)
     env = Environment(experiment, command="torques", hold=10, reward={"lost": 3.0})
-    env.reset(seed=0)
+    observation, info = env.reset(seed=0)
     rewards, terminated = [], False
     while not terminated:
         observation, reward, terminated, truncated, info = env.step({"tau_1": 4.5, "tau_2": 130.0})
@@ -114,7 +114,7 @@ def test_a_lane_that_has_ended_begins_anew_with_the_next_step() -> None:
     envs = VectorEnvironment(2, short(40.0), command="torques", hold=10)
     observation, _ = envs.reset(seed=0)
     pulled = {"tau_1": np.array([22.0, 4.5]), "tau_2": np.array([22.0, 130.0])}
-    terminated = np.zeros(2, bool)
+    _, _, terminated, truncated, infos = envs.step(pulled)
     while not terminated.any():
         _, _, terminated, truncated, infos = envs.step(pulled)
     assert (terminated.tolist(), truncated.tolist()) == ([False, True], [False, False])
@@ -140,6 +140,8 @@ def test_weights_are_taken_off_the_reward() -> None:
         (_, first, *_), (_, second, *_) = plain.step(action), weighted.step(action)
     assert first - second == pytest.approx(0.5 * (2.0**2 + 3.0**2))
     slack = {"tau_1": 4.5, "tau_2": 4.5}
+    observation, first, *_ = plain.step(slack)
+    weighted.step(slack)
     for _ in range(150):
         observation, first, *_ = plain.step(slack)
         _, second, *_ = weighted.step(slack)
