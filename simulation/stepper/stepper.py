@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,8 +35,8 @@ class Stepper:
     """Runs of an experiment side by side, moved on step by step under the caller's commands.
 
     Fed with the torques of a run, a lane gives that run again; an exact one has the very bits that
-    ``simulate(experiment, engine_name="interpreter")`` has in all columns of the plant. (In the C of a whole closed loop compilers contract
-    products, in each one otherwise; so the last bits of the compiled `simulate` differ.)
+    ``simulate(experiment, engine_name="interpreter")`` has in all columns of the plant. (In the C of a whole closed
+    loop compilers contract products, in each one otherwise; so the last bits of the compiled `simulate` differ.)
 
     A lane's numbers depend on nothing but its scenario and its commands. One that leaves the track, diverges or reaches
     the end stays as it is, with its outcome, while the others go on.
@@ -84,6 +84,10 @@ class Stepper:
             ConfigurationError: a number out of range, an unknown name, or values that do not fit together.
             DualwinchError: no compiler, or no usable cache folder.
         """
+        if not isinstance(experiment, Experiment | Ensemble):
+            raise ConfigurationError(
+                f"experiment: must be an Experiment or an Ensemble, not {type(experiment).__name__}"
+            )
         _check(command, {"batch": (batch, 1), "seed": (seed, 0), "hold": (hold, 1), "threads": (threads or 1, 1)})
         self.command: CommandName = command
         self.batch, self.seed, self.hold = int(batch), int(seed), int(hold)
@@ -235,6 +239,9 @@ class Stepper:
             _log=log,
         )
         return other
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Stepper":
+        return self.fork()
 
     def result(self, lane: int, stride: int = 1) -> Result:
         """The run of a lane so far, as `simulate` gives runs: its recorded commands are run again, and rows kept.

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ import dualwinch as dw
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.stepper.stepper import SENSED, Stepper
+from tests.own_parts import DriftFree, StateFeedback, Watched
 from tests.simulation.stepper.feeding import PLANT, feed, torques_of
 
 NOISY = {
@@ -166,6 +168,19 @@ def test_a_force_goes_through_the_coordination_of_the_experiment(exact: bool) ->
     assert own.metrics.saturated_share == run.metrics.saturated_share
 
 
+def test_parts_of_a_users_own_stay_in_the_loop() -> None:
+    """Estimator and coordination, their signals too."""
+    controller = dw.Controller(law=StateFeedback(), estimator=DriftFree(), coordination=Watched())
+    experiment = replace(short(4, **NOISY), controller=controller)
+    run = dw.simulate(experiment, engine_name="interpreter")
+    stepper = Stepper(experiment, batch=2, command="force", signals=["imbalance", "x_sensed"], exact=True)
+    feed(stepper, run["u"])
+    own = stepper.result(0)
+    for name in ("x", "F1", "tau_2", "offset", "imbalance"):
+        np.testing.assert_allclose(own[name], run[name], rtol=1e-9, atol=1e-9, err_msg=name)
+    assert "surprise" not in own  # a signal of the law
+
+
 def test_a_force_beyond_the_limit_is_limited() -> None:
     stepper = Stepper(short(), batch=1, command="force")
     stepper.step([1e5])
@@ -244,6 +259,7 @@ def test_a_fork_goes_on_by_itself() -> None:
     again = [stepper.step(command).array for command in commands]
     np.testing.assert_array_equal(ahead, again)
     assert fork.result(3) == stepper.result(3)
+    np.testing.assert_array_equal(deepcopy(stepper).observation.array, stepper.observation.array)
 
 
 @pytest.mark.parametrize("exact", [True, False])
@@ -377,6 +393,11 @@ def test_a_step_beyond_the_end_says_what_to_do() -> None:
         stepper.step(np.full((2, 2), 22.0))
     stepper.reset()
     stepper.step(np.full((2, 2), 22.0))
+
+
+def test_what_is_no_experiment_is_named() -> None:
+    with pytest.raises(ConfigurationError, match="experiment: must be an Experiment or an Ensemble, not str"):
+        Stepper("sea")  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(
