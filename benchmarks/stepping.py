@@ -43,7 +43,11 @@ JAX = "JAX, `vmap` and `jit`"
 
 def _stepper(case: Case, count: int, *, exact: bool) -> tuple[Step, Callable[[], None]]:
     stepper = Stepper(case.experiment, count, exact=exact, record=False)
-    return lambda torques: stepper.step(torques)["x_sensed"], lambda: stepper.reset() and None
+
+    def reset() -> None:
+        stepper.reset()
+
+    return lambda torques: stepper.step(torques)["x_sensed"], reset
 
 
 def _environment(case: Case, count: int) -> tuple[Step, Callable[[], None]]:
@@ -53,7 +57,10 @@ def _environment(case: Case, count: int) -> tuple[Step, Callable[[], None]]:
     def step(torques: Floats) -> Floats:
         return envs.step({"tau_1": torques[:, 0], "tau_2": torques[:, 1]})[0][:, position]
 
-    return step, lambda: envs.reset(seed=0) and None
+    def reset() -> None:
+        envs.reset(seed=0)
+
+    return step, reset
 
 
 def _jax(case: Case, count: int) -> tuple[Step, Callable[[], None]]:

@@ -21,6 +21,8 @@ from dualwinch.simulation.stepper.stepper import SENSED
 
 Flags = NDArray[np.bool_]
 
+NOBODY = np.zeros(0, np.int64)
+
 
 class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
     """Lanes of a stepper as a vector environment; each is what `environments.single.Environment` is.
@@ -105,12 +107,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
     def step(self, actions: Any) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
         """Hold an action in every lane; what is beyond the space is limited to it."""
         stepper, infos = self._task.stepper, {}
-        begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else ()
+        begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else NOBODY
         rewards, lost, ended = self._task.step(self._actions.commands(actions, self.num_envs))
         if stepper.under_way < stepper.batch:
             for lane in np.flatnonzero(lost | ended).tolist():
                 infos = self._add_info(infos, self._task.info(lane), lane)
-        if len(begin):
+        if begin.size:
             self._episodes[begin] += 1
             self._start(begin)
         return self._task.observation, rewards, lost, ended, infos
