@@ -1,11 +1,13 @@
 """What a step is worth."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.stepper.observation import Observation
 
 Floats = NDArray[np.float64]
@@ -50,3 +52,16 @@ class Reward:
             for name in ("F1", "F2"):
                 total += self.slack * (now[name] <= 0)
         return -total
+
+
+def weighted(weights: Mapping[str, float]) -> Reward:
+    """A reward by the names of its weights.
+
+    Raises:
+        ConfigurationError: there is no such weight, or one is out of range.
+    """
+    known = [field.name for field in fields(Reward)]
+    for name in weights:
+        if name not in known:
+            raise ConfigurationError(f"reward: unknown weight {name!r}; did you mean '{nearest(str(name), known)}'?")
+    return Reward(**weights)

@@ -71,7 +71,7 @@ class Environment(gymnasium.Env[Floats, Any]):
         """Hold an action; an action beyond the space is limited to it."""
         rewards, lost, ended = self._task.step(self._actions.commands(action, 1))
         terminated, truncated = bool(lost[0]), bool(ended[0])
-        info = self._task.info(0) if terminated or truncated else {}
+        info = self._task.infos([0])[0] if terminated or truncated else {}
         return self._task.observation[0], float(rewards[0]), terminated, truncated, info
 
 

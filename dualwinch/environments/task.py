@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.environments.reward import Reward
+from dualwinch.environments.reward import Reward, weighted
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CASES, case
@@ -49,7 +49,7 @@ class Task:
             ConfigurationError: an unknown experiment, or a number out of range.
         """
         given = named(experiment) if isinstance(experiment, str) else experiment
-        self._reward = reward if isinstance(reward, Reward) else Reward(**reward or {})
+        self._reward = reward if isinstance(reward, Reward) else weighted(reward or {})
         self.stepper = Stepper(
             with_fresh_noise(given),
             lanes,
@@ -104,12 +104,14 @@ class Task:
         sensed = self._last.array[: len(SENSED)]
         return np.ascontiguousarray(np.minimum(np.maximum(sensed, self._low), self._high).T)
 
-    def info(self, lane: int) -> dict[str, Any]:
-        """What is known at the end of a lane's episode: its outcome and, where it was completed, its MSE in m²."""
-        outcome = str(self.stepper.outcomes[lane])
-        if outcome != "completed":
-            return {"outcome": outcome}
-        return {"outcome": outcome, "mse": float(self.stepper.metrics["mse"][lane])}
+    def infos(self, lanes: Sequence[int]) -> list[dict[str, Any]]:
+        """What is known at the end of lanes' episodes: outcome and, where a run was completed, its MSE in m²."""
+        outcomes, errors = self.stepper.outcomes, self.stepper.metrics["mse"]
+        found: list[dict[str, Any]] = [{"outcome": str(outcomes[lane])} for lane in lanes]
+        return [
+            info | {"mse": float(errors[lane])} if info["outcome"] == "completed" else info
+            for info, lane in zip(found, lanes, strict=True)
+        ]
 
 
 def named(name: str) -> Experiment | Ensemble:

@@ -110,8 +110,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else NOBODY
         rewards, lost, ended = self._task.step(self._actions.commands(actions, self.num_envs))
         if stepper.under_way < stepper.batch:
-            for lane in np.flatnonzero(lost | ended).tolist():
-                infos = self._add_info(infos, self._task.info(lane), lane)
+            over = np.flatnonzero(lost | ended).tolist()
+            for lane, info in zip(over, self._task.infos(over), strict=True):
+                infos = self._add_info(infos, info, lane)
         if begin.size:
             self._episodes[begin] += 1
             self._start(begin)

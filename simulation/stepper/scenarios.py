@@ -80,10 +80,17 @@ class Scenarios:
         return _commanded(self._structure, self._zeros, self._command, signals)
 
     def drawn(self, numbers: Sequence[int], seed: int) -> list[Scenario]:
-        """Scenarios by their numbers; without an ensemble the experiment itself, whatever the numbers."""
+        """Scenarios by their numbers; without an ensemble the experiment itself, whatever the numbers.
+
+        Raises:
+            ConfigurationError: a number that is none.
+        """
+        for number in numbers:
+            if not (isinstance(number, int | np.integer) and number >= 0):
+                raise ConfigurationError(f"scenarios: {number!r} is none: must be whole numbers >= 0, or scenarios")
         if self.ensemble is None:
             return [Scenario(0, self._base, self._base.plant, {})] * len(numbers)
-        return [self.ensemble.scenario(number, seed) for number in numbers]
+        return [self.ensemble.scenario(int(number), seed) for number in numbers]
 
     def lanes(self, scenarios: Sequence[Scenario]) -> list[Lane]:
         """What lanes of scenarios start from.

@@ -88,7 +88,8 @@ class Stepper:
             raise ConfigurationError(
                 f"experiment: must be an Experiment or an Ensemble, not {type(experiment).__name__}"
             )
-        _check(command, {"batch": (batch, 1), "seed": (seed, 0), "hold": (hold, 1), "threads": (threads or 1, 1)})
+        given = {"batch": (batch, 1), "seed": (seed, 0), "hold": (hold, 1)}
+        _check(command, given if threads is None else given | {"threads": (threads, 1)})
         self.command: CommandName = command
         self.batch, self.seed, self.hold = int(batch), int(seed), int(hold)
         self.signals = tuple(signals)

@@ -192,6 +192,7 @@ def test_the_first_episodes_of_a_seed_are_scenarios_of_the_ensemble() -> None:
         (lambda: Environment("case-5"), "case-5"),
         (lambda: Environment(hold=0), "hold = 0: must be a whole number >= 1"),
         (lambda: Environment(reward={"slack": -1.0}), "reward.slack = -1.0: must be a finite number >= 0"),
+        (lambda: Environment(reward={"slak": 1.0}), "reward: unknown weight 'slak'; did you mean 'slack'"),
         (lambda: Environment(command="speed"), 'command = "speed": must be "torques" or "force"'),  # pyright: ignore[reportArgumentType]
         (lambda: VectorEnvironment(2).reset(seed=[1]), "seed: has 1 numbers: must have 2, one a lane"),
         (lambda: VectorEnvironment(2, command="torques").step(np.zeros(2)), "action: must be of Dict"),

@@ -407,7 +407,7 @@ def test_what_is_no_experiment_is_named() -> None:
         ({"batch": 2.5}, "batch = 2.5: must be a whole number >= 1"),
         ({"seed": -1}, "seed = -1: must be a whole number >= 0"),
         ({"hold": True}, "hold = True: must be a whole number >= 1"),
-        ({"threads": -2}, "threads = -2: must be a whole number >= 1"),
+        ({"threads": 0}, "threads = 0: must be a whole number >= 1"),
         ({"command": "torque"}, 'command = "torque": must be "torques" or "force"'),
         ({"signals": ["x_sense"]}, "signals: unknown column 'x_sense'; did you mean 'x_sensed'?"),
     ],
@@ -425,6 +425,7 @@ def test_wrong_arguments_are_named(arguments: dict[str, Any], message: str) -> N
         ({"lanes": [True, False, True]}, "lanes: must be numbers of lanes, or 2 truth values"),
         ({"lanes": [0.5]}, "lanes: must be numbers of lanes"),
         ({"lanes": [0], "scenarios": [1, 2]}, "scenarios: has 2 numbers: must have 1, one a lane"),
+        ({"lanes": [0], "scenarios": [-1]}, "scenarios: -1 is none: must be whole numbers >= 0, or scenarios"),
         ({"seed": -3}, "seed = -3: must be a whole number >= 0"),
     ],
 )
