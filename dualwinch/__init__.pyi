@@ -37,6 +37,9 @@ from .controllers.signals import CoordinationOutput as CoordinationOutput
 from .controllers.signals import Estimate as Estimate
 from .controllers.signals import Measurement as Measurement
 from .controllers.signals import PositionOutput as PositionOutput
+from .environments.reward import Reward as Reward
+from .environments.single import Environment as Environment
+from .environments.vector import VectorEnvironment as VectorEnvironment
 from .model.actuators.actuator import Actuator as Actuator
 from .model.actuators.actuator import Demand as Demand
 from .model.actuators.ideal import Ideal as Ideal
@@ -99,6 +102,8 @@ from .simulation.results.result import Result as Result
 from .simulation.results.storage import load_result as load_result
 from .simulation.results.storage import save as save
 from .simulation.simulate import simulate as simulate
+from .simulation.stepper.observation import Observation as Observation
+from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
 from .tuning.tune import tune as tune
 from .tuning.tuned import Tuned as Tuned

@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FLOORS = ("codegen", "model", "controllers", "simulation", "tuning")
 """Folders at the repository's top that are packages of `dualwinch`, the lowest first."""
-FACE = ("plugins", "config", "reports", "commands", "cli")
+FACE = ("plugins", "config", "reports", "environments", "commands", "cli")
 """`dualwinch`'s own folders, likewise; all stand above `FLOORS`."""
 ORDER = (*FLOORS, *FACE)
 

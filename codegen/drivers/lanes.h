@@ -5,7 +5,9 @@
 #define IN_LANES static __attribute__((noinline)) void
 #define EACH_OF(count) for (int l = 0; l < (count); ++l)
 #define EACH_LANE EACH_OF(LANES)
-#if PAIRED
+#if LANES == 1
+#define EACH_CALL_OF(count) EACH_OF(count)
+#elif PAIRED
 #define EACH_CALL_OF(count) EACH_OF((count) / 2)
 #else
 #define EACH_CALL_OF(count) _Pragma("clang loop vectorize(enable) interleave_count(2)") EACH_OF(count)

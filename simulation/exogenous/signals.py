@@ -125,17 +125,22 @@ def _reference(reference: Reference, window: tuple[float, float], sample_time: f
     return np.array([wanted.x, wanted.v, np.broadcast_to(wanted.a, n), steady], dtype=float)
 
 
-def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
+def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = None) -> Iterator[Floats]:
     """Everything a run receives from outside, in pieces of at most `length` samples.
 
     Drawn from ``simulation.seed``: the same experiment gives the same bits, however it is divided.
 
+    Args:
+        experiment: what is run.
+        length: of a piece.
+        samples: how many in all (default: those of the run).
+
     Yields:
         (samples, exogenous), columns in the closed loop's order.
     """
-    outside = _Outside(experiment)
-    for start in range(0, experiment.samples, length):
-        table = np.empty((min(length, experiment.samples - start), SIGNALS))
+    outside, end = _Outside(experiment), experiment.samples if samples is None else samples
+    for start in range(0, end, length):
+        table = np.empty((min(length, end - start), SIGNALS))
         for first in range(0, len(table), CHUNK):
             outside.fill(table[first : first + CHUNK], start + first)
         yield table

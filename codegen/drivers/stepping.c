@@ -1,0 +1,234 @@
+/* Moves runs of a sampled system on by a few samples a call, under commands from outside; LANES of them make a block.
+   Comes after driver.h, lanes.h, the sizes and the functions of codegen/sampled.py, and of
+   sense(state, exogenous, parameters, derived, observation), each with its derive_NAME(parameters, derived), over arrays
+   whose elements lie LANES apart. READ_EXOGENOUS lists the exogenous signals that are read at all. A command stands in
+   the state: COMMAND_OF lists commands, COMMANDED_STATES the state that each of these is put into.
+
+   What a run gives depends on its own numbers alone. One that has ended stays as it is. */
+
+enum { RUNNING = 3 };
+
+/* What the functions take of a block's parameters, the same at every sample. */
+typedef struct {
+  LANE_ARRAY p[PARAMETERS * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];
+  LANE_ARRAY for_observe[(OBSERVE_DERIVED + 1) * LANES], for_sense[(SENSE_DERIVED + 1) * LANES];
+  LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES];
+#if HAS_ONE_STEP
+  LANE_ARRAY for_one_step[(ONE_STEP_DERIVED + 1) * LANES];
+#endif
+} Constants;
+
+EXPORT const int64_t constants_size = sizeof(Constants) / sizeof(double);
+
+/* All runs, run number b * LANES + l in lane l of block b. Beyond the last run, lanes are idle. */
+typedef struct {
+  const Constants *constants; /* (blocks,); of a single block where all runs have the same */
+  int64_t apart;              /* 1, or 0 where all blocks share them */
+  const double **lines;       /* (blocks, LANES) each run's exogenous signals of its coming sample; one line beyond is read */
+  double *state;              /* (blocks, STATES, LANES) */
+  int64_t *outcome, *done;    /* (blocks, LANES) */
+  const double *commands;     /* (runs, COMMANDS) */
+  double *observation;        /* (OBSERVED, runs) */
+  int64_t runs, samples;      /* number of runs; samples of a whole run */
+} Runs;
+
+EXPORT void prepare(const double *parameters, Constants *constants) {
+  EACH_LANE for (int i = 0; i < PARAMETERS; ++i) constants->p[i * LANES + l] = parameters[l * PARAMETERS + i];
+  EACH_CALL {
+    derive_sample(constants->p + l, constants->for_sample + l);
+    derive_observe(constants->p + l, constants->for_observe + l);
+    derive_sense(constants->p + l, constants->for_sense + l);
+    derive_move(constants->p + l, constants->for_move + l);
+#if HAS_ONE_STEP
+    derive_one_step(constants->p + l, constants->for_one_step + l);
+#endif
+  }
+}
+
+IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                       const double *restrict derived, double *restrict row) {
+  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
+}
+
+IN_LANES sense_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                     const double *restrict derived, double *restrict observation) {
+  EACH_CALL sense(state + l, exogenous + l, p + l, derived + l, observation + l);
+}
+
+IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
+                    const double *restrict p, const double *restrict derived, double *restrict next,
+                    double *restrict margin) {
+  EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
+}
+
+/* All parts of the time until the next sample. */
+static void move_on(const double *now, const double *hold, const Constants *constants, double *next, double *margin) {
+  LANE_ARRAY between[MOTION * LANES];
+  const double *from = now;
+  for (int part = 0; part < PARTS; ++part) {
+    const double number = part;
+    double *to = (PARTS - part) % 2 ? next : between;
+    move_lanes(from, hold, &number, constants->p, constants->for_move, to, margin);
+    from = to;
+  }
+}
+
+/* Takes what is new where a lane's choice is positive. */
+IN_LANES take_over(const double *restrict choice, double *restrict into, const double *restrict from, int count) {
+  for (int i = 0; i < count; ++i)
+    EACH_LANE into[i * LANES + l] = choice[l] > 0 ? from[i * LANES + l] : into[i * LANES + l];
+}
+
+#if HAS_ONE_STEP
+/* A sample and the one-step update to the next, in one loop: the update need not wait for what only the next sample reads. */
+IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous,
+                                   const double *restrict p, const double *restrict for_sample,
+                                   const double *restrict for_one_step, double *restrict discrete,
+                                   double *restrict hold, double *restrict next, double *restrict margin,
+                                   double *restrict valid) {
+  EACH_CALL {
+    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, hold + l);
+    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
+  }
+}
+#else
+IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                      const double *restrict derived, double *restrict discrete, double *restrict hold) {
+  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
+}
+#endif
+
+/* The state at the next sample, as far as the one-step update or all parts of the time bring it. */
+static void advance(const double *now, const double *w, const double *live, const Constants *constants, double *next,
+                    double *margin) {
+  LANE_ARRAY hold[HOLD * LANES];
+#if HAS_ONE_STEP
+  LANE_ARRAY valid[LANES], moved[MOTION * LANES], moved_margin[LANES], missing[LANES];
+  sample_and_one_step_lanes(now, w, constants->p, constants->for_sample, constants->for_one_step,
+                            next + MOTION * LANES, hold, next, margin, valid);
+  int any = 0;
+  EACH_LANE {
+    missing[l] = valid[l] > 0 ? 0 : 1;
+    any += live[l] > 0 && missing[l] > 0;
+  }
+  if (any) {
+    move_on(now, hold, constants, moved, moved_margin);
+    take_over(missing, next, moved, MOTION);
+    take_over(missing, margin, moved_margin, 1);
+  }
+#else
+  (void)live;
+  sample_lanes(now, w, constants->p, constants->for_sample, next + MOTION * LANES, hold);
+  move_on(now, hold, constants, next, margin);
+#endif
+}
+
+/* Each lane's signals; of those that all lanes read from one line, only that. */
+static void gather(const double *const *lines, double *restrict w) {
+  static const int read[] = READ_EXOGENOUS;
+  const int count = sizeof read / sizeof *read;
+  int shared = 1;
+  EACH_LANE shared &= lines[l] == lines[0];
+  for (int i = 0; i < count; ++i) {
+    double *restrict to = w + read[i] * LANES;
+    if (shared) {
+      const double value = lines[0][read[i]];
+      EACH_LANE to[l] = value;
+    } else {
+      EACH_LANE to[l] = lines[l][read[i]];
+    }
+  }
+}
+
+IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
+  uint64_t overflows[LANES] = {0};
+  for (int i = 0; i < STATES; ++i)
+    EACH_LANE overflows[l] |= overflow(state[i * LANES + l]);
+  EACH_LANE finite[l] = !(overflows[l] >> 63);
+}
+
+static void command(const Runs *runs, int64_t block, double *now) {
+  static const int of[] = COMMAND_OF, states[] = COMMANDED_STATES;
+  const double *commands = runs->commands + block * LANES * COMMANDS;
+  EACH_LANE {
+    if (runs->outcome[block * LANES + l] != RUNNING) continue;
+    for (int i = 0; i < (int)(sizeof of / sizeof *of); ++i) now[states[i] * LANES + l] = commands[l * COMMANDS + of[i]];
+  }
+}
+
+/* Observations of a block's runs; one that has diverged keeps its last. */
+static void look_at(const Runs *runs, int64_t block) {
+  const Constants *constants = runs->constants + block * runs->apart;
+  const int64_t first = block * LANES, *outcome = runs->outcome + first;
+  LANE_ARRAY w[EXOGENOUS * LANES], observed[OBSERVED * LANES];
+  gather(runs->lines + first, w);
+  sense_lanes(runs->state + first * STATES, w, constants->p, constants->for_sense, observed);
+  const int64_t busy = runs->runs - first < LANES ? runs->runs - first : LANES;
+  for (int i = 0; i < OBSERVED; ++i)
+    for (int64_t l = 0; l < busy; ++l)
+      if (outcome[l] != DIVERGED) runs->observation[i * runs->runs + first + l] = observed[i * LANES + l];
+}
+
+/* Returns how many runs are under way after it. */
+static int step_block(const Runs *runs, int64_t block, int64_t samples, double *row) {
+  const Constants *constants = runs->constants + block * runs->apart;
+  const double **lines = runs->lines + block * LANES;
+  int64_t *outcome = runs->outcome + block * LANES, *done = runs->done + block * LANES;
+  double *now = runs->state + block * LANES * STATES;
+  LANE_ARRAY next[STATES * LANES], w[EXOGENOUS * LANES], margin[LANES], live[LANES], kept[COLUMNS * LANES];
+  uint64_t finite[LANES];
+  int running = 0;
+  EACH_LANE {
+    live[l] = outcome[l] == RUNNING;
+    running += outcome[l] == RUNNING;
+  }
+  if (!running) return 0;
+  command(runs, block, now);
+  for (int64_t k = 0; k < samples && running; ++k) {
+    gather(lines, w);
+    if (row) {
+      observe_lanes(now, w, constants->p, constants->for_observe, kept);
+      for (int i = 0; i < COLUMNS; ++i) *row++ = kept[i * LANES];
+    }
+    advance(now, w, live, constants, next, margin);
+    find_finite(next, finite);
+    if (running == LANES) memcpy(now, next, sizeof next);
+    else take_over(live, now, next, STATES);
+    running = 0;
+    EACH_LANE {
+      if (outcome[l] != RUNNING) continue;
+      lines[l] += EXOGENOUS;
+      if (++done[l] == runs->samples) outcome[l] = COMPLETED;
+      if (!finite[l]) outcome[l] = DIVERGED;
+      else if (margin[l] < 0) outcome[l] = LEFT;
+      live[l] = outcome[l] == RUNNING;
+      running += outcome[l] == RUNNING;
+    }
+  }
+  look_at(runs, block);
+  return running;
+}
+
+/* Observes the blocks from first to before last as they are. */
+EXPORT void look(const Runs *runs, int64_t first, int64_t last) {
+  for (int64_t block = first; block < last; ++block) look_at(runs, block);
+}
+
+/* The first command of a run under way that is not finite, or -1. */
+EXPORT int64_t odd_command(const Runs *runs) {
+  for (int64_t run = 0; run < runs->runs; ++run) {
+    if (runs->outcome[run] != RUNNING) continue;
+    if (!all_finite(runs->commands + run * COMMANDS, COMMANDS))
+      for (int i = 0; i < COMMANDS; ++i)
+        if (!all_finite(runs->commands + run * COMMANDS + i, 1)) return run * COMMANDS + i;
+  }
+  return -1;
+}
+
+/* Moves the blocks from first to before last on by so many samples, fewer where runs end, under the same commands.
+   Each sample of a block's first run writes a row, where row is not null. Returns how many runs are under way after it. */
+EXPORT int64_t step(const Runs *runs, int64_t first, int64_t last, int64_t samples, double *row) {
+  int64_t running = 0;
+  for (int64_t block = first; block < last; ++block) running += step_block(runs, block, samples, row);
+  return running;
+}

@@ -1,0 +1,27 @@
+"""Names by which Gymnasium makes the environments."""
+
+from dualwinch.model.errors import MissingExtraError
+
+NAMES = {f"dualwinch/Case{number}-v0": f"case-{number}" for number in (1, 2, 3, 4)} | {"dualwinch/Sea-v0": "sea"}
+"""Name in Gymnasium → what is run."""
+
+
+def register() -> None:
+    """Give the environments their names, once.
+
+    Raises:
+        MissingExtraError: Gymnasium is not installed.
+    """
+    try:
+        from gymnasium.envs import registration
+    except ImportError:
+        raise MissingExtraError(
+            "gymnasium is not installed; install it with: pip install 'dualwinch[gymnasium]'"
+        ) from None
+    for name in NAMES.keys() - registration.registry.keys():
+        registration.register(
+            id=name,
+            entry_point="dualwinch.environments.single:Environment",
+            vector_entry_point="dualwinch.environments.vector:VectorEnvironment",
+            kwargs={"experiment": NAMES[name]},
+        )

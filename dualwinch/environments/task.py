@@ -1,0 +1,163 @@
+"""A task for a policy: what it observes, what it commands, what a step is worth, in physical units."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.environments.reward import Reward, weighted
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import CASES, case
+from dualwinch.simulation.stepper.given import CommandName
+from dualwinch.simulation.stepper.stepper import SENSED, Stepper
+
+Floats = NDArray[np.float64]
+
+BEHIND = ("e", "F1", "F2", "tau_1", "tau_2")
+"""Columns that the reward takes, which a policy does not get."""
+
+FASTEST, STRONGEST, SPIN, TURNS, JOLT = 100.0, 1e7, 1e4, 1e5, 1e4
+"""Bounds of what is observed, far beyond what the plant does: m/s, N, rad/s, rad, m/s²."""
+
+
+class Task:
+    """Runs of an experiment or an ensemble as a policy has them, in so many lanes.
+
+    Attributes:
+        stepper: what moves them on.
+        bounds: name → lowest and highest value of each element of an observation; what is beyond is limited.
+        limits: name → lowest and highest value of each number of a command; what is beyond is limited.
+        units: name → unit of each element of an observation.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment | Ensemble | str,
+        lanes: int,
+        *,
+        command: CommandName,
+        hold: int,
+        reward: Reward | Mapping[str, float] | None,
+        exact: bool,
+    ) -> None:
+        """Make the stepper; arguments as those of the environments.
+
+        Raises:
+            ConfigurationError: an unknown experiment, or a number out of range.
+        """
+        given = named(experiment) if isinstance(experiment, str) else experiment
+        self._reward = reward if isinstance(reward, Reward) else weighted(reward or {})
+        self.stepper = Stepper(
+            with_fresh_noise(given),
+            lanes,
+            command=command,
+            hold=hold,
+            signals=(*SENSED, *BEHIND),
+            exact=exact,
+            record=False,
+        )
+        first = self.stepper.experiment
+        self.bounds = _bounds(first)
+        self.limits = _limits(first, command)
+        self.units = {name: self.stepper.observation.units[name] for name in SENSED}
+        self._low, self._high = np.array(list(self.bounds.values())).T[..., np.newaxis]
+        self._lower, self._upper = np.array(list(self.limits.values())).T
+        self._last = self.stepper.observation
+
+    def start(self, lanes: NDArray[np.int64], seeds: Sequence[int], episodes: Sequence[int]) -> None:
+        """Begin episodes: each lane runs the scenario of its episode's number, drawn by its seed."""
+        source = self.stepper.source.ensemble
+        numbers = list(zip(seeds, episodes, strict=True))
+        drawn = [source.scenario(episode, seed) for seed, episode in numbers] if source else [0] * len(numbers)
+        self._last = self.stepper.reset(lanes=lanes, scenarios=drawn)
+
+    def step(self, commands: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Move all lanes under way on.
+
+        Args:
+            commands: (lanes, numbers of a command), limited here.
+
+        Returns:
+            Rewards, whether each lane was lost, whether each came to its end, all (lanes,); of a lane that was not
+            under way: 0, false, false.
+        """
+        stepper, before, running = self.stepper, self._last, self.stepper.running
+        limited = np.minimum(np.maximum(commands, self._lower), self._upper)
+        if stepper.under_way:
+            self._last = stepper.step(limited if stepper.command == "torques" else limited[:, 0])
+        rewards = self._reward.of(self._last, before)
+        if stepper.under_way == stepper.batch:
+            return rewards, np.zeros(stepper.batch, bool), np.zeros(stepper.batch, bool)
+        gone = running & ~stepper.running
+        ended = gone & (stepper.outcomes == "completed")
+        lost = gone & ~ended
+        steps = -(-np.append(stepper.experiment.samples, stepper.samples) // stepper.hold)
+        rewards[lost] -= self._reward.lost**2 * (steps[0] - steps[1:][lost])
+        return np.where(running, rewards, 0.0), lost, ended
+
+    @property
+    def observation(self) -> Floats:
+        """(lanes, elements) as they are, within their bounds."""
+        sensed = self._last.array[: len(SENSED)]
+        return np.ascontiguousarray(np.minimum(np.maximum(sensed, self._low), self._high).T)
+
+    def infos(self, lanes: Sequence[int]) -> list[dict[str, Any]]:
+        """What is known at the end of lanes' episodes: outcome and, where a run was completed, its MSE in m²."""
+        outcomes, errors = self.stepper.outcomes, self.stepper.metrics["mse"]
+        found: list[dict[str, Any]] = [{"outcome": str(outcomes[lane])} for lane in lanes]
+        return [
+            info | {"mse": float(errors[lane])} if info["outcome"] == "completed" else info
+            for info, lane in zip(found, lanes, strict=True)
+        ]
+
+
+def named(name: str) -> Experiment | Ensemble:
+    """``case-1`` to ``case-4``, an ensemble by its name, or the file of one.
+
+    Raises:
+        ConfigurationError: there is no such case, ensemble or file.
+    """
+    cases = {f"case-{number}": number for number in CASES}
+    return case(cases[name]) if name in cases else load_ensemble(name)
+
+
+def with_fresh_noise(given: Experiment | Ensemble) -> Experiment | Ensemble:
+    """An experiment with random signals as an ensemble that draws their seed, so that no two episodes are alike."""
+    if isinstance(given, Ensemble):
+        return given
+    sensors, sea = given.sensors, given.disturbance
+    random = sensors.position_noise, sensors.speed_noise, sensors.tension_noise, sea.current_sigma
+    return Ensemble("noise", "", given, {}) if any((*random, sea.normal_force_sigma)) else given
+
+
+def _bounds(experiment: Experiment) -> dict[str, tuple[float, float]]:
+    length = experiment.plant.track.length
+    end = (experiment.samples + 1) * experiment.simulation.sample_time
+    by_name = {
+        "e_sensed": (-2 * length, 2 * length),
+        "t": (0.0, end),
+        "x_ref": (-length, 2 * length),
+        "v_ref": (-FASTEST, FASTEST),
+        "a_ref": (-JOLT, JOLT),
+        "x_sensed": (-length, 2 * length),
+        "v_sensed": (-FASTEST, FASTEST),
+        "d_sensed": (-JOLT, JOLT),
+    }
+    for name, bound in (("F1", STRONGEST), ("F2", STRONGEST), ("omega_1", SPIN), ("omega_2", SPIN)):
+        by_name[f"{name}_sensed"] = (-bound, bound)
+    by_name |= {f"{name}_sensed": (-TURNS, TURNS) for name in ("theta_1", "theta_2")}
+    return {name: by_name[name] for name in SENSED}
+
+
+def _limits(experiment: Experiment, command: CommandName) -> dict[str, tuple[float, float]]:
+    limits, plant = experiment.controller.limits, experiment.plant
+    if command == "force":
+        return {"u": (-limits.force, limits.force)}
+    ends = {}
+    for name, winch in (("tau_1", plant.winch_1), ("tau_2", plant.winch_2)):
+        to_torque = winch.drum_radius / winch.gear_ratio
+        ends[name] = to_torque * limits.tension_min, to_torque * limits.tension_max
+    return ends

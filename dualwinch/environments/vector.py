@@ -1,0 +1,122 @@
+"""Many vehicles, each between two winches, as one environment: a step of all is one call of compiled code."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from dualwinch.environments.actions import Actions
+from dualwinch.environments.reward import Reward
+from dualwinch.environments.single import HOLD, observation_space
+from dualwinch.environments.task import Floats, Task
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.stepper.given import CommandName
+from dualwinch.simulation.stepper.stepper import SENSED
+
+Flags = NDArray[np.bool_]
+
+NOBODY = np.zeros(0, np.int64)
+
+
+class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
+    """Lanes of a stepper as a vector environment; each is what `environments.single.Environment` is.
+
+    A lane whose episode has ended begins the next one with the next step (``metadata["autoreset_mode"]``): its action
+    is not looked at, its reward is 0. ``reset(seed=s)`` gives lane k the seed s + k, as Gymnasium's own vector
+    environments do; a list gives each lane its own.
+
+    Attributes:
+        observed: names of the elements of an observation.
+        units: name → unit of each.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        experiment: Experiment | Ensemble | str = "case-4",
+        *,
+        command: CommandName = "force",
+        hold: int = HOLD,
+        normalised: bool = False,
+        reward: Reward | Mapping[str, float] | None = None,
+        exact: bool = False,
+        render_mode: None = None,
+    ) -> None:
+        """Make the environment.
+
+        Args:
+            num_envs: number of lanes.
+            experiment: what is run: an experiment; an ensemble, of which each episode is a scenario; ``case-1`` to
+                ``case-4``; or the name of an ensemble, such as ``sea``, or its file.
+            command: ``force``: what the ropes are to give together, in N; ``torques``: of both motors, in N m.
+            hold: samples that an action is held.
+            normalised: actions are vectors of numbers between −1 and 1, the limits of the command. Else a force is a
+                number in N, torques are a dictionary of ``tau_1`` and ``tau_2`` in N m.
+            reward: its weights (`environments.reward.Reward`).
+            exact: with the operations of `simulate`, at a quarter of the speed; see `Stepper`.
+            render_mode: there is none; results have figures.
+
+        Raises:
+            ConfigurationError: an unknown experiment, or a number out of range.
+        """
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self._task = Task(experiment, num_envs, command=command, hold=hold, reward=reward, exact=exact)
+        self._actions = Actions(self._task.limits, normalised=normalised)
+        self.single_action_space, self.single_observation_space = self._actions.space, observation_space(self._task)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.observed, self.units = SENSED, self._task.units
+        self._seeds: list[int] = []
+        self._episodes = np.zeros(num_envs, np.int64)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begin the next episode in every lane, of a lane that is given a seed its first; there are no options.
+
+        Raises:
+            ConfigurationError: not as many seeds as lanes.
+        """
+        given = [seed + lane for lane in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        if given is not None and len(given) != self.num_envs:
+            raise ConfigurationError(f"seed: has {len(given)} numbers: must have {self.num_envs}, one a lane")
+        first = next((number for number in given or () if number is not None), None)
+        super().reset(seed=first, options=options)
+        self._episodes += 1
+        if not self._seeds:
+            own = int(self.np_random.integers(2**31))
+            self._seeds = [own + lane for lane in range(self.num_envs)]
+            self._episodes[:] = 0
+        for lane, number in enumerate(given or ()):
+            if number is not None:
+                self._seeds[lane], self._episodes[lane] = int(number), 0
+        self._start(np.arange(self.num_envs))
+        return self._task.observation, {}
+
+    def step(self, actions: Any) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
+        """Hold an action in every lane; what is beyond the space is limited to it."""
+        stepper, infos = self._task.stepper, {}
+        begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else NOBODY
+        rewards, lost, ended = self._task.step(self._actions.commands(actions, self.num_envs))
+        if stepper.under_way < stepper.batch:
+            over = np.flatnonzero(lost | ended).tolist()
+            for lane, info in zip(over, self._task.infos(over), strict=True):
+                infos = self._add_info(infos, info, lane)
+        if begin.size:
+            self._episodes[begin] += 1
+            self._start(begin)
+        return self._task.observation, rewards, lost, ended, infos
+
+    def _start(self, lanes: NDArray[np.int64]) -> None:
+        self._task.start(lanes, [self._seeds[lane] for lane in lanes.tolist()], self._episodes[lanes].tolist())

@@ -1,0 +1,188 @@
+"""Parts of a controller that pass on what comes from outside: a force, or the torques of both motors.
+
+What is given stands in their state, where it is put before each sample; all else of the closed loop is as ever. The
+law shows what it is given of the estimate, which is what a policy outside gets.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal, TypeAlias, get_args
+
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.signals import CoordinationOutput, Estimate, PositionOutput
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.scalar import Scalar, clip, either
+from dualwinch.model.winch import Winch
+from dualwinch.simulation.experiment import Experiment
+
+CommandName: TypeAlias = Literal["torques", "force"]
+COMMANDS: tuple[CommandName, ...] = get_args(CommandName)
+
+ROUNDING = 1e-9
+"""Share of a torque by which it may miss its limit and still count as at it: it may have been rounded elsewhere."""
+
+
+@dataclass(frozen=True)
+class Sensed(PositionOutput):
+    """What a law gives that shows what it gets: the sensors' values, as the estimator passes them on."""
+
+    e_sensed: Annotated[Scalar, Quantity("m", "tracking error as the controller has it")]
+    x_sensed: Annotated[Scalar, Quantity("m", "position as the controller has it")]
+    v_sensed: Annotated[Scalar, Quantity("m/s", "speed as the controller has it")]
+    F1_sensed: Annotated[Scalar, Quantity("N", "tension of rope 1 as the controller has it")]
+    F2_sensed: Annotated[Scalar, Quantity("N", "tension of rope 2 as the controller has it")]
+    omega_1_sensed: Annotated[Scalar, Quantity("rad/s", "speed of drum 1 as the controller has it")]
+    omega_2_sensed: Annotated[Scalar, Quantity("rad/s", "speed of drum 2 as the controller has it")]
+    theta_1_sensed: Annotated[Scalar, Quantity("rad", "angle of drum 1 as the controller has it")]
+    theta_2_sensed: Annotated[Scalar, Quantity("rad", "angle of drum 2 as the controller has it")]
+    d_sensed: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration that the estimator knows")]
+
+
+def sensed(u: Scalar, u_sat: Scalar, estimate: Estimate, setpoint: Setpoint) -> Sensed:
+    """Force before and after saturation in N, beside what is known when it is given."""
+    return Sensed(
+        u=u,
+        u_sat=u_sat,
+        e_sensed=estimate.x - setpoint.x,
+        x_sensed=estimate.x,
+        v_sensed=estimate.v,
+        F1_sensed=estimate.F1,
+        F2_sensed=estimate.F2,
+        omega_1_sensed=estimate.omega_1,
+        omega_2_sensed=estimate.omega_2,
+        theta_1_sensed=estimate.theta_1,
+        theta_2_sensed=estimate.theta_2,
+        d_sensed=estimate.d,
+    )
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force from outside."""
+
+    u: Annotated[Scalar, Quantity("N", "force command from outside")] = 0.0
+
+
+@dataclass(frozen=True)
+class GivenForce(PositionLaw):
+    """A law in name only: the force comes from outside and is limited, as every law's."""
+
+    kind: ClassVar = "given-force"
+    label: ClassVar = "given force"
+
+    def initial_state(self) -> Force:
+        """No force."""
+        return Force()
+
+    def step(self, state: Force, estimate: Estimate, setpoint: Setpoint, context: Context) -> tuple[Force, Sensed]:
+        """One sample."""
+        limit = context.limits.force
+        return state, sensed(state.u, clip(state.u, -limit, limit), estimate, setpoint)
+
+
+@dataclass(frozen=True)
+class MotorTorques:
+    """Torques from outside."""
+
+    tau_1: Annotated[Scalar, Quantity("N m", "motor torque of winch 1 from outside")] = 0.0
+    tau_2: Annotated[Scalar, Quantity("N m", "motor torque of winch 2 from outside")] = 0.0
+
+
+def pulls(torques: MotorTorques, nominal: Plant) -> tuple[Scalar, Scalar]:
+    """Tensions in N that torques hold at rest."""
+
+    def pull(torque: Scalar, winch: Winch) -> Scalar:
+        return winch.gear_ratio / winch.drum_radius * torque
+
+    return pull(torques.tau_1, nominal.winch_1), pull(torques.tau_2, nominal.winch_2)
+
+
+@dataclass(frozen=True)
+class ForceOfTorques(PositionLaw):
+    """A law in name only: the net force that torques from outside hold at rest."""
+
+    kind: ClassVar = "given-torques"
+    label: ClassVar = "given torques"
+
+    def initial_state(self) -> MotorTorques:
+        """No torques."""
+        return MotorTorques()
+
+    def step(
+        self,
+        state: MotorTorques,
+        estimate: Estimate,
+        setpoint: Setpoint,
+        context: Context,
+    ) -> tuple[MotorTorques, Sensed]:
+        """One sample."""
+        F1, F2 = pulls(state, context.nominal)
+        return state, sensed(F1 - F2, F1 - F2, estimate, setpoint)
+
+
+@dataclass(frozen=True)
+class GivenTorques(Coordination):
+    """A coordination in name only: the torques come from outside, as they are."""
+
+    kind: ClassVar = "given-torques"
+    label: ClassVar = "given torques"
+
+    def initial_state(self) -> MotorTorques:
+        """No torques."""
+        return MotorTorques()
+
+    def step(
+        self,
+        state: MotorTorques,
+        force: Scalar,  # noqa: ARG002
+        estimate: Estimate,  # noqa: ARG002
+        setpoint: Setpoint,  # noqa: ARG002
+        context: Context,
+    ) -> tuple[MotorTorques, CoordinationOutput]:
+        """One sample; a torque counts as saturated at the limits that the other coordinations keep to, and beyond."""
+        commands, limits = pulls(state, context.nominal), context.limits
+        lower, upper = limits.tension_min * (1 + ROUNDING), limits.tension_max * (1 - ROUNDING)
+        at_limit = either(*(either(pull <= lower, pull >= upper) for pull in commands))
+        return state, CoordinationOutput(*commands, state.tau_1, state.tau_2, at_limit)
+
+
+@dataclass(frozen=True)
+class CommandKind:
+    """What is commanded from outside.
+
+    Attributes:
+        elements: name → unit of each number of a command.
+        states: of each number the states that it is put into.
+        noun: what a command is, in words.
+    """
+
+    elements: dict[str, str]
+    states: tuple[tuple[str, ...], ...]
+    noun: str
+
+
+KINDS: dict[CommandName, CommandKind] = {
+    "torques": CommandKind(
+        {"tau_1": "N m", "tau_2": "N m"},
+        tuple((f"controller.law.{name}", f"controller.coordination.{name}") for name in ("tau_1", "tau_2")),
+        "motor torques tau_1, tau_2 in N m",
+    ),
+    "force": CommandKind({"u": "N"}, (("controller.law.u",),), "a force in N"),
+}
+"""Everything that can be commanded."""
+
+
+def under_command(experiment: Experiment, command: CommandName) -> Experiment:
+    """An experiment whose controller passes on commands from outside; its estimator stays.
+
+    Args:
+        experiment: any.
+        command: ``torques`` takes the place of law and coordination, ``force`` that of the law.
+    """
+    controller = experiment.controller
+    if command == "force":
+        return replace(experiment, controller=replace(controller, law=GivenForce()))
+    return replace(experiment, controller=replace(controller, law=ForceOfTorques(), coordination=GivenTorques()))
