@@ -14,7 +14,7 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.metrics import FINAL, metrics_of
+from dualwinch.simulation.metrics.metrics import FINAL, metrics_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.stepper.given import COMMANDS, KINDS, CommandName, Sensed
 from dualwinch.simulation.stepper.lanes import Lanes
