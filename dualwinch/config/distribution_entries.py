@@ -68,9 +68,7 @@ def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
     if Mark.TIMING in leaf.marks:
         raise ConfigurationError(f"{leaf.key}: cannot be drawn, all scenarios share their instants; set it outside")
     if leaf.key not in leaves(experiment):
-        raise ConfigurationError(
-            f"{leaf.key}: cannot be drawn, no part of this experiment has such a number"
-        )
+        raise ConfigurationError(f"{leaf.key}: cannot be drawn, no part of this experiment has such a number")
 
 
 def _check_words(key: str, entry: Any) -> None:
