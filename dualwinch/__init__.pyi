@@ -80,7 +80,10 @@ from .simulation.batch.rollout import BatchResult as BatchResult
 from .simulation.batch.rollout import rollout as rollout
 from .simulation.batch.sensitivities import Sensitivities as Sensitivities
 from .simulation.batch.sensitivities import sensitivities as sensitivities
+from .simulation.ensembles.distributions import Choice as Choice
 from .simulation.ensembles.distributions import Distribution as Distribution
+from .simulation.ensembles.distributions import Normal as Normal
+from .simulation.ensembles.distributions import Uniform as Uniform
 from .simulation.ensembles.ensemble import Drawn as Drawn
 from .simulation.ensembles.ensemble import Ensemble as Ensemble
 from .simulation.ensembles.ensemble import Scenario as Scenario

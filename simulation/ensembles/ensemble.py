@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.quantity import nearest
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.ensembles.distributions import Distribution, Value
 from dualwinch.simulation.exogenous.streams import stream
@@ -82,6 +84,19 @@ class Ensemble:
     description: str
     experiment: Experiment
     distributions: Mapping[str, Drawn]
+
+    def __post_init__(self) -> None:
+        """Raise `ConfigurationError` where what is drawn is no value of the experiment, or not said how."""
+        nominal = leaves(self.experiment)
+        for key, drawn in self.distributions.items():
+            if not isinstance(drawn, Drawn):
+                raise ConfigurationError(f"{key}: must be Drawn(distribution), not {type(drawn).__name__}")
+            if key not in nominal:
+                raise ConfigurationError(
+                    f"{key}: is drawn, and no key of this experiment; did you mean '{nearest(key, nominal)}'?"
+                )
+            if drawn.relative and not isinstance(nominal[key], (int, float)):
+                raise ConfigurationError(f"{key}: has no nominal value of its own that a draw could be a factor on")
 
     @property
     def drawn_keys(self) -> tuple[str, ...]:

@@ -101,9 +101,9 @@ def metrics_with(own: Sequence[Metric]) -> type[Metrics]:
 def _metrics_with(own: tuple[tuple[str, Quantity], ...]) -> type[Metrics]:
     if not own:
         return Metrics
-    fields = [(name, Annotated[float, quantity]) for name, quantity in own]
+    added = [(name, Annotated[float, quantity]) for name, quantity in own]
     return make_dataclass(
-        Metrics.__name__, fields, bases=(Metrics,), namespace={"__doc__": Metrics.__doc__}, frozen=True
+        Metrics.__name__, added, bases=(Metrics,), namespace={"__doc__": Metrics.__doc__}, frozen=True
     )
 
 

@@ -18,8 +18,8 @@ class Sample(Row):
     """
 
     number: Annotated[Scalar, Quantity("1", "number of the sample, from 0")]
-    torque_1: Annotated[Scalar, Quantity("N m", "torque at motor 1, late by the delay")]
-    torque_2: Annotated[Scalar, Quantity("N m", "torque at motor 2, late by the delay")]
+    torque_1: Annotated[Scalar, Quantity("N m", "torque of motor 1, late by the delay, as its actuator gives it")]
+    torque_2: Annotated[Scalar, Quantity("N m", "torque of motor 2, late by the delay, as its actuator gives it")]
     power: Annotated[Scalar, Quantity("W", "power of both motors, braking counted like driving")]
     saturated: Annotated[Scalar, Quantity("1", "1 where the force command is beyond its limit")]
     torque_saturated: Annotated[Scalar, Quantity("1", "1 where a motor torque is at its limit")]

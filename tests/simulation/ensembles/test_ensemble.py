@@ -1,10 +1,12 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
@@ -117,3 +119,28 @@ def test_a_scenario_runs_like_an_experiment_whose_controller_is_told_the_nominal
     told = simulate(override(scenario.experiment, believed))
     assert simulate(scenario.experiment, nominal=scenario.nominal).final_state == told.final_state
     assert simulate(scenario.experiment).final_state != told.final_state
+
+
+@pytest.mark.parametrize(
+    ("distributions", "message"),
+    [
+        ({"plant.vehicle.mas": Drawn(Uniform(1, 2))}, "plant.vehicle.mas: is drawn, and no key of this experiment"),
+        ({"plant.vehicle.mass": Uniform(1, 2)}, "plant.vehicle.mass: must be Drawn(distribution), not Uniform"),
+        (
+            {"controller.nominal.mass": Drawn(Uniform(1, 2), relative=True)},
+            "controller.nominal.mass: has no nominal value of its own that a draw could be a factor on",
+        ),
+        ({"controller.adrc.control_bandwidth": Drawn(Uniform(1, 2))}, "and no key of this experiment"),
+    ],
+)
+def test_what_cannot_be_drawn_is_one_line(distributions: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        replace(SEA, distributions=distributions)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_draw_out_of_its_range_names_the_key() -> None:
+    wide = replace(SEA, distributions={"plant.vehicle.mass": Drawn(Uniform(-2, -1))})
+    with pytest.raises(ConfigurationError, match=r"^plant\.vehicle\.mass = -.*: must be a finite number > 0 kg$"):
+        wide.scenario(0, 0)
