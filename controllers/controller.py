@@ -24,12 +24,12 @@ from dualwinch.controllers.signals import (
     Measurement,
     PositionOutput,
 )
-from dualwinch.controllers.steps import started, stepped
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.part import Choice
 from dualwinch.model.quantities.quantity import Key, Quantity
+from dualwinch.model.quantities.steps import started, stepped
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar

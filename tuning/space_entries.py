@@ -126,8 +126,8 @@ class _Gains:
 def _effective(structure: Structure) -> frozenset[str]:
     """Parameters that the closed loop of a structure depends on."""
     loop = closed_loop(structure)
-    place = loop.step.index_in("parameters")
-    used = {column for output in (0, 1) for column in loop.step.jac_sparsity(output, place).get_col()}
+    index = loop.step.index_in("parameters")
+    used = {column for output in (0, 1) for column in loop.step.jac_sparsity(output, index).get_col()}
     return frozenset(loop.parameters[column] for column in used)
 
 

@@ -7,7 +7,7 @@ import dualwinch.simulation.ensembles.ensemble  # noqa: F401  registries that no
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import check_keys, every_leaf
 from dualwinch.model.quantities.origin import named
-from dualwinch.model.quantities.part import Part, Registry
+from dualwinch.model.quantities.part import Part, Registry, base_of
 from dualwinch.model.quantities.wrong_parts import check_defaults
 from dualwinch.simulation.experiment import Experiment
 
@@ -35,12 +35,17 @@ def register(part: PartType) -> PartType:
         raise ConfigurationError(f"{shown}: must be a class that subclasses {_bases()}")
     if part.registry is None:
         raise ConfigurationError(f"{named(part)}: must subclass {_bases()}")
+
+    def instead(owner: type) -> bool:
+        """Whether another stands in the same table, and is never there together with it."""
+        return not part.table() and issubclass(owner, base_of(part))
+
     with part.registry.with_part(part):
         leaves = list(every_leaf(Experiment))
         own = {leaf.key: leaf for owner, leaf in leaves if owner is part}
         if own:
             check_defaults(part)
-        check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part))
+        check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part and not instead(owner)))
     return part
 
 

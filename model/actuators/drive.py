@@ -3,9 +3,8 @@
 from typing import Any
 
 from dualwinch.model.actuators.actuator import Actuator, Demand
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, PlantState, Torques
-from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.quantities.steps import stepped_to_number
 from dualwinch.model.scalar import Scalar
 
 
@@ -23,17 +22,11 @@ def drive(
         sample_time: in s.
 
     Raises:
-        ConfigurationError: the actuator gives a state of other elements than it was given.
+        ConfigurationError: the actuator's step is none (`model.quantities.steps`).
     """
     ratio_1, ratio_2 = plant.winch_1.gear_ratio, plant.winch_2.gear_ratio
     demand_1 = Demand(asked.tau_1, ratio_1 * motion.theta_1, ratio_1 * motion.omega_1)
     demand_2 = Demand(asked.tau_2, ratio_2 * motion.theta_2, ratio_2 * motion.omega_2)
-    state_1, torque_1 = actuator.step(states[0], demand_1, sample_time)
-    state_2, torque_2 = actuator.step(states[1], demand_2, sample_time)
-    odd = leaves(states[0]).keys() ^ leaves(state_1).keys()
-    if odd:
-        names = ", ".join(sorted(odd))
-        raise ConfigurationError(
-            f"{actuator.kind}: its step must give a state of the elements it was given, not {names}"
-        )
+    state_1, torque_1 = stepped_to_number(actuator, states[0], "torque", demand_1, sample_time)
+    state_2, torque_2 = stepped_to_number(actuator, states[1], "torque", demand_2, sample_time)
     return (state_1, state_2), Torques(torque_1, torque_2)

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 
+from dualwinch.model.quantities.over_symbols import over_symbols
 from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.tree import alike, numbers, with_leaves
 from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, where
@@ -111,7 +112,8 @@ def _slopes(rope: RopeLaw) -> ca.Function:
     """``(stretch, stretch_rate, length, *numbers) -> tension`` and its slopes over the first three."""
     symbols = {name: ca.SX.sym(name) for name in numbers(rope)}
     given = [ca.SX.sym(name) for name in ("stretch", "stretch_rate", "length")]
-    tension = ca.SX(with_leaves(rope, symbols).tension(*given))
+    with over_symbols(f"{rope.kind}: its tension"):
+        tension = ca.SX(with_leaves(rope, symbols).tension(*given))
     slopes = [ca.densify(ca.jacobian(tension, variable)) for variable in given]
     return ca.Function("tension", [*given, *symbols.values()], [ca.densify(tension), *slopes])
 

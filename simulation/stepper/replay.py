@@ -9,8 +9,8 @@ from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.codegen.drivers.stepping import Stepping
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.check import check_memory
-from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.loop.system import ClosedLoop
+from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import OUTCOMES
 from dualwinch.simulation.stepper.lanes import Lanes
@@ -57,7 +57,7 @@ def replay(
     final = dict(zip(loop.states, again.runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
     return Result(
         columns={name: column.copy() for name, column in zip(loop.columns, kept.T, strict=True)},
-        metrics=metrics_of(final, completed=outcome == COMPLETED),
+        metrics=metrics_of(final, completed=outcome == COMPLETED, own=lane.experiment.metrics),
         outcome=str(WORDS[outcome]),
         end_time=samples * lane.experiment.simulation.sample_time,
         final_state=final,

@@ -14,7 +14,7 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.metrics.metrics import FINAL, metrics_of
+from dualwinch.simulation.metrics.metrics import final_states, metrics_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.stepper.given import COMMANDS, KINDS, CommandName, Sensed
 from dualwinch.simulation.stepper.lanes import Lanes
@@ -205,8 +205,9 @@ class Stepper:
         """Name → (batch,) figures of merit, as in `Metrics`; NaN where a lane has not completed its run."""
         runs = self._lanes.runs
         states = runs.states(np.arange(self.batch))
-        final = {name: states[:, self._loop.states.index(name)] for name in FINAL}
-        return vars(metrics_of(final, completed=runs.outcomes == COMPLETED))
+        own = self.experiment.metrics
+        final = {name: states[:, self._loop.states.index(name)] for name in final_states(own)}
+        return dict(metrics_of(final, completed=runs.outcomes == COMPLETED, own=own))
 
     @property
     def scenarios(self) -> list[Scenario]:

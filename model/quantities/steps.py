@@ -1,13 +1,16 @@
-"""Steps of a controller's parts, carried out with what is wrong with one said in a line."""
+"""Steps of parts, carried out with what is wrong with one said in a line."""
 
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+import casadi as ca
+
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.arrays import is_array
 from dualwinch.model.quantities.over_symbols import over_symbols
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.scalar import Scalar
 
 
 def started(part: Any) -> Any:
@@ -31,7 +34,7 @@ def stepped(part: Any, state: Any, gives: type, *inputs: Any) -> tuple[Any, Any]
     """The next state of a part and its output.
 
     Args:
-        part: of a controller.
+        part: whose step it is.
         state: as the last sample left it.
         gives: what its output is.
         inputs: further arguments of its step.
@@ -40,19 +43,37 @@ def stepped(part: Any, state: Any, gives: type, *inputs: Any) -> tuple[Any, Any]
         ConfigurationError: it asks a symbol for its value, or gives anything but a state like the one it was given and
             an output of scalars.
     """
+    following, output = _given(part, state, inputs, gives.__name__)
+    if not isinstance(output, gives):
+        raise ConfigurationError(f"{part.kind}: its step gives {_word(output)} as output; must be a {gives.__name__}")
+    _check_scalars(part, output, type(output).__name__, [field.name for field in fields(gives)])
+    return following, output
+
+
+def stepped_to_number(part: Any, state: Any, what: str, *inputs: Any) -> tuple[Any, Scalar]:
+    """`stepped` of a part whose output is one number, such as a ``torque``.
+
+    Raises:
+        ConfigurationError: as `stepped`.
+    """
+    following, output = _given(part, state, inputs, what)
+    if not isinstance(output, (int, float, ca.SX, ca.DM)) or is_array(output):
+        raise ConfigurationError(f"{part.kind}: its step gives {_word(output)} as {what}; must be a number")
+    return following, output
+
+
+def _given(part: Any, state: Any, inputs: Sequence[Any], gives: str) -> tuple[Any, Any]:
+    """What a step gives: a state like the one it was given, and something else."""
     with over_symbols(f"{part.kind}: its step"):
         given = part.step(state, *inputs)
     if not isinstance(given, tuple) or len(given) != 2:
-        raise ConfigurationError(f"{part.kind}: its step gives {_word(given)}; must give (state, {gives.__name__})")
+        raise ConfigurationError(f"{part.kind}: its step gives {_word(given)}; must give (state, {gives})")
     following, output = given
     if type(following) is not type(state):
         raise ConfigurationError(
             f"{part.kind}: its step gives {_word(following)} as next state; must be a {type(state).__name__}"
         )
-    if not isinstance(output, gives):
-        raise ConfigurationError(f"{part.kind}: its step gives {_word(output)} as output; must be a {gives.__name__}")
     _check_scalars(part, following, type(following).__name__)
-    _check_scalars(part, output, type(output).__name__, [field.name for field in fields(gives)])
     odd = leaves(state).keys() ^ leaves(following).keys()
     if odd:
         names = ", ".join(sorted(odd))
