@@ -1,6 +1,6 @@
 """An experiment step by step, in many lanes at once: plant, ropes and sensors are ours, control is the caller's."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any, TypeAlias
 
@@ -201,13 +201,13 @@ class Stepper:
         return WORDS[self._lanes.runs.outcomes]
 
     @property
-    def metrics(self) -> dict[str, Floats]:
+    def metrics(self) -> Mapping[str, Floats]:
         """Name → (batch,) figures of merit, as in `Metrics`; NaN where a lane has not completed its run."""
         runs = self._lanes.runs
         states = runs.states(np.arange(self.batch))
         own = self.experiment.metrics
         final = {name: states[:, self._loop.states.index(name)] for name in final_states(own)}
-        return dict(metrics_of(final, completed=runs.outcomes == COMPLETED, own=own))
+        return vars(metrics_of(final, completed=runs.outcomes == COMPLETED, own=own))
 
     @property
     def scenarios(self) -> list[Scenario]:
