@@ -77,8 +77,20 @@ class Signals:
             if signal is not None:
                 for name, value in vars(signal).items():
                     row[name] = value
+        self._held: list[Floats | None] = []
 
-    def fill(self, table: Floats, first: int, given: Sequence[Floats | None]) -> None:
+    def give(self, given: Sequence[Floats | None], first: int = 0) -> None:
+        """Say what is given.
+
+        Args:
+            given: of each signal, (samples,), or ``None`` for zero.
+            first: number of the first of these samples.
+        """
+        self._held = [None if values is None else np.ascontiguousarray(values, float) for values in given]
+        self.table["given"] = [0 if values is None else values.ctypes.data for values in self._held]
+        self.table["given_from"] = first
+
+    def fill(self, table: Floats, first: int) -> None:
         """Fill a table with samples; pieces follow each other. Python's lock is released meanwhile.
 
         The bits are the same however the samples are divided into pieces, in C and without a compiler.
@@ -86,11 +98,7 @@ class Signals:
         Args:
             table: (samples, signals), overwritten.
             first: number of its first sample.
-            given: what is given of each signal, (samples,) or (1,) or ``None`` for zero.
         """
-        held = [None if values is None else np.ascontiguousarray(values, float) for values in given]
-        self.table["given"] = [0 if values is None else values.ctypes.data for values in held]
-        self.table["given_from"] = first
         _filler(self.table)(self.table, first, table)
 
 
@@ -133,8 +141,24 @@ def signals_source() -> str:
     return unit({}, [], "elementary.h", "philox.h", normal_source(), "normal.h", "signals.c")
 
 
+@dataclass(frozen=True)
+class CompiledFill:
+    """``fill`` of signals.c; called like `Fill`."""
+
+    _call: "ctypes._NamedFuncPointer"
+
+    def __call__(self, signals: NDArray[np.void], first: int, table: Floats) -> None:
+        """Fill a table; Python's lock is released meanwhile."""
+        self._call(signals.ctypes.data, len(signals), first, len(table), table.ctypes.data)
+
+    @property
+    def address(self) -> int | None:
+        """Of the function, for other compiled code to call it."""
+        return ctypes.cast(self._call, ctypes.c_void_p).value
+
+
 @cache
-def compile_fill(compiler: Compiler) -> Fill:
+def compile_fill(compiler: Compiler) -> CompiledFill:
     """Compile (or find in the cache) and load ``fill`` of signals.c.
 
     Raises:
@@ -145,8 +169,4 @@ def compile_fill(compiler: Compiler) -> Fill:
     call.restype = None
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer, count, count, count, pointer]
-
-    def compiled(signals: NDArray[np.void], first: int, table: Floats) -> None:
-        call(signals.ctypes.data, len(signals), first, len(table), table.ctypes.data)
-
-    return compiled
+    return CompiledFill(call)

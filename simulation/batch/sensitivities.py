@@ -96,14 +96,15 @@ def sensitivities(
     wanted = pairs.loop.exogenous.index("reference.x")
 
     def one(i: int, j: int) -> None:
+        outside = pairs.signals(j)
         for first in range(0, p, run.directions):
             gains = range(first, min(first + run.directions, p))
-            outcome, final, tangent, x, slopes = _run(run, pairs, i, j, gains, stride)
+            outcome, final, tangent, x, slopes = _run(run, pairs, i, j, outside, gains, stride)
             result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
             completed = outcome == COMPLETED
             for name, gradient in _gradients(pairs.loop.states, final, tangent, completed=completed).items():
                 result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
-            result.errors[i, j, : len(x)] = x - pairs.signals(j)[:: max(stride, 1), wanted][: len(x)]
+            result.errors[i, j, : len(x)] = x - outside[:: max(stride, 1), wanted][: len(x)]
             metrics = metrics_of(dict(zip(pairs.loop.states, final.tolist(), strict=True)), completed=completed)
             for name, table in result.metrics.items():
                 table[i, j] = getattr(metrics, name)
@@ -132,7 +133,7 @@ def _check_names(names: tuple[str, ...]) -> None:
 
 
 def _run(
-    run: Sensitivity, pairs: Pairs, i: int, j: int, gains: range, stride: int
+    run: Sensitivity, pairs: Pairs, i: int, j: int, outside: Floats, gains: range, stride: int
 ) -> tuple[int, Floats, Floats, Floats, Floats]:
     """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
     directions = np.zeros((len(pairs.names), run.directions))
@@ -141,7 +142,7 @@ def _run(
     (vector,), (state,) = vectors, pairs.starts(vectors)
     by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.columns]
     tangent = np.ascontiguousarray(by_parameters @ directions)
-    outcome, _, x, slopes = run(vector, directions, pairs.signals(j), state, tangent, stride)
+    outcome, _, x, slopes = run(vector, directions, outside, state, tangent, stride)
     return outcome, state, tangent, x, slopes
 
 

@@ -1,7 +1,7 @@
 """Signals a run receives from outside, drawn or read sample by sample ahead of it: reference, sea, sensor noise."""
 
-import math
 from collections.abc import Iterator, Sequence
+from decimal import Decimal  # its exp gives the same bits everywhere
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
@@ -23,9 +23,6 @@ NAMES = tuple(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
 
 SIGNALS = len(NAMES)
 """Number of signals a sample receives."""
-
-CHUNK = 2**14
-"""Samples that are drawn at a time: what they need stays in a processor's cache."""
 
 
 class Sea(NamedTuple):
@@ -49,7 +46,7 @@ def random_signals(experiment: Experiment) -> dict[str, RandomSignal]:
 
     def add(name: str, sigma: float, time: float = 0.0, limit: float = NO_LIMIT) -> None:
         if sigma > 0:
-            decay = math.exp(-simulation.sample_time / time) if time else 0.0
+            decay = float((Decimal(-simulation.sample_time) / Decimal(time)).exp()) if time else 0.0
             found[name] = RandomSignal(simulation.seed, stream_number(name), sigma, decay, limit)
 
     add("current", sea.current_sigma, sea.current_time, sea.current_limit)
@@ -62,28 +59,42 @@ def random_signals(experiment: Experiment) -> dict[str, RandomSignal]:
     return found
 
 
-class _Outside:
-    """Signals of an experiment, drawn chunk after chunk."""
+class Outside:
+    """What an experiment receives from outside: its signals, drawn and read piece by piece."""
 
-    def __init__(self, experiment: Experiment, names: Sequence[str]) -> None:
+    def __init__(self, experiment: Experiment, names: Sequence[str] = NAMES) -> None:
+        """Set the signals up.
+
+        Args:
+            experiment: whose.
+            names: of the signals.
+        """
         random = random_signals(experiment)
         self._experiment, self._names = experiment, names
-        self._signals = Signals([random.get(name) for name in names])
+        self.signals = Signals([random.get(name) for name in names])
 
-    def fill(self, table: Floats, start: int) -> None:
-        """Fill a table (samples, names) with the signals from the sample `start` on, the next to be drawn."""
-        n, experiment = len(table), self._experiment
-        sample_time = experiment.simulation.sample_time
-        given = {}
+    def give(self, start: int, n: int) -> None:
+        """Read what is given of `n` samples from the sample `start` on."""
+        experiment = self._experiment
+        sample_time, given = experiment.simulation.sample_time, {}
         if "steady" in self._names:
             given |= _reference(experiment.reference, experiment.steady_window, sample_time, start, n)
         for name, (signal, unit) in given_signals(experiment.disturbance).items():
             if signal.given:
-                given[name] = signal.sampled(np.arange(start, start + n) * sample_time, unit)
-        self._signals.fill(table, start, [given.get(name) for name in self._names])
+                t: Floats = np.arange(start, start + n, dtype=np.float64) * sample_time
+                given[name] = signal.sampled(t, unit)
+        self.signals.give([given.get(name) for name in self._names], start)
+
+    def pieces(self, length: int) -> Iterator[Floats]:
+        """All samples in tables (samples, names) of at most `length` samples."""
+        for start in range(0, self._experiment.samples, length):
+            table = np.empty((min(length, self._experiment.samples - start), len(self._names)))
+            self.give(start, len(table))
+            self.signals.fill(table, start)
+            yield table
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _reference(
     reference: Reference, window: tuple[float, float], sample_time: float, start: int, n: int
 ) -> dict[str, Floats]:
@@ -100,15 +111,6 @@ def _reference(
     }
 
 
-def _pieces(experiment: Experiment, names: Sequence[str], length: int) -> Iterator[Floats]:
-    outside = _Outside(experiment, names)
-    for start in range(0, experiment.samples, length):
-        table = np.empty((min(length, experiment.samples - start), len(names)))
-        for first in range(0, len(table), CHUNK):
-            outside.fill(table[first : first + CHUNK], start + first)
-        yield table
-
-
 def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
     """Everything a run receives from outside, in pieces of at most `length` samples.
 
@@ -117,7 +119,14 @@ def exogenous_pieces(experiment: Experiment, length: int) -> Iterator[Floats]:
     Yields:
         (samples, exogenous), columns in the closed loop's order.
     """
-    return _pieces(experiment, NAMES, length)
+    return Outside(experiment).pieces(length)
+
+
+def exogenous_source(experiment: Experiment) -> Signals:
+    """Everything a run receives from outside, for compiled code that draws it while it runs."""
+    outside = Outside(experiment)
+    outside.give(0, experiment.samples)
+    return outside.signals
 
 
 def exogenous_signals(experiment: Experiment) -> Floats:
@@ -127,4 +136,4 @@ def exogenous_signals(experiment: Experiment) -> Floats:
 
 def sea_signals(experiment: Experiment) -> Sea:
     """What acts on the vehicle over a whole run, as `exogenous_signals`."""
-    return Sea(*next(_pieces(experiment, Sea._fields, experiment.samples)).T)
+    return Sea(*next(Outside(experiment, Sea._fields).pieces(experiment.samples)).T)

@@ -28,14 +28,15 @@ def filled(lengths: list[int]) -> np.ndarray:
     signals, table, first = Signals(MIXED), np.full((sum(lengths), len(MIXED)), np.nan), 0
     for length in lengths:
         given = [None if values is None else values[first : first + length] for values in GIVEN]
-        signals.fill(table[first : first + length], first, given)
+        signals.give(given, first)
+        signals.fill(table[first : first + length], first)
         first += length
     return table
 
 
 def drawn(signal: RandomSignal, samples: int) -> np.ndarray:
     table = np.empty((samples, 1))
-    Signals([signal]).fill(table, 0, [None])
+    Signals([signal]).fill(table, 0)
     return table[:, 0]
 
 
