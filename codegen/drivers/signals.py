@@ -21,9 +21,6 @@ from dualwinch.codegen.errors import DualwinchError
 
 Floats: TypeAlias = NDArray[np.float64]
 
-FLAGS = ("-mprefer-vector-width=512",)
-"""Beside the flags of every build, which leave every operation as it is written: the same bits from every compiler."""
-
 NO_LIMIT = sys.float_info.max
 """Limit of a signal without one."""
 
@@ -137,7 +134,10 @@ def _random(signal: np.void, first: int, samples: int) -> Floats:
 
 
 def signals_source() -> str:
-    """C99 translation unit of signals.c."""
+    """C99 translation unit of signals.c.
+
+    The flags of every build leave every operation as it is written: the same bits from every compiler.
+    """
     return unit({}, [], "elementary.h", "philox.h", normal_source(), "normal.h", "signals.c")
 
 
@@ -165,7 +165,7 @@ def compile_fill(compiler: Compiler) -> CompiledFill:
         CompileError: the compiler fails.
         CacheError: the cache folder cannot be used.
     """
-    call = ctypes.CDLL(str(library(signals_source(), compiler, FLAGS))).fill
+    call = ctypes.CDLL(str(library(signals_source(), compiler))).fill
     call.restype = None
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer, count, count, count, pointer]
