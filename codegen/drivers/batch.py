@@ -74,9 +74,8 @@ class Batch:
         rows = np.full((LANES, kept, self.columns), np.nan)
         outcome, done = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
         shared = all(lane is signals[0] for lane in signals)
-        tables = [lane.table.copy() for lane in signals[: 1 if shared else LANES]]
-        tables *= LANES if shared else 1
-        addresses = (ctypes.c_void_p * LANES)(*(table.ctypes.data for table in tables))
+        copies = [lane.records.copy() for lane in signals[: 1 if shared else LANES]] * (LANES if shared else 1)
+        addresses = (ctypes.c_void_p * LANES)(*(records.ctypes.data for records in copies))
         self._call(
             parameters.ctypes.data,
             self.fill.address,

@@ -60,7 +60,7 @@ class Signals:
     """Signals of a run, each of what is given and what is random, filled piece by piece.
 
     Attributes:
-        table: (signals,) of `SIGNAL`.
+        records: (signals,) of `SIGNAL`; their states move on as samples are filled.
     """
 
     def __init__(self, random: Sequence[RandomSignal | None]) -> None:
@@ -69,8 +69,8 @@ class Signals:
         Args:
             random: the random part of each signal; ``None`` where there is none.
         """
-        self.table = np.zeros(len(random), SIGNAL)
-        for row, signal in zip(self.table, random, strict=True):
+        self.records = np.zeros(len(random), SIGNAL)
+        for row, signal in zip(self.records, random, strict=True):
             if signal is not None:
                 for name, value in vars(signal).items():
                     row[name] = value
@@ -84,8 +84,8 @@ class Signals:
             first: number of the first of these samples.
         """
         self._held = [None if values is None else np.ascontiguousarray(values, float) for values in given]
-        self.table["given"] = [0 if values is None else values.ctypes.data for values in self._held]
-        self.table["given_from"] = first
+        self.records["given"] = [0 if values is None else values.ctypes.data for values in self._held]
+        self.records["given_from"] = first
 
     def fill(self, table: Floats, first: int) -> None:
         """Fill a table with samples; pieces follow each other. Python's lock is released meanwhile.
@@ -96,7 +96,7 @@ class Signals:
             table: (samples, signals), overwritten.
             first: number of its first sample.
         """
-        _filler(self.table)(self.table, first, table)
+        _filler(self.records)(self.records, first, table)
 
 
 def _filler(signals: NDArray[np.void]) -> Fill:

@@ -54,7 +54,7 @@ def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_every_compiler_gives_the_bits_of_numpy(name: str, flags: tuple[str, ...]) -> None:
     found = find_compiler(name)
     compiled = compile_fill(Compiler(found.name, (*found.command, *flags), found.version))
-    signals, reference = Signals(MIXED).table, Signals(MIXED).table
+    signals, reference = Signals(MIXED).records, Signals(MIXED).records
     ours, theirs = np.empty((2, 1000, len(MIXED)))
     for first, end in ((0, 1), (1, 90), (90, 1000)):
         for filler, states, table in ((compiled, signals, ours), (fill, reference, theirs)):
