@@ -75,11 +75,28 @@ IN_LANES share(const double *restrict line, double *restrict w) {
   for (int i = 0; i < (int)(sizeof read / sizeof *read); ++i) EACH_LANE w[read[i] * LANES + l] = line[read[i]];
 }
 
+/* Fills a table (samples, signals) with signals from the sample `first` on: `fill` of signals.c. */
+typedef void (*Fill)(void *signals, int64_t count, int64_t first, int64_t samples, double *table);
+
+/* The signals of LOOK_EVERY samples, of each lane its own; where all lanes share theirs, in the first lane's table. */
+typedef struct {
+  double table[LANES][LOOK_EVERY * EXOGENOUS];
+  int64_t first; /* sample they begin with, a multiple of LOOK_EVERY; -1: none yet */
+  int shared;
+} Ahead;
+
+static void look_ahead(Ahead *ahead, Fill fill, void *const *signals, int64_t k, int64_t samples) {
+  const int64_t first = k - k % LOOK_EVERY, left = samples - first;
+  if (first == ahead->first) return;
+  for (int l = 0; l < (ahead->shared ? 1 : LANES); ++l)
+    fill(signals[l], EXOGENOUS, first, left < LOOK_EVERY ? left : LOOK_EVERY, ahead->table[l]);
+  ahead->first = first;
+}
+
 /* One sample's signals, of each lane its own; `offset` is where the sample's line begins in their tables. */
-IN_LANES gather(const double *const *tables, int64_t offset, double *restrict w) {
+IN_LANES gather(const Ahead *ahead, int64_t offset, double *restrict w) {
   EACH_LANE {
-    const double *line = tables[l] + offset;
-    __builtin_prefetch(line + 16 * EXOGENOUS);
+    const double *line = ahead->table[l] + offset;
     for (int i = 0; i < EXOGENOUS; ++i) w[i * LANES + l] = line[i];
   }
 }
@@ -110,13 +127,14 @@ typedef struct {
 
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
-   exogenous[l] points to lane l's signals (samples, EXOGENOUS). Every stride-th sample writes a row of each lane to
+   `fill` fills tables from signals[l], lane l's, and changes them; they are drawn LOOK_EVERY samples ahead, so that
+   memory does not grow with the samples. Every stride-th sample writes a row of each lane to
    rows (LANES, kept, COLUMNS); rows may be null; those from sample done[l] on mean nothing. outcome and done have
    LANES elements.
 
    Whether all is finite is looked at every LOOK_EVERY samples. Where it is not, these samples are done again, looking
    at each. */
-EXPORT void batch(const double *parameters, const double *const *exogenous, double *state, int64_t samples,
+EXPORT void batch(const double *parameters, Fill fill, void *const *signals, double *state, int64_t samples,
                   int64_t stride, double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
   static const int used[] = USED_PARAMETERS;
   Often often;
@@ -129,7 +147,10 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
   uint64_t finite[LANES];
   int64_t kept_at = 0, watch_until = 0;
   double *now = often.first, *next = often.second;
-  int running = LANES, shared = 1;
+  int running = LANES;
+  Ahead ahead;
+  ahead.first = -1;
+  ahead.shared = 1;
   EACH_LANE {
     for (int i = 0; i < PARAMETERS; ++i) p[i * LANES + l] = parameters[l * PARAMETERS + i];
     for (int i = 0; i < (int)(sizeof used / sizeof *used); ++i)
@@ -137,7 +158,7 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
     for (int i = 0; i < STATES; ++i) now[i * LANES + l] = state[l * STATES + i];
     outcome[l] = COMPLETED;
     done[l] = samples;
-    shared = shared && exogenous[l] == exogenous[0];
+    ahead.shared = ahead.shared && signals[l] == signals[0];
   }
   memcpy(kept_state, now, sizeof kept_state);
   derive_lanes(p, often.for_sample, for_observe, for_move);
@@ -145,8 +166,9 @@ EXPORT void batch(const double *parameters, const double *const *exogenous, doub
   derive_one_step_lanes(p, often.for_one_step);
 #endif
   for (int64_t k = 0; k < samples && running > 0; ++k) {
-    if (shared) share(exogenous[0] + k * EXOGENOUS, often.w);
-    else gather(exogenous, k * EXOGENOUS, often.w);
+    look_ahead(&ahead, fill, signals, k, samples);
+    if (ahead.shared) share(ahead.table[0] + (k - ahead.first) * EXOGENOUS, often.w);
+    else gather(&ahead, (k - ahead.first) * EXOGENOUS, often.w);
     if (rows && k % stride == 0) {
       observe_lanes(now, often.w, p, for_observe, row);
       EACH_LANE

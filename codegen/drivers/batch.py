@@ -1,7 +1,7 @@
 """Many rollouts at once in compiled C: one set of parameters in each vector lane."""
 
 import ctypes
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.codegen.drivers.signals import CompiledFill, Signals, compile_fill
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
@@ -51,30 +52,34 @@ class Batch:
     """A compiled batch rollout of LANES sets of parameters at a time."""
 
     columns: int
+    fill: CompiledFill
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
-        self, parameters: Floats, exogenous: list[Floats], state: Floats, stride: int = 0
+        self, parameters: Floats, signals: Sequence[Signals], state: Floats, samples: int, stride: int = 0
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
         """Run one block; Python's lock is released meanwhile.
 
         Args:
             parameters: (LANES, parameters).
-            exogenous: LANES tables (samples, exogenous), all of one length; the same table may come many times.
+            signals: LANES signals, with all that is given of them; not changed. The same may come many times.
             state: (LANES, states); overwritten with the final states.
+            samples: of the runs.
             stride: every how many samples a row is kept; 0 keeps none.
 
         Returns:
             Outcomes (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.
         """
-        samples = exogenous[0].shape[0]
         kept = -(-samples // stride) if stride else 0
         rows = np.full((LANES, kept, self.columns), np.nan)
         outcome, done = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-        tables = (ctypes.c_void_p * LANES)(*(table.ctypes.data for table in exogenous))
+        shared = all(lane is signals[0] for lane in signals)
+        copies = [lane.records.copy() for lane in signals[: 1 if shared else LANES]] * (LANES if shared else 1)
+        addresses = (ctypes.c_void_p * LANES)(*(records.ctypes.data for records in copies))
         self._call(
             parameters.ctypes.data,
-            tables,
+            self.fill.address,
+            addresses,
             state.ctypes.data,
             samples,
             max(stride, 1),
@@ -96,5 +101,5 @@ def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     call = ctypes.CDLL(str(path)).batch
     call.restype = None
     pointer, count = ctypes.c_void_p, ctypes.c_int64
-    call.argtypes = [pointer, pointer, pointer, count, count, pointer, count, pointer, pointer]
-    return Batch(system.observe.numel_out("row"), call)
+    call.argtypes = [pointer, pointer, pointer, pointer, count, count, pointer, count, pointer, pointer]
+    return Batch(system.observe.numel_out("row"), compile_fill(chosen), call)

@@ -1,15 +1,15 @@
 """Sets of parameters in scenarios: what a compiled rollout needs of each pair."""
 
-from collections.abc import Sequence
-from weakref import WeakValueDictionary
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.codegen.drivers.signals import Signals
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.request import check_batch
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.exogenous.kept_signals import signals
+from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_source
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop
 from dualwinch.simulation.loop.start import starts
@@ -51,8 +51,6 @@ class Pairs:
         self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
         self._vectors = np.array([self.loop.vector(values) for values in numbers])
-        # tables in use: to ask `signals` for one takes a hash of the whole experiment, in every lane of every block
-        self._tables: WeakValueDictionary[int, Floats] = WeakValueDictionary()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -93,9 +91,12 @@ class Pairs:
         """States before the first sample (pairs, states) of the parameters (pairs, parameters)."""
         return starts(self.structure, vectors)
 
+    def sources(self, scenarios: Iterable[int]) -> list[Signals]:
+        """What runs of some scenarios receive from outside, drawn while they run; the same for the same scenario."""
+        chosen = list(scenarios)
+        made = {j: exogenous_source(self.experiments[j]) for j in set(chosen)}
+        return [made[j] for j in chosen]
+
     def signals(self, j: int) -> Floats:
-        """What a scenario's runs receive from outside, (samples, exogenous); not to be written to."""
-        table = self._tables.get(j)
-        if table is None:
-            table = self._tables[j] = signals(self.experiments[j])
-        return table
+        """The same of a scenario drawn ahead, (samples, exogenous)."""
+        return exogenous_signals(self.experiments[j])

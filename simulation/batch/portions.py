@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 
 from dualwinch.codegen.drivers.batch import LANES
+from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.ensembles.ensemble import Scenario
@@ -31,7 +32,8 @@ def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]
 
     Args:
         experiment: one of them.
-        threads: at most; default: one a core. Fewer where their signals would take more than half of the memory.
+        threads: at most; default: one a core. Fewer where reference and given signals would take more than half of
+            the memory.
 
     Raises:
         ConfigurationError: not even one thread's would fit.
@@ -39,12 +41,13 @@ def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]
     wanted = threads or cores()
     if hasattr(os, "sysconf"):
         room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-        sample = 8 * SIGNALS * LANES
+        given = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
+        sample = 8 * (SIGNALS + LANES * given)  # what is random is drawn while it is used
         if experiment.samples * sample > room:
             raise ConfigurationError(
                 f"simulation.duration = {experiment.duration:g}: must be <= "
-                f"{room // sample * experiment.simulation.sample_time:.6g} s in an ensemble, to keep the signals of "
-                f"{LANES} scenarios within half of the memory"
+                f"{room // sample * experiment.simulation.sample_time:.6g} s in an ensemble, to keep reference and "
+                "given signals within half of the memory"
             )
         wanted = min(wanted, room // (experiment.samples * sample))
     return BLOCKS * LANES * wanted, wanted

@@ -90,8 +90,7 @@ def _rollout(pairs: Pairs, stride: int, threads: int | None, progress: Progress)
         filled = np.resize(chosen, (LANES, 2))  # idle lanes repeat the block's pairs
         vectors = pairs.vectors(filled)
         state = pairs.starts(vectors)
-        tables = [pairs.signals(j) for j in filled[:, 1].tolist()]
-        outcome, done, rows = run(vectors, tables, state, stride)
+        outcome, done, rows = run(vectors, pairs.sources(filled[:, 1].tolist()), state, samples, stride)
         busy, (sets, scenes) = slice(len(chosen)), chosen.T
         final[:, sets, scenes] = state[busy, summed].T
         for index, name in enumerate(columns):

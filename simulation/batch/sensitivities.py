@@ -108,15 +108,16 @@ def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Pro
 
     def one(i: int, j: int) -> None:
         own = pairs.experiments[j].metrics
+        outside = pairs.signals(j)
         for first in range(0, p, run.directions):
             gains = range(first, min(first + run.directions, p))
-            outcome, final, tangent, x, slopes = _run(run, pairs, i, j, gains, stride)
+            outcome, final, tangent, x, slopes = _run(run, pairs, i, j, outside, gains, stride)
             result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
             completed = outcome == COMPLETED
             gradients = _gradients(pairs.loop.states, final, tangent, own, completed=completed)
             for name, gradient in gradients.items():
                 result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
-            result.errors[i, j, : len(x)] = x - pairs.signals(j)[:: max(stride, 1), wanted][: len(x)]
+            result.errors[i, j, : len(x)] = x - outside[:: max(stride, 1), wanted][: len(x)]
             reached = dict(zip(pairs.loop.states, final.tolist(), strict=True))
             metrics = metrics_of(reached, completed=completed, own=own)
             for name, table in result.metrics.items():
@@ -146,7 +147,7 @@ def _check_names(names: tuple[str, ...]) -> None:
 
 
 def _run(
-    run: Sensitivity, pairs: Pairs, i: int, j: int, gains: range, stride: int
+    run: Sensitivity, pairs: Pairs, i: int, j: int, outside: Floats, gains: range, stride: int
 ) -> tuple[int, Floats, Floats, Floats, Floats]:
     """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
     directions = np.zeros((len(pairs.names), run.directions))
@@ -155,7 +156,7 @@ def _run(
     (vector,), (state,) = vectors, pairs.starts(vectors)
     by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.columns]
     tangent = np.ascontiguousarray(by_parameters @ directions)
-    outcome, _, x, slopes = run(vector, directions, pairs.signals(j), state, tangent, stride)
+    outcome, _, x, slopes = run(vector, directions, outside, state, tangent, stride)
     return outcome, state, tangent, x, slopes
 
 

@@ -1,57 +1,28 @@
 """Signals a run receives from outside, drawn or read sample by sample ahead of it: reference, sea, sensor noise."""
 
-from collections.abc import Iterator
-from functools import lru_cache, partial
+from collections.abc import Iterator, Sequence
+from decimal import Decimal  # its exp gives the same bits everywhere
+from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.drivers.signals import NO_LIMIT, RandomSignal, Signals
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
-from dualwinch.simulation.exogenous.sensors import Noise
-from dualwinch.simulation.exogenous.streams import stream
+from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import Exogenous
 
 Floats: TypeAlias = NDArray[np.float64]
 
-SIGNALS = len(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
+NAMES = tuple(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
+"""Names of the signals a sample receives, in the closed loop's order."""
+
+SIGNALS = len(NAMES)
 """Number of signals a sample receives."""
-
-CHUNK = 2**14
-"""Samples that are drawn at a time: what they need stays in a processor's cache."""
-
-
-class GaussMarkov:
-    """First-order Gauss–Markov signal, stationary from its first sample; drawn piece by piece."""
-
-    def __init__(
-        self, sigma: float, correlation_time: float, sample_time: float, generator: np.random.Generator
-    ) -> None:
-        """Set the signal up.
-
-        Args:
-            sigma: standard deviation.
-            correlation_time: in s; the autocorrelation decays by 1/e over it.
-            sample_time: in s.
-            generator: source of the draws.
-        """
-        self.sigma, self.generator = sigma, generator
-        self.decay = np.exp(-sample_time / correlation_time)
-        self._carried: Floats | None = None
-
-    def draw(self, samples: int) -> Floats:
-        """The next samples (samples,); the same numbers however they are divided into pieces."""
-        from scipy.signal import lfilter
-
-        draws = self.generator.standard_normal(samples)
-        fresh = draws[1:] if self._carried is None else draws
-        fresh *= np.sqrt(1 - self.decay**2)
-        carried = np.zeros(1) if self._carried is None else self._carried
-        values, self._carried = lfilter([1.0], [1.0, -self.decay], draws, zi=carried)
-        return self.sigma * np.asarray(values)
 
 
 class Sea(NamedTuple):
@@ -65,64 +36,80 @@ class Sea(NamedTuple):
     """change of the force on the rail in N."""
 
 
-class _Outside:
-    """The signals of an experiment, drawn chunk after chunk.
+def random_signals(experiment: Experiment) -> dict[str, RandomSignal]:
+    """The random signals of an experiment by name, each with a stream of its own.
 
-    Each has a stream of its own, so that switching one on leaves the others as they are.
+    So switching one on leaves the others as they are. Noises of sensors are drawn with a standard deviation of 1.
     """
+    sea, sensors, simulation = experiment.disturbance, experiment.sensors, experiment.simulation
+    found: dict[str, RandomSignal] = {}
 
-    def __init__(self, experiment: Experiment) -> None:
-        simulation, sea, sensors = experiment.simulation, experiment.disturbance, experiment.sensors
-        named = partial(stream, simulation.seed)
-        load = sea.normal_force_sigma * experiment.plant.vehicle.normal_force
-        self._current = GaussMarkov(sea.current_sigma, sea.current_time, simulation.sample_time, named("current"))
-        self._load = GaussMarkov(load, sea.normal_force_time, simulation.sample_time, named("normal force"))
-        self._noise = [
-            (named("position noise"), sensors.position_noise),
-            (named("speed noise"), sensors.speed_noise),
-            (named("tension 1 noise"), sensors.tension_noise),
-            (named("tension 2 noise"), sensors.tension_noise),
-        ]
-        self._experiment = experiment
+    def add(name: str, sigma: float, time: float = 0.0, limit: float = NO_LIMIT) -> None:
+        if sigma > 0:
+            decay = float((Decimal(-simulation.sample_time) / Decimal(time)).exp()) if time else 0.0
+            found[name] = RandomSignal(simulation.seed, stream_number(name), sigma, decay, limit)
 
-    def sea(self, start: int, samples: int) -> Sea:
-        """What acts on the vehicle from the sample `start` on, the next to be drawn."""
-        disturbance = self._experiment.disturbance
-        t: Floats = np.arange(start, start + samples, dtype=np.float64) * self._experiment.simulation.sample_time
-        given = {name: signal.sampled(t, unit) for name, (signal, unit) in given_signals(disturbance).items()}
-        limit = disturbance.current_limit
-        if self._current.sigma > 0:
-            given["current"] += self._current.draw(samples).clip(-limit, limit)
-        if self._load.sigma > 0:
-            given["normal_force_variation"] += self._load.draw(samples)
-        return Sea(**given)
-
-    def fill(self, table: Floats, start: int) -> None:
-        """Fill a table (samples, exogenous) with the signals from the sample `start` on, the next to be drawn."""
-        n, experiment = len(table), self._experiment
-        sea = self.sea(start, n)
-        x, v, a, steady = _reference(
-            experiment.reference, experiment.steady_window, experiment.simulation.sample_time, start, n
-        )
-        signals = Exogenous(
-            reference=Setpoint(x, v, a),
-            noise=Noise(*(drawn.standard_normal(n) if sigma > 0 else 0.0 for drawn, sigma in self._noise)),
-            current=sea.current,
-            normal_force_variation=sea.normal_force_variation,
-            force=sea.force,
-            steady=steady,
-        )
-        for column, values in zip(table.T, leaves(signals, whole=True).values(), strict=True):
-            column[:] = values
+    add("current", sea.current_sigma, sea.current_time, sea.current_limit)
+    load = sea.normal_force_sigma * experiment.plant.vehicle.normal_force
+    add("normal_force_variation", load, sea.normal_force_time)
+    add("noise.position", float(sensors.position_noise > 0))
+    add("noise.speed", float(sensors.speed_noise > 0))
+    add("noise.tension_1", float(sensors.tension_noise > 0))
+    add("noise.tension_2", float(sensors.tension_noise > 0))
+    return found
 
 
-@lru_cache(maxsize=16)
-def _reference(reference: Reference, window: tuple[float, float], sample_time: float, start: int, n: int) -> Floats:
-    """Rows x, v, a and 1 in the steady state; kept, as the scenarios of an ensemble share them."""
+class Outside:
+    """What an experiment receives from outside: its signals, drawn and read piece by piece."""
+
+    def __init__(self, experiment: Experiment, names: Sequence[str] = NAMES) -> None:
+        """Set the signals up.
+
+        Args:
+            experiment: whose.
+            names: of the signals.
+        """
+        random = random_signals(experiment)
+        self._experiment, self._names = experiment, names
+        self.signals = Signals([random.get(name) for name in names])
+
+    def give(self, start: int, n: int) -> None:
+        """Read what is given of `n` samples from the sample `start` on."""
+        experiment = self._experiment
+        sample_time, given = experiment.simulation.sample_time, {}
+        if "steady" in self._names:
+            given |= _reference(experiment.reference, experiment.steady_window, sample_time, start, n)
+        for name, (signal, unit) in given_signals(experiment.disturbance).items():
+            if signal.given:
+                t: Floats = np.arange(start, start + n, dtype=np.float64) * sample_time
+                given[name] = signal.sampled(t, unit)
+        self.signals.give([given.get(name) for name in self._names], start)
+
+    def pieces(self, length: int, samples: int | None = None) -> Iterator[Floats]:
+        """All samples, those of the run or so many, in tables (samples, names) of at most `length` samples."""
+        end = self._experiment.samples if samples is None else samples
+        for start in range(0, end, length):
+            table = np.empty((min(length, end - start), len(self._names)))
+            self.give(start, len(table))
+            self.signals.fill(table, start)
+            yield table
+
+
+@lru_cache(maxsize=4)
+def _reference(
+    reference: Reference, window: tuple[float, float], sample_time: float, start: int, n: int
+) -> dict[str, Floats]:
+    """The reference, and 1 in the steady state; kept, as the scenarios of an ensemble share them."""
     t, half = np.arange(start, start + n) * sample_time, sample_time / 2
     wanted = setpoint(t, reference)
     steady = (t >= window[0] - half) & (t <= window[1] + half)
-    return np.array([wanted.x, wanted.v, np.broadcast_to(wanted.a, n), steady], dtype=float)
+    acceleration = np.broadcast_to(wanted.a, n).astype(float)
+    return {
+        "reference.x": np.asarray(wanted.x, float),
+        "reference.v": np.asarray(wanted.v, float),
+        "reference.a": acceleration,
+        "steady": steady.astype(float),
+    }
 
 
 def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = None) -> Iterator[Floats]:
@@ -138,12 +125,14 @@ def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = 
     Yields:
         (samples, exogenous), columns in the closed loop's order.
     """
-    outside, end = _Outside(experiment), experiment.samples if samples is None else samples
-    for start in range(0, end, length):
-        table = np.empty((min(length, end - start), SIGNALS))
-        for first in range(0, len(table), CHUNK):
-            outside.fill(table[first : first + CHUNK], start + first)
-        yield table
+    return Outside(experiment).pieces(length, samples)
+
+
+def exogenous_source(experiment: Experiment) -> Signals:
+    """Everything a run receives from outside, for compiled code that draws it while it runs."""
+    outside = Outside(experiment)
+    outside.give(0, experiment.samples)
+    return outside.signals
 
 
 def exogenous_signals(experiment: Experiment) -> Floats:
@@ -153,4 +142,4 @@ def exogenous_signals(experiment: Experiment) -> Floats:
 
 def sea_signals(experiment: Experiment) -> Sea:
     """What acts on the vehicle over a whole run, as `exogenous_signals`."""
-    return _Outside(experiment).sea(0, experiment.samples)
+    return Sea(*next(Outside(experiment, Sea._fields).pieces(experiment.samples)).T)

@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import Disturbance
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.exogenous.sensors import Sensors
-from dualwinch.simulation.exogenous.signals import GaussMarkov, exogenous_pieces, exogenous_signals
+from dualwinch.simulation.exogenous.signals import exogenous_pieces, exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
@@ -29,26 +30,6 @@ def drawn(experiment: Experiment) -> dict[str, NDArray[np.float64]]:
 
 def autocorrelation(signal: NDArray[np.float64], lag: int) -> float:
     return float(np.mean(signal[lag:] * signal[:-lag]) / np.mean(signal**2))
-
-
-def test_gauss_markov_has_the_standard_deviation_and_the_correlation_time() -> None:
-    signal = GaussMarkov(2.0, 0.1, 1e-3, np.random.default_rng(1)).draw(400_000)
-    assert signal.std() == pytest.approx(2, rel=0.05)
-    assert signal.mean() == pytest.approx(0, abs=0.15)
-    assert autocorrelation(signal, 100) == pytest.approx(np.exp(-1), abs=0.04)
-    assert autocorrelation(signal, 200) == pytest.approx(np.exp(-2), abs=0.04)
-
-
-def test_gauss_markov_is_stationary_from_its_first_sample() -> None:
-    generators = [np.random.default_rng(seed) for seed in range(4000)]
-    signals = np.array([GaussMarkov(3.0, 0.05, 1e-3, generator).draw(50) for generator in generators])
-    assert signals.std(axis=0) == pytest.approx(np.full(50, 3.0), rel=0.08)
-
-
-def test_the_sample_time_does_not_change_the_signals_statistics() -> None:
-    coarse = GaussMarkov(1.0, 0.5, 1e-2, np.random.default_rng(2)).draw(200_000)
-    assert coarse.std() == pytest.approx(1, rel=0.05)
-    assert autocorrelation(coarse, 50) == pytest.approx(np.exp(-1), abs=0.04)
 
 
 def test_current_is_limited() -> None:
@@ -120,3 +101,22 @@ def test_pieces_are_the_whole_to_the_last_bit(length: int) -> None:
     short = replace(EXPERIMENT, simulation=Simulation(duration=5.0, seed=5))
     pieces = np.concatenate(list(exogenous_pieces(short, length)))
     assert np.array_equal(pieces, exogenous_signals(short))
+
+
+def test_what_a_seed_gives_is_pinned() -> None:
+    """It is part of what a stored result means."""
+    signals = drawn(EXPERIMENT)
+    assert {name: float(signals[name][20_000]) for name in RANDOM} == {
+        "current": 0.021092549968341326,
+        "normal_force_variation": 548.4423604913596,
+        "noise.position": 1.0425434551511048,
+        "noise.speed": -1.4720027393442183,
+        "noise.tension_1": 0.5017402527799045,
+        "noise.tension_2": -0.08331250916335654,
+    }
+
+
+def test_a_seed_is_a_number_of_64_bits() -> None:
+    assert Simulation(seed=2**64 - 1).seed == 2**64 - 1
+    with pytest.raises(ConfigurationError, match=r"seed = 18446744073709551616: must be"):
+        Experiment(simulation=Simulation(seed=2**64))

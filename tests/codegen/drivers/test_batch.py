@@ -1,0 +1,81 @@
+"""Signals that rollouts in lanes draw while they run: those of `Signals.fill`, bit for bit."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from dualwinch.codegen.drivers.batch import LANES, Batch, compile_batch
+from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED
+from dualwinch.codegen.drivers.signals import RandomSignal, Signals
+from dualwinch.codegen.sampled import Sampled
+
+SAMPLES = 64 * 3 + 17
+
+
+@pytest.fixture(scope="module")
+def recorder() -> Batch:
+    """A system that writes down what it receives, while its motion grows by a factor at every sample."""
+    state, outside, factor = ca.SX.sym("state", 2), ca.SX.sym("exogenous", 3), ca.SX.sym("parameters", 1)
+    motion, hold, part = ca.SX.sym("motion", 1), ca.SX.sym("hold", 1), ca.SX.sym("part", 1)
+    at_sample = [state, outside, factor], ["state", "exogenous", "parameters"]
+    (symbols, names), moved = at_sample, [factor * motion, ca.SX(1)]
+    of_move = ["motion", "hold", "part", "parameters"]
+    return compile_batch(
+        Sampled(
+            sample=ca.Function("sample", symbols, [state[1] + 1, outside[0]], names, ["discrete", "hold"]),
+            observe=ca.Function("observe", symbols, [outside], names, ["row"]),
+            move=ca.Function("move", [motion, hold, part, factor], moved, of_move, ["next_motion", "margin"]),
+            parts=1,
+            one_step=None,
+        )
+    )
+
+
+def source(seed: int) -> Signals:
+    signals = Signals([RandomSignal(seed, 1, 1.0), RandomSignal(seed, 2, 2.0, 0.97, 3.0), None])
+    signals.give([None, np.linspace(0, 1, SAMPLES), np.arange(SAMPLES) / 7])
+    return signals
+
+
+def filled(seed: int) -> np.ndarray:
+    table = np.empty((SAMPLES, 3))
+    source(seed).fill(table, 0)
+    return table
+
+
+def run(recorder: Batch, sources: list[Signals], factors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return recorder(factors[:, np.newaxis], sources, np.tile([1.0, 0.0], (LANES, 1)), SAMPLES, stride=1)
+
+
+def test_every_lane_receives_its_own_signals(recorder: Batch) -> None:
+    outcome, done, rows = run(recorder, [source(seed) for seed in range(LANES)], np.ones(LANES))
+    assert (outcome == COMPLETED).all()
+    assert (done == SAMPLES).all()
+    for seed in range(LANES):
+        assert rows[seed].tobytes() == filled(seed).tobytes()
+
+
+def test_lanes_that_share_their_signals_all_receive_them(recorder: Batch) -> None:
+    shared = source(3)
+    for _ in range(2):  # the signals are not changed
+        rows = run(recorder, [shared] * LANES, np.ones(LANES))[2]
+        assert all(lane.tobytes() == filled(3).tobytes() for lane in rows)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_samples_that_are_done_again_receive_the_same(recorder: Batch, *, shared: bool) -> None:
+    """The samples since the last look are done again where a lane has diverged, here in the second block of them."""
+    factors = np.where(np.arange(LANES) == 5, 2e3, 1.0)
+    sources = [source(3)] * LANES if shared else [source(seed) for seed in range(LANES)]
+    outcome, done, rows = run(recorder, sources, factors)
+    assert outcome[5] == DIVERGED
+    assert 64 < done[5] < 128
+    for lane in set(range(LANES)) - {5}:
+        assert rows[lane].tobytes() == filled(3 if shared else lane).tobytes()
+
+
+def test_a_scenario_in_some_lanes_receives_the_same_in_each(recorder: Batch) -> None:
+    first, second = source(1), source(2)
+    rows = run(recorder, [first, second] * (LANES // 2), np.ones(LANES))[2]
+    for lane in range(LANES):
+        assert rows[lane].tobytes() == filled(1 + lane % 2).tobytes()

@@ -1,0 +1,116 @@
+"""Signals that compiled C fills, against NumPy bit for bit; Gauss–Markov signals against their statistics."""
+
+import os
+import shutil
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.normal import normals
+from dualwinch.codegen.drivers.philox import words
+from dualwinch.codegen.drivers.signals import RandomSignal, Signals, compile_fill, fill
+from dualwinch.codegen.errors import CompilerNotFoundError
+
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
+
+MIXED = (
+    *(RandomSignal(1, 2, 0.7), RandomSignal(1, 3, 2.0, 0.99), None),
+    *(RandomSignal(2**64 - 1, 2**64 - 1, 3.0, 0.9, 1.5), RandomSignal(1, 4, 1.0, 1e-300), None),
+)
+GIVEN = (np.linspace(0, 1, 1000), None, np.sin(np.arange(1000)), np.full(1000, -2.0), None, None)
+
+
+def filled(lengths: list[int]) -> np.ndarray:
+    signals, table, first = Signals(MIXED), np.full((sum(lengths), len(MIXED)), np.nan), 0
+    for length in lengths:
+        given = [None if values is None else values[first : first + length] for values in GIVEN]
+        signals.give(given, first)
+        signals.fill(table[first : first + length], first)
+        first += length
+    return table
+
+
+def drawn(signal: RandomSignal, samples: int) -> np.ndarray:
+    table = np.empty((samples, 1))
+    Signals([signal]).fill(table, 0)
+    return table[:, 0]
+
+
+def autocorrelation(signal: np.ndarray, lag: int) -> float:
+    return float(np.mean(signal[lag:] * signal[:-lag]) / np.mean(signal**2))
+
+
+@pytest.fixture
+def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DUALWINCH_CC", os.devnull)
+
+
+@pytest.mark.parametrize("flags", [(), ("-O0",)])
+@pytest.mark.parametrize("name", COMPILERS)
+def test_every_compiler_gives_the_bits_of_numpy(name: str, flags: tuple[str, ...]) -> None:
+    found = find_compiler(name)
+    compiled = compile_fill(Compiler(found.name, (*found.command, *flags), found.version))
+    signals, reference = Signals(MIXED).records, Signals(MIXED).records
+    ours, theirs = np.empty((2, 1000, len(MIXED)))
+    for first, end in ((0, 1), (1, 90), (90, 1000)):
+        for filler, states, table in ((compiled, signals, ours), (fill, reference, theirs)):
+            filler(states, first, table[first:end])
+    assert ours.tobytes() == theirs.tobytes()
+    assert signals.tobytes() == reference.tobytes()
+
+
+@given(st.lists(st.integers(1, 300), min_size=1, max_size=3))
+def test_pieces_are_the_whole(lengths: list[int]) -> None:
+    assert filled(lengths).tobytes() == filled([sum(lengths)]).tobytes()
+
+
+@pytest.mark.usefixtures("without_compiler")
+def test_without_a_compiler_numpy_gives_the_bits() -> None:
+    with pytest.raises(CompilerNotFoundError):
+        find_compiler()
+    alone = filled([700, 300])
+    assert np.isfinite(alone).all()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("DUALWINCH_CC")
+        assert filled([1000]).tobytes() == alone.tobytes()
+
+
+def test_given_and_random_add_up() -> None:
+    table = filled([1000])
+    white = 0.7 * normals(words(1, 2, 0, 1000))
+    assert np.array_equal(table[:, 0], GIVEN[0] + white)
+    assert (table[:, 2] == GIVEN[2]).all()
+    assert (table[:, 5] == 0).all()
+
+
+def test_the_random_part_is_limited() -> None:
+    limited = filled([1000])[:, 3] + 2.0
+    assert np.abs(limited).max() == 1.5
+    assert 0.2 < np.mean(np.abs(limited) < 1.5) < 0.6
+
+
+def test_gauss_markov_is_filtered_noise() -> None:
+    draws = normals(words(1, 3, 0, 5000))
+    draws[1:] *= np.sqrt(1 - 0.99**2)
+    assert drawn(RandomSignal(1, 3, 2.0, 0.99), 5000) == pytest.approx(2 * lfilter([1], [1, -0.99], draws), abs=1e-12)
+
+
+def test_gauss_markov_has_the_standard_deviation_and_the_correlation_time() -> None:
+    signal = drawn(RandomSignal(1, 0, 2.0, np.exp(-0.01)), 400_000)
+    assert signal.std() == pytest.approx(2, rel=0.05)
+    assert signal.mean() == pytest.approx(0, abs=0.15)
+    assert autocorrelation(signal, 100) == pytest.approx(np.exp(-1), abs=0.04)
+    assert autocorrelation(signal, 200) == pytest.approx(np.exp(-2), abs=0.04)
+
+
+def test_gauss_markov_is_stationary_from_its_first_sample() -> None:
+    signals = np.array([drawn(RandomSignal(seed, 0, 3.0, np.exp(-0.02)), 50) for seed in range(4000)])
+    assert signals.std(axis=0) == pytest.approx(np.full(50, 3.0), rel=0.08)
+
+
+def test_a_decay_of_zero_is_white_noise() -> None:
+    assert np.array_equal(drawn(RandomSignal(1, 4, 1.0, 1e-300), 500), drawn(RandomSignal(1, 4, 1.0), 500))
