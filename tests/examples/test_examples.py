@@ -45,7 +45,7 @@ def test_it_tunes_compares_and_writes_c(
     monkeypatch.chdir(tmp_path)
     example.main(trials=8, out="made")
     printed = capsys.readouterr().out
-    assert printed.startswith("Tuned(")
+    assert "Tuned(" in printed
     assert "Comparison in " in printed
     assert "times the MSE of paper" in printed
     code = (tmp_path / "made" / "dualwinch_controller.c").read_text()
@@ -57,3 +57,17 @@ def test_its_part_is_short_and_in_the_lesson(example: ModuleType) -> None:
     assert len(source.splitlines()) <= LONGEST
     blocks = re.findall(r"```python\n(.*?)```", LESSON, re.DOTALL)
     assert any(source in block for block in blocks), "copy the class into docs/your-own-parts.md"
+
+
+def test_a_law_is_used_like_any_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The block of the lesson, with a shorter search."""
+    monkeypatch.chdir(tmp_path)
+    (block,) = (block for block in re.findall(r"```python\n(.*?)```", LESSON, re.DOTALL) if "trials=300" in block)
+    names = dict(vars(loaded(ROOT / "examples" / "lqi_law.py")))
+    exec(block.replace("trials=300", "trials=8"), names)  # noqa: S102
+    printed = capsys.readouterr().out
+    assert "LQI: completed at 50 s" in printed
+    assert "Margins(" in printed
+    assert (tmp_path / "lqi" / "dualwinch_controller.c").exists()
