@@ -24,9 +24,9 @@ Out = Annotated[Path, Parameter(help="Folder for the files; made where there is 
 
 def wrote(folder: Path, files: list[Path]) -> None:
     """Say which files were written to a folder."""
-    from rich.console import Console
+    from dualwinch.commands.terminal import terminal
 
-    Console(stderr=True).print(f"wrote {folder}: {', '.join(path.name for path in files)}", soft_wrap=True)
+    terminal(stderr=True).print(f"wrote {folder}: {', '.join(path.name for path in files)}", soft_wrap=True)
 
 
 @app.command(
@@ -98,13 +98,12 @@ def export_fmu(
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
-    from rich.console import Console
-
     from dualwinch.commands.export_fmu import export_fmu as run
     from dualwinch.commands.simulate import experiment
+    from dualwinch.commands.terminal import terminal
 
     use_parts(plugin)
-    chosen, console = experiment(case, config, None, set_ or []), Console(stderr=True)
+    chosen, console = experiment(case, config, None, set_ or []), terminal(stderr=True)
     with console.status("generating") as status:
         words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=status.update)
     console.print(f"wrote {words}", soft_wrap=True)

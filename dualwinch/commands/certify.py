@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
+from rich.text import Text
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.simulate import check_plot, experiment
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.certificate import Certificate
@@ -41,7 +42,7 @@ def certify(
             raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")
         check_folder(out.parent)
     check_plot(plot)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("simulating", total=1.0)
         certificate = judge(asked, progress=lambda share: bar.update(task, completed=share))
@@ -62,10 +63,10 @@ def certify(
 
 def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
     """Print the verdict on every condition, what V does, and what the search found."""
-    console = Console(soft_wrap=True)
+    console = terminal(soft_wrap=True)
     result = certificate.result
     kind = result.experiment.controller.law.kind
-    console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s")
+    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s"))
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for heading in ("condition", "disturbance"):
         table.add_column(heading, no_wrap=True)
@@ -73,14 +74,15 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("", no_wrap=True)
     for condition in certificate.conditions:
-        verdict = "[green]holds[/green]" if condition.holds else "[red]fails[/red]"
+        verdict = styled("green", "holds") if condition.holds else styled("red", "fails")
         sides = (f"{condition.left:.4g}", f"{condition.right:.4g}")
         table.add_row(condition.name, condition.basis, *sides, verdict)
     console.print(table)
     console.print("As the paper prints them:", style="dim")
     for statement in dict.fromkeys(condition.statement for condition in certificate.conditions):
         console.print(f"  {statement}", style="dim", highlight=False)
-    console.print(f"\n{_verdict(certificate)}")
+    console.print()
+    console.print(_verdict(certificate))
     final, largest = certificate.terms.total[-1], certificate.terms.total.max()
     console.print(
         f"V decreases over {100 * certificate.decreasing:.4g} % of the samples, and as fast as the paper's last line "
@@ -92,15 +94,15 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
         console.print(f"  - {gap}", highlight=False)
 
 
-def _verdict(certificate: Certificate) -> str:
+def _verdict(certificate: Certificate) -> Text:
     if certificate.result.outcome != "completed":
-        return "[bold]Not certified[/bold]: the run did not reach its end."
+        return styled("bold", "Not certified", ": the run did not reach its end.")
     if certificate.certified_with_ropes:
-        return "[bold]Certified[/bold], also with what the ropes do not deliver counted as disturbance."
+        return styled("bold", "Certified", ", also with what the ropes do not deliver counted as disturbance.")
     if certificate.certified:
-        return f"[bold]Certified as printed[/bold], but not with {REAL}: the force lags behind its command."
+        return styled("bold", "Certified as printed", f", but not with {REAL}: the force lags behind its command.")
     failing = sum(not c.holds for c in certificate.conditions if c.basis != REAL)
-    return f"[bold]Not certified[/bold]: {failing} condition{'s' if failing > 1 else ''} of the paper's fail."
+    return styled("bold", "Not certified", f": {failing} condition{'s' if failing > 1 else ''} of the paper's fail.")
 
 
 def _search(near: NearbyGains) -> str:

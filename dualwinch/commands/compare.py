@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -15,6 +14,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.simulate import check_plot
+from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment
@@ -98,7 +98,7 @@ def compare(
             raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")
         check_folder(out.parent)
     check_plot(plot)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)
@@ -166,7 +166,7 @@ def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
         result: the comparison.
         facts: the same as `as_json` gives it.
     """
-    console = Console()
+    console = terminal()
     ensemble = result.ensemble
     console.print(f"{len(result)} scenarios of '{ensemble.name}', seed {result.seed}, the same for all")
     if result.partial:

@@ -5,13 +5,13 @@ import platform
 import sys
 from importlib.metadata import PackageNotFoundError, version
 
-from rich.console import Console
 from rich.table import Table
 
 from dualwinch import __version__
 from dualwinch.codegen.cache import cache_folder
 from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
 from dualwinch.codegen.errors import DualwinchError
+from dualwinch.commands.terminal import terminal
 
 REQUIRED = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")
 OPTIONAL = {
@@ -59,4 +59,4 @@ def doctor() -> None:
     table.add_column(overflow="fold")
     for part, text in findings().items():
         table.add_row(part, text)
-    Console().print(table)
+    terminal().print(table)

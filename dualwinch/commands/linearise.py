@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
-from rich.console import Console
 
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.linearise_tables import print_point, print_sweep
 from dualwinch.commands.ranges import numbers_between
 from dualwinch.commands.simulate import check_plot
+from dualwinch.commands.terminal import terminal
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.files import writer
@@ -84,7 +84,7 @@ def linearise(
     _check_figure(figure, sweep)
     values = grid(given, sweep, experiment)
     points = _operating_points(experiment, values)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with console.status("linearising"):
         systems = LOOPS[loop](experiment, points, dt)
         tracks = track_modes(systems, experiment.plant)

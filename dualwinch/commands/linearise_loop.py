@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from dualwinch.commands.linearise_tables import print_point
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.settings import override
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
@@ -44,7 +44,7 @@ def linearise_loop(
 ) -> None:
     """Linearise, print, write; `values` holds x, v and preload of every point, `swept` says which of them varies."""
     _check(loop, cut, dt, swept, figure)
-    joint, console = cut or "u", Console(stderr=True)
+    joint, console = cut or "u", terminal(stderr=True)
     points = np.broadcast_arrays(*(np.array(values[name]) for name in ("x", "v", "preload")))
     systems = []
     for x, v, preload in zip(*(column.tolist() for column in points), strict=True):
@@ -94,7 +94,7 @@ def _with_preload(experiment: Experiment, preload: float) -> Experiment:
 def _print_closed(
     systems: Sequence[LinearSystem], experiment: Experiment, swept: str | None, values: dict[str, list[float]]
 ) -> None:
-    console = Console()
+    console = terminal()
     if swept is None:
         limits, (system,) = experiment.controller.limits, systems
         point = operating_point(
@@ -129,9 +129,10 @@ def _print_closed(
 def _print_margins(
     systems: Sequence[LinearSystem], found: Sequence[Margins], swept: str | None, values: dict[str, list[float]]
 ) -> None:
-    console = Console()
+    console = terminal()
     cut = systems[0].inputs[0].removesuffix("_in")
-    console.print(f"[bold]margins of the loop cut at {cut}[/bold] ({systems[0].outputs[0]}/{systems[0].inputs[0]})")
+    ratio = f" ({systems[0].outputs[0]}/{systems[0].inputs[0]})"
+    console.print(styled("bold", f"margins of the loop cut at {cut}", ratio))
     if not any(system.B.any() for system in systems):
         console.print(f"nothing comes back: {CUTS[cut]} rests on its limit or answers to nothing here")
     table = _margin_table([swept] if swept else [])
@@ -141,8 +142,8 @@ def _print_margins(
 
 
 def _print_amplitudes(points: Sequence[AmplitudePoint]) -> None:
-    console = Console()
-    console.print("[bold]by amplitude of the speed error[/bold] (describing functions)")
+    console = terminal()
+    console.print(styled("bold", "by amplitude of the speed error", " (describing functions)"))
     table = _margin_table(["e2 m/s"])
     for point in points:
         table.add_row(f"{point.amplitude:g}", *_margin_words(point.margins))

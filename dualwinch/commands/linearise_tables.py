@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.model.linear.controllability import is_controllable, sufficient_sensors
 from dualwinch.model.linear.mode_label import plant_prefix
 from dualwinch.model.linear.mode_tracks import ModeTrack
@@ -25,29 +27,29 @@ SMALL = 8
 
 def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant) -> None:
     """Print operating point, matrices (of a small system), modes, DC gains and what sensors suffice."""
-    console = Console()
-    console.print("[bold]operating point[/bold]")
+    console = terminal()
+    console.print(styled("bold", "operating point"))
     _print_operating_point(console, point)
     if len(system.states) <= SMALL:
         time = "continuous time" if system.dt is None else f"sampled every {system.dt:g} s, inputs held"
         for name, columns in (("A", system.states), ("B", system.inputs)):
-            console.print(f"\n[bold]{name}[/bold] ({time})")
+            console.print(styled("bold", f"\n{name}", f" ({time})"))
             console.print(_matrix(system.states, columns, getattr(system, name)))
     found = modes(system, plant)
-    console.print("\n[bold]modes[/bold]")
+    console.print(styled("bold", "\nmodes"))
     console.print(_modes(found))
     console.print(f"f_s: {SAMPLES_A_PERIOD} samples a period, which a controller that acts on the mode needs")
-    console.print("\n[bold]participation of the states[/bold]")
+    console.print(styled("bold", "\nparticipation of the states"))
     console.print(_participation(found))
     if len(system.states) <= SMALL and plant_prefix(system.states) is not None:
-        console.print("\n[bold]DC gains[/bold]: lasting change of an output for each unit of an input")
+        console.print(styled("bold", "\nDC gains", ": lasting change of an output for each unit of an input"))
         console.print(_matrix(system.outputs, system.inputs, dc_gains(system)))
         _print_structure(console, system)
 
 
 def print_sweep(tracks: Sequence[ModeTrack], points: Sequence[OperatingPoint], swept: str) -> None:
     """Print natural frequency and damping of every mode at every point, and limits that are not respected."""
-    console = Console()
+    console = terminal()
     unit = describe(OperatingPoint)[swept].quantity.unit
     console.print("natural frequency in Hz (damping ratio)")
     table = Table(box=None, pad_edge=False)
@@ -65,14 +67,15 @@ def print_sweep(tracks: Sequence[ModeTrack], points: Sequence[OperatingPoint], s
         console.print(line)
 
 
-def _summed_up(points: Sequence[OperatingPoint], swept: str) -> list[str]:
+def _summed_up(points: Sequence[OperatingPoint], swept: str) -> list[Text]:
     """One line where some points pass limits: how many, and the first."""
     beyond = [point for point in points if point.violations]
     if not beyond:
         return []
     first = beyond[0]
     where = f"{swept} = {getattr(first, swept):g}"
-    return [f"[red]limits passed[/red] at {len(beyond)} of {len(points)} points; at {where}: {first.violations[0]}"]
+    words = f" at {len(beyond)} of {len(points)} points; at {where}: {first.violations[0]}"
+    return [styled("red", "limits passed", words)]
 
 
 def _print_operating_point(console: Console, point: OperatingPoint) -> None:
@@ -90,7 +93,7 @@ def _print_operating_point(console: Console, point: OperatingPoint) -> None:
     for remark in point.remarks:
         console.print(remark)
     for violation in point.violations:
-        console.print(f"[red]limit passed[/red]: {violation}")
+        console.print(styled("red", "limit passed", f": {violation}"))
     if not point.violations:
         console.print("all limits are respected; both ropes are taut")
 

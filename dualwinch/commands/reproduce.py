@@ -18,6 +18,7 @@ from dualwinch.commands.doctor import versions
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.commands.folders import make_folder
 from dualwinch.commands.measured import measured
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
@@ -76,13 +77,13 @@ def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str]
         from dualwinch.reports.reproduction import write_report
 
         write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions())
-    console = Console()
+    console = terminal()
     _print_tables(console, runs)
     if extended:
         print_variants(
             console, variants, _table("Beyond the paper: position laws, and coordinations with fando-nftsm", ())
         )
-    console.print(f"Figures, data and report are in [bold]{out}[/bold]; open {out / 'report.html'}")
+    console.print("Figures, data and report are in", styled("bold", str(out), f"; open {out / 'report.html'}"))
 
 
 def _chosen_cases(words: list[str]) -> list[int]:
@@ -110,7 +111,7 @@ def _of_case(runs: Runs, number: int) -> dict[str, Result]:
 @contextmanager
 def _progress(steps: int) -> Iterator:
     columns = (TextColumn("{task.description:<44}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=steps, completed=-1)
 

@@ -5,13 +5,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import load
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import parse_assignment
@@ -78,7 +78,7 @@ def simulate(
         format_of(out)
         check_folder(out.parent)
     check_plot(plot)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("simulating", total=1.0)
         result = run(asked, stride=stride, engine_name=engine, progress=lambda share: bar.update(task, completed=share))
@@ -99,10 +99,10 @@ def simulate(
 
 def print_result(result: Result) -> None:
     """Print outcome and figures of merit of a run."""
-    console = Console()
+    console = terminal()
     kind = result.experiment.controller.law.kind
     solver = f" ({solver_of(result.experiment)})" if is_automatic(result.experiment) else ""
-    console.print(f"[bold]{kind}[/bold]: {result.outcome} at {result.end_time:g} s{solver}")
+    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{solver}"))
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(justify="right")

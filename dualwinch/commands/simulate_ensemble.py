@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from rich import box
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -12,6 +11,7 @@ from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
 from dualwinch.commands.simulate import check_plot, experiment
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.quantities.description import describe
@@ -60,7 +60,7 @@ def simulate_ensemble(
         ensemble_writer(out)
         check_folder(out.parent)
     check_plot(plot)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     shown = (BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
     with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=count)
@@ -84,10 +84,10 @@ def simulate_ensemble(
 
 def print_ensemble(result: EnsembleResult) -> None:
     """Print outcomes and statistics of an ensemble."""
-    console = Console()
+    console = terminal()
     kind = result.ensemble.experiment.controller.law.kind
     counts = ", ".join(f"{count} {outcome}" for outcome, count in result.outcome_counts.items())
-    console.print(f"[bold]{kind}[/bold] in '{result.ensemble.name}', seed {result.seed}: {counts}")
+    console.print(styled("bold", kind, f" in '{result.ensemble.name}', seed {result.seed}: {counts}"))
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept")
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
 from dualwinch.commands.folders import check_folder
@@ -15,6 +14,7 @@ from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.sweep import sweep
 from dualwinch.commands.sweep_axes import axes_from
 from dualwinch.commands.sweep_tables import as_json, content_of, print_sweep
+from dualwinch.commands.terminal import terminal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.experiment import Experiment
@@ -56,7 +56,7 @@ def run_sweep(
             raise ConfigurationError(f"--metric {name}: unknown metric; did you mean '{nearest(name, known)}'?")
     write = _writer(out) if out else None
     check_plot(plot)
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     bars = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*bars, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.model.quantities.html import readable_unit
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
@@ -54,12 +54,13 @@ def as_json(found: Sweep) -> str:
 
 def print_sweep(found: Sweep, metrics: Sequence[str]) -> None:
     """Print figures of merit over one key, or each of them over two."""
-    console = Console()
+    console = terminal()
     if len(found.keys) == 1:
         console.print(_over_one(found, metrics))
         return
     for metric in metrics:
-        console.print(f"[bold]{_named(metric, found.merits[metric])}[/bold] over {' (down) and '.join(found.keys)}")
+        over = f" over {' (down) and '.join(found.keys)}"
+        console.print(styled("bold", _named(metric, found.merits[metric]), over))
         console.print(_over_two(found, metric))
 
 

@@ -1,9 +1,10 @@
 """A finished study on the terminal."""
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from dualwinch.commands.terminal import styled, terminal
 from dualwinch.tuning.scoring.ranking import pareto_front
 from dualwinch.tuning.summary import advice, authority, comparison, contenders, endings, headline, statistics_table
 from dualwinch.tuning.tuned import Tuned
@@ -11,18 +12,18 @@ from dualwinch.tuning.tuned import Tuned
 
 def print_study(tuned: Tuned) -> None:
     """Print what was found, what it is worth, what would help and what it took."""
-    console, verdict = Console(), tuned.verdict
+    console, verdict = terminal(), tuned.verdict
 
-    def say(words: str) -> None:
+    def say(words: str | Text) -> None:
         console.print(words, highlight=False, soft_wrap=True)
 
-    say(f"[bold]{headline(tuned)}[/bold]")
+    say(styled("bold", headline(tuned)))
     console.print(_table(tuned))
     for words in contenders(tuned):
         say(words)
     for constraint in tuned.prepared.constraints:
         kept = verdict.scored.violations[constraint.label] <= 0
-        say(f"{'kept    ' if kept else '[red]violated[/red]'}  {constraint.label}")
+        say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
     say(endings(tuned) + (f"; {comparison(tuned)}" if verdict.improved else ""))
     if beyond := authority(tuned):
         say(beyond)

@@ -30,7 +30,7 @@ class StatusLine:
     """
 
     def __init__(self, name: str = "tune", console: Console | None = None) -> None:
-        self.name, self.console = name, console or Console(stderr=True)
+        self.name, self.console = name, console or Console(stderr=True, markup=False)
         self.objectives: tuple[Statistic, ...] = ()
         self._spinner = Spinner("dots")
         self._live = Live(self._spinner, console=self.console, transient=True) if self.console.is_terminal else None

@@ -20,6 +20,7 @@ from dualwinch.simulation.plots.style import (
     WINE,
     house_style,
     law_label,
+    plain,
 )
 from dualwinch.simulation.plots.thin import peaks
 
@@ -54,7 +55,7 @@ def lyapunov(certificate: Certificate, *, ax: GivenAxes = None) -> Figure:
     words = f"V decreases over {100 * certificate.decreasing:.3g} % of the samples"
     holding = [condition.holds for condition in certificate.conditions]
     words += f"; {sum(holding)} of {len(holding)} conditions hold"
-    title = f"{law_label(experiment)}: the theorem's Lyapunov function"
+    title = f"{plain(law_label(experiment))}: the theorem's Lyapunov function"
     with house_style():
         page = Page(ax, 5.4, title, f"{scenario(experiment).capitalize()}. {words}")
         panels = page.panels(2, sharex=True, height_ratios=(1.15, 1))

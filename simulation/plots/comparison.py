@@ -23,6 +23,7 @@ from dualwinch.simulation.plots.style import (
     VERMILION,
     WINE,
     house_style,
+    plain,
 )
 
 COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
@@ -45,7 +46,7 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
     looks = _looks(list(result.contenders))
     others = list(result.contenders)[1:]
     height = 3.0 + (0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0)
-    words = f"{len(result)} scenarios of “{result.ensemble.name}”, seed {result.seed}, the same for all"
+    words = f"{len(result)} scenarios of “{plain(result.ensemble.name)}”, seed {result.seed}, the same for all"
     draw: list[Callable[..., None]] = [
         partial(_shares, metric=metric, axis=axis, factor=factor) for metric, axis, factor in PANELS
     ]
@@ -59,7 +60,7 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
         for axes, panel in zip(panels, draw, strict=False):
             panel(axes, result, looks)
         panels[0].set_ylabel("share of scenarios")
-        page.legend([Line2D([], [], **look, label=name) for name, look in looks.items()])
+        page.legend([Line2D([], [], **look, label=plain(name)) for name, look in looks.items()])
     return page.figure
 
 

@@ -26,6 +26,7 @@ from dualwinch.simulation.plots.style import (
     law_dashes,
     law_kind,
     law_label,
+    plain,
 )
 from dualwinch.simulation.plots.thin import Floats, thin
 from dualwinch.simulation.results.result import Result
@@ -125,7 +126,7 @@ def _labelled(runs: Runs) -> list[tuple[str, Result]]:
 
 
 def _named(label: str, result: Result) -> str:
-    return law_label(result.experiment) if label == law_kind(result.experiment) else label
+    return plain(law_label(result.experiment) if label == law_kind(result.experiment) else label)
 
 
 def _looks(experiments: list[Experiment]) -> list[Look]:

@@ -19,6 +19,7 @@ from dualwinch.simulation.plots.style import (
     house_style,
     law_colour,
     law_label,
+    plain,
     shade,
     steady_handle,
 )
@@ -66,7 +67,7 @@ def _headings(result: EnsembleResult) -> tuple[str, str]:
     ensemble, counts = result.ensemble, result.outcome_counts
     completed = counts.get("completed", 0)
     others = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
-    title = f"{law_label(ensemble.experiment)} in the ensemble “{ensemble.name}”"
+    title = f"{plain(law_label(ensemble.experiment))} in the ensemble “{plain(ensemble.name)}”"
     words = f"{completed} scenarios, seed {result.seed}"
     return title, words + (f"; not drawn: {', '.join(others)}" if others else "; every one ran to its end")
 

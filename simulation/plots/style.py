@@ -108,6 +108,12 @@ def law_kind(experiment: Experiment) -> str:
     return experiment.controller.law.kind
 
 
+def plain(text: str) -> str:
+    r"""A name that somebody gave, for matplotlib: ``$`` begins no formula, a leading ``_`` leaves no label out."""
+    shown = text.replace("$", r"\$")
+    return f"\u200b{shown}" if shown.startswith("_") else shown
+
+
 def law_label(experiment: Experiment) -> str:
     """Name of an experiment's position law in figures."""
     return experiment.controller.law.label or law_kind(experiment)
