@@ -37,7 +37,7 @@ def scenario_alone(case: Case) -> Answer:
 
 
 def prepare_with(threads: int) -> Callable[[Case], Run]:
-    """16 scenarios × 4 candidates on some threads, the signals drawn beforehand."""
+    """16 scenarios × 4 candidates on some threads, the signals drawn as it goes, once for all candidates in a block."""
 
     def prepare(case: Case) -> Run:
         scenarios = _scenarios(case)
@@ -69,7 +69,7 @@ def prepare_ensemble_with(threads: int) -> Callable[[Case], Run]:
         def run(*, keep: bool = False) -> Answer:
             if keep:
                 return check(keep=True)
-            seeds.append(seeds[-1] + 1)  # so that no signals are kept from before
+            seeds.append(seeds[-1] + 1)
             run_ensemble(ensemble, ROLLOUTS, seeds[-1], traces=False, workers=threads)
             return Answer(np.nan, check_metrics)
 

@@ -78,25 +78,27 @@ IN_LANES share(const double *restrict line, double *restrict w) {
 /* Fills a table (samples, signals) with signals from the sample `first` on: `fill` of signals.c. */
 typedef void (*Fill)(void *signals, int64_t count, int64_t first, int64_t samples, double *table);
 
-/* The signals of LOOK_EVERY samples, of each lane its own; where all lanes share theirs, in the first lane's table. */
+/* The signals of LOOK_EVERY samples; those that some lanes have in common stand in the table of the first of them. */
 typedef struct {
   double table[LANES][LOOK_EVERY * EXOGENOUS];
   int64_t first; /* sample they begin with, a multiple of LOOK_EVERY; -1: none yet */
-  int shared;
+  int source[LANES]; /* the lane whose table each reads */
+  int shared; /* whether all have the same */
 } Ahead;
 
 static void look_ahead(Ahead *ahead, Fill fill, void *const *signals, int64_t k, int64_t samples) {
   const int64_t first = k - k % LOOK_EVERY, left = samples - first;
   if (first == ahead->first) return;
-  for (int l = 0; l < (ahead->shared ? 1 : LANES); ++l)
-    fill(signals[l], EXOGENOUS, first, left < LOOK_EVERY ? left : LOOK_EVERY, ahead->table[l]);
+  for (int l = 0; l < LANES; ++l)
+    if (ahead->source[l] == l)
+      fill(signals[l], EXOGENOUS, first, left < LOOK_EVERY ? left : LOOK_EVERY, ahead->table[l]);
   ahead->first = first;
 }
 
-/* One sample's signals, of each lane its own; `offset` is where the sample's line begins in their tables. */
+/* One sample's signals, lane by lane; `offset` is where the sample's line begins in their tables. */
 IN_LANES gather(const Ahead *ahead, int64_t offset, double *restrict w) {
   EACH_LANE {
-    const double *line = ahead->table[l] + offset;
+    const double *line = ahead->table[ahead->source[l]] + offset;
     for (int i = 0; i < EXOGENOUS; ++i) w[i * LANES + l] = line[i];
   }
 }
@@ -127,7 +129,7 @@ typedef struct {
 
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
-   `fill` fills tables from signals[l], lane l's, and changes them; they are drawn LOOK_EVERY samples ahead, so that
+   `fill` fills tables from signals[l], lane l's, and changes them; lanes may have the same. They are drawn LOOK_EVERY samples ahead, so that
    memory does not grow with the samples. Every stride-th sample writes a row of each lane to
    rows (LANES, kept, COLUMNS); rows may be null; those from sample done[l] on mean nothing. outcome and done have
    LANES elements.
@@ -158,7 +160,9 @@ EXPORT void batch(const double *parameters, Fill fill, void *const *signals, dou
     for (int i = 0; i < STATES; ++i) now[i * LANES + l] = state[l * STATES + i];
     outcome[l] = COMPLETED;
     done[l] = samples;
-    ahead.shared = ahead.shared && signals[l] == signals[0];
+    ahead.source[l] = 0;
+    while (signals[ahead.source[l]] != signals[l]) ++ahead.source[l];
+    ahead.shared = ahead.shared && ahead.source[l] == 0;
   }
   memcpy(kept_state, now, sizeof kept_state);
   derive_lanes(p, often.for_sample, for_observe, for_move);

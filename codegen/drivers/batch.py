@@ -73,9 +73,8 @@ class Batch:
         kept = -(-samples // stride) if stride else 0
         rows = np.full((LANES, kept, self.columns), np.nan)
         outcome, done = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-        shared = all(lane is signals[0] for lane in signals)
-        copies = [lane.records.copy() for lane in signals[: 1 if shared else LANES]] * (LANES if shared else 1)
-        addresses = (ctypes.c_void_p * LANES)(*(records.ctypes.data for records in copies))
+        copies = {id(lane): lane.records.copy() for lane in signals}
+        addresses = (ctypes.c_void_p * LANES)(*(copies[id(lane)].ctypes.data for lane in signals))
         self._call(
             parameters.ctypes.data,
             self.fill.address,

@@ -62,16 +62,17 @@ def test_lanes_that_share_their_signals_all_receive_them(recorder: Batch) -> Non
         assert all(lane.tobytes() == filled(3).tobytes() for lane in rows)
 
 
-@pytest.mark.parametrize("shared", [False, True])
-def test_samples_that_are_done_again_receive_the_same(recorder: Batch, *, shared: bool) -> None:
+@pytest.mark.parametrize("distinct", [1, 5, LANES])
+def test_samples_that_are_done_again_receive_the_same(recorder: Batch, distinct: int) -> None:
     """The samples since the last look are done again where a lane has diverged, here in the second block of them."""
+    seeds = [lane % distinct for lane in range(LANES)]
     factors = np.where(np.arange(LANES) == 5, 2e3, 1.0)
-    sources = [source(3)] * LANES if shared else [source(seed) for seed in range(LANES)]
-    outcome, done, rows = run(recorder, sources, factors)
+    made = [source(seed) for seed in range(distinct)]
+    outcome, done, rows = run(recorder, [made[seed] for seed in seeds], factors)
     assert outcome[5] == DIVERGED
     assert 64 < done[5] < 128
     for lane in set(range(LANES)) - {5}:
-        assert rows[lane].tobytes() == filled(3 if shared else lane).tobytes()
+        assert rows[lane].tobytes() == filled(seeds[lane]).tobytes()
 
 
 def test_a_scenario_in_some_lanes_receives_the_same_in_each(recorder: Batch) -> None:
