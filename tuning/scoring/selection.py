@@ -21,8 +21,9 @@ from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front
 from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, vertices
 from dualwinch.tuning.scoring.verdict import Score, Verdict
 
-RUNG = 1.08
-"""How much larger the objective of a finalist is than that of the one before, where they were tuned."""
+RUNG, GROWTH = 0.02, 1.17
+"""How much larger, as a share, the objective of the second finalist is than that of the first, where they were tuned;
+and by which factor that grows from each to the next. The best are told apart; the last is three times the first."""
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 NOT_HELD_OUT = "{trials} better than the start where chosen, but not in the held-out scenarios"
@@ -147,7 +148,7 @@ def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scena
 def rungs(ordered: Sequence[Evaluation], most: int) -> list[int]:
     """Indices of trials: the best, then of each further rung the one that keeps furthest from its bounds.
 
-    A rung holds the trials whose objective is up to `RUNG` times that of its first one.
+    A rung holds the trials whose objective is a share larger than that of its first one, ever more of them (`RUNG`).
 
     Args:
         ordered: trials, the best first.
@@ -155,8 +156,8 @@ def rungs(ordered: Sequence[Evaluation], most: int) -> list[int]:
     """
     starts = [0]
     for index, trial in enumerate(ordered):
-        above = ordered[starts[-1]]
-        if trial.feasible != above.feasible or trial.objectives[0] > RUNG * above.objectives[0]:
+        above, width = ordered[starts[-1]], 1 + RUNG * GROWTH ** (len(starts) - 1)
+        if trial.feasible != above.feasible or trial.objectives[0] > width * above.objectives[0]:
             starts.append(index)
     ends = [*starts[1:], len(ordered)]
     further = [

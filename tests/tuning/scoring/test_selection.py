@@ -134,16 +134,17 @@ def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
     values = [ordered[index].objectives[0] for index in found]
     assert len(found) == 16
     assert found[0] == 0
-    assert all(after / before > RUNG for before, after in pairwise(values))
+    assert all(after / before > 1 + RUNG for before, after in pairwise(values))
+    assert 2.5 < values[-1] / values[0] < 4
 
 
 def test_of_a_rung_the_most_cautious_is_taken() -> None:
     caution = [0.0, 0.5, 0.1, 0.3, 0.2]
     ordered = [
         Evaluation(
-            Candidate({}, ""), (1.01**number,), {"worst.peak_tension <= 6000 N": -caution[number % 5]}, {}, {}, 1
+            Candidate({}, ""), (1.001**number,), {"worst.peak_tension <= 6000 N": -caution[number % 5]}, {}, {}, 1
         )
-        for number in range(400)
+        for number in range(4000)
     ]
     found = rungs(ordered, 16)
     assert found[0] == 0, "the best is always there"
