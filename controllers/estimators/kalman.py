@@ -108,8 +108,8 @@ class KalmanEstimate(Estimate):
     d_est: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration, compensated or not")] = 0.0
 
 
-DOUBLINGS = 20
-"""Doubling steps: the gain is that of a filter that has run for 2^20 samples."""
+DOUBLINGS = 18
+"""Doubling steps: the gain is that of a filter that has run for 2^18 samples."""
 
 TAUT = 0.5
 """Share of tension_min above which a rope counts as taut."""
