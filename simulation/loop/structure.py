@@ -11,7 +11,7 @@ from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, numbers
-from dualwinch.simulation.exogenous.sensors import Silence, silence_of
+from dualwinch.simulation.exogenous.sensors import Sensors, Silence, silence_of
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators.solver import solver_of
 from dualwinch.simulation.metrics.metric import Metric
@@ -43,11 +43,15 @@ class Structure:
 
 def template_of(structure: Structure) -> Experiment:
     """An experiment of a structure; its numbers are those of no experiment in particular."""
+    sensors, jitter = Sensors(), Simulation.sample_time / 4 if structure.jitters else 0.0
+    if structure.silence:
+        sensors = Sensors(outage=structure.silence, outage_length=1.0)
     return Experiment(
         plant=structure.plant,
         controller=structure.controller,
+        sensors=sensors,
         actuator=structure.actuator,
-        simulation=Simulation(delay_samples=structure.delay_samples),
+        simulation=Simulation(delay_samples=structure.delay_samples, jitter=jitter),
         metrics=structure.metrics,
     )
 
