@@ -47,7 +47,7 @@ class Measurement:
     Attributes:
         outputs: (samples, outputs) float32.
         instructions: (samples,) of every step, call included.
-        after_change: instructions of one more step, after a change of a parameter where there are any.
+        preparation: instructions of preparing the parameters, where there are any.
         code: bytes of the package's functions and constants.
         linked: the same with everything they call of the C library.
         stack: deepest stack in bytes that the run used in a step, C library included.
@@ -57,7 +57,7 @@ class Measurement:
 
     outputs: NDArray[np.float32]
     instructions: NDArray[np.int64]
-    after_change: int
+    preparation: int
     code: int
     linked: int
     stack: int
@@ -123,7 +123,7 @@ def measure(
         return Measurement(
             outputs=table[:, :-1].copy().view(np.float32),
             instructions=np.rint((table[:, -1].astype(float) - raw[0]) / TICKS).astype(np.int64),
-            after_change=round((float(raw[2]) - float(raw[0])) / TICKS),
+            preparation=round(max(float(raw[2]) - float(raw[0]), 0) / TICKS),
             code=_size(folder, f"{name}.o"),
             linked=_size(folder, "alone.elf"),
             stack=int(raw[1]),

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.block import Block
-from dualwinch.codegen.export.package import kept_apart
+from dualwinch.codegen.export.prepared import prepared
+from dualwinch.codegen.source.precision import Precision
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 PRECISE = ("-Wdouble-promotion", "-Wfloat-conversion")
@@ -34,25 +35,29 @@ class Host:
 
     Attributes:
         state: the states, then the output that belongs to them; may be written to.
-        input, parameters, output: likewise, in the block's order.
+        input, output: likewise, in the block's order.
+        parameters: likewise; what is written to them has its effect with `prepare`.
+        prepared: what a step needs of them.
     """
 
-    def __init__(self, library: Path, name: str, block: Block, precision: str = "double", *, freeze: bool = False):
+    def __init__(
+        self, library: Path, name: str, block: Block, precision: Precision = "double", *, freeze: bool = False
+    ) -> None:
         """Load and initialise an instance."""
         kind = np.float32 if precision == "float" else np.float64
-        numbers, apart = len(block.states) + len(block.outputs), None if freeze else kept_apart(block)
-        kept = apart[0].numel_out("derived") + len(block.parameters) if apart else 0
-        self._memory = np.zeros(numbers + kept, kind)
-        self.state = self._memory[:numbers]
+        self.state = np.zeros(len(block.states) + len(block.outputs), kind)
         self.input, self.output = np.zeros(len(block.inputs), kind), np.zeros(len(block.outputs), kind)
         self.parameters = np.zeros(len(block.parameters), kind)
+        apart = prepared(block, precision)
+        numbers = 0 if freeze else len(apart.kept) + apart.derived + 1  # the last one has room for the mark
+        self.prepared = np.zeros(numbers, kind)
         self._library, self._name = ctypes.CDLL(str(library)), name
-        self._constants = () if freeze else (self._pointer(self.parameters),)
+        self._constants = () if freeze else (self._pointer(self.parameters), self._pointer(self.prepared))
         self._step: Any = self._function("step")
         self._step_arguments = (
             self._pointer(self.state),
             self._pointer(self.input),
-            *self._constants,
+            *self._constants[1:],
             self._pointer(self.output),
         )
         self.status = self._function("init")(self._pointer(self.state), *self._constants)
@@ -69,9 +74,13 @@ class Host:
         """One sample from `input` to `output`; its status."""
         return self._step(*self._step_arguments)
 
+    def prepare(self) -> int:
+        """Let the following calls know of changed `parameters`; the status."""
+        return self._function("prepare")(*self._constants)
+
     def reset(self) -> int:
         """The state before the first sample; its status."""
-        return self._function("reset")(self._pointer(self.state), *self._constants)
+        return self._function("reset")(self._pointer(self.state), *self._constants[1:])
 
     def run(self, inputs: NDArray[Any]) -> NDArray[Any]:
         """Outputs (samples, outputs) of a step for every line of inputs."""
