@@ -45,10 +45,11 @@ class Host:
     ) -> None:
         """Load and initialise an instance."""
         kind = np.float32 if precision == "float" else np.float64
-        self.state = np.zeros(len(block.states) + len(block.outputs), kind)
         self.input, self.output = np.zeros(len(block.inputs), kind), np.zeros(len(block.outputs), kind)
         self.parameters = np.zeros(len(block.parameters), kind)
-        apart = prepared(block, precision)
+        apart, states = prepared(block, precision), len(block.states) + len(block.outputs)
+        self._memory = np.zeros(states + apart.lost, kind)
+        self.state = self._memory[:states]
         numbers = 0 if freeze else len(apart.kept) + apart.derived + 1  # the last one has room for the mark
         self.prepared = np.zeros(numbers, kind)
         self._library, self._name = ctypes.CDLL(str(library)), name

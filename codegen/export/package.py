@@ -84,6 +84,7 @@ def c_package(
         "block": written,
         "kept": apart.kept,
         "derived": apart.derived,
+        "lost": apart.lost,
         "mark": _mark(apart, bodies["derive"]),
         "constants": block.parameters if freeze else (),
         "name": name,
@@ -130,7 +131,8 @@ def _bodies(block: Block, apart: Prepared, precision: Precision) -> dict[str, st
         "next_state": ("next->", block.states),
         "output": ("next->output.", block.outputs),
     }
-    elements = of_structures(vectors)
+    arrays = {"lost": "state->lost", "next_lost": "next->lost"}
+    elements = of_structures(vectors, arrays)
     at_start = of_structures(vectors | {"state": ("next->", block.states)})
     given = of_structures({"parameters": ("parameters->", block.parameters)})
 
