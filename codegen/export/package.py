@@ -15,7 +15,9 @@ from dualwinch.codegen.export.members import member, of_structures
 from dualwinch.codegen.export.prepared import Prepared, prepared
 from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.precision import PRECISIONS, Precision, literal
+from dualwinch.codegen.source.rolled import rolled_statements
 from dualwinch.codegen.source.statements import Element, Strand, helpers, statements
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -136,12 +138,17 @@ def _bodies(block: Block, apart: Prepared, precision: Precision) -> dict[str, st
     at_start = of_structures(vectors | {"state": ("next->", block.states)})
     given = of_structures({"parameters": ("parameters->", block.parameters)})
 
-    def body(function: ca.Function, element: Element = elements) -> str:
-        style = Style(precision, compares=True)
-        return "\n".join(statements(function, style, [Strand(element)])) + "\n"
+    style = Style(precision, compares=True)
 
-    bodies = {"step": body(apart.step), "initial": body(apart.initial, at_start), "derive": body(apart.derive, given)}
-    return bodies | ({"output": body(apart.output)} if apart.output else {})
+    def body(function: ca.Function, element: Element = elements) -> list[str]:
+        return statements(function, style, [Strand(element)])
+
+    bodies = {
+        "step": body(apart.step),
+        "initial": body(apart.initial, at_start),
+        "derive": rolled_statements(apart.derive, style, given),  # room counts there, time does not
+    } | ({"output": body(apart.output)} if apart.output else {})
+    return {name: "\n".join(lines) + "\n" for name, lines in bodies.items()}
 
 
 def _mark(apart: Prepared, derive: str) -> str:

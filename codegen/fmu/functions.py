@@ -19,7 +19,8 @@ class Functions:
     Attributes:
         derive: ``derive(parameters) -> derived``: what follows from the parameters alone.
         start: ``start(parameters, derived) -> state``.
-        now: ``now(state, input, parameters, derived) -> (derivatives, output)``; no derivatives where the block has none.
+        now: ``now(state, input, parameters, derived) -> (derivatives, output)``; no derivatives where the block has
+            none.
         step: ``step(state, input, parameters, derived) -> next_state``.
         start_tangent: directional derivative of `start`, ``(parameters, parameters_seed) -> state_seed``.
         now_tangent: directional derivative of `now`, ``(state, input, parameters, state_seed, input_seed,

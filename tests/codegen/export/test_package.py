@@ -139,7 +139,7 @@ def test_parameters_have_their_effect_when_prepared_and_only_then(
 
 @pytest.mark.parametrize("estimator", [*ESTIMATORS])
 def test_a_sample_computes_only_what_changes_at_a_sample(estimator: str) -> None:
-    """With parameters that are prepared hardly more than with constants: the Riccati equation of a filter is not there."""
+    """Prepared parameters cost hardly more than constants: the Riccati equation of a filter is not there."""
     made = block("controller", with_leaves(case(4), {"controller.estimator": estimator}))
     apart, constant = prepared(made, "double"), frozen(made).step
     parameters, derived = ca.SX.sym("parameters", len(made.parameters)), ca.SX.sym("derived", apart.derived)
