@@ -18,7 +18,7 @@ from dualwinch.codegen.source.precision import Precision
 COMPILER, EMULATOR, SIZE = "arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size"
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fstack-usage", "-mthumb", "-mfloat-abi=hard")
-STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wfloat-conversion", "-Wstack-usage=512", "-Werror")
+STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Werror")
 
 CLOCK, SHIFT = 25e6, 10
 """The boards' clock in Hz; QEMU lets 2**SHIFT ns pass with every instruction."""
@@ -57,7 +57,7 @@ class Measurement:
         code: bytes of the package's functions and constants.
         linked: the same with everything they call of the C library.
         stack: deepest stack in bytes that the run used in a step, C library included.
-        declared_stack: bytes on the stack by the package's own functions, as the compiler says.
+        declared_stack: bytes that the package's own functions take of it, as the compiler says.
         symbols: of everything that is linked.
     """
 
@@ -123,12 +123,8 @@ def measure(
         empty_call, stack, preparation = np.frombuffer(words, np.uint32, 3).astype(float)
         row = np.dtype([("outputs", real, outputs), ("ticks", np.uint32)], align=True)
         table = np.frombuffer(words, row, offset=12)
-        used = re.findall(r":(\w+)\t(\d+)\t", (folder / f"{name}.su").read_text())
-        frames = {function: int(size) for function, size in used}
-        step, inner = (
-            frames[f"{name}_step"],
-            (size for function, size in frames.items() if not function.startswith(name)),
-        )
+        frames = dict(re.findall(r":(\w+)\t(\d+)\t", (folder / f"{name}.su").read_text()))
+        inner = max(int(frames.get(called, 0)) for called in ("evaluate", "accept"))
         return Measurement(
             outputs=table["outputs"],
             instructions=np.rint((table["ticks"] - empty_call) / TICKS).astype(np.int64),
@@ -136,7 +132,7 @@ def measure(
             code=_size(folder, f"{name}.o"),
             linked=_size(folder, "alone.elf"),
             stack=int(stack),
-            declared_stack=step + max(inner, default=0),
+            declared_stack=int(frames[f"{name}_step"]) + inner,
             symbols=tuple(_call(folder, "arm-none-eabi-nm", "--format=just-symbols", "alone.elf").split()),
         )
 

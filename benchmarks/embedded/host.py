@@ -13,7 +13,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.export.prepared import prepared
 from dualwinch.codegen.source.precision import Precision
 
-STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror")
 PRECISE = ("-Wdouble-promotion", "-Wfloat-conversion")
 """Flags of a package in single precision: no operation in double, not by accident either."""
 

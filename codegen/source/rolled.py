@@ -42,17 +42,19 @@ class _Rolling:
 
     def lines(self) -> list[str]:
         real, loop = self._style.precision, self._loop
-        body = [f"    const {real} b{position}={self._value(position)};" for position in range(loop.length)]
+        body = [f"      const {real} b{position}={self._value(position)};" for position in range(loop.length)]
         results = self._results()
         histories = [(position, ago) for position in sorted(self._ago) for ago in range(self._ago[position], 0, -1)]
         return [
-            "  int turn;",
-            *(f"  {real} b{position}_{ago}={self._first(position, ago)};" for position, ago in histories),
-            f"  for (turn=0;turn<{loop.rounds};++turn) {{",
+            "  {",
+            "    int turn;",
+            *(f"    {real} b{position}_{ago}={self._first(position, ago)};" for position, ago in histories),
+            f"    for (turn=0;turn<{loop.rounds};++turn) {{",
             *body,
-            *(f"    b{position}_{ago}=b{position}{f'_{ago - 1}' if ago > 1 else ''};" for position, ago in histories),
-            "  }",
+            *(f"      b{position}_{ago}=b{position}{f'_{ago - 1}' if ago > 1 else ''};" for position, ago in histories),
+            "    }",
             *results,
+            "  }",
         ]
 
     def _value(self, position: int) -> str:
@@ -69,7 +71,7 @@ class _Rolling:
         for operand in sorted(self._read_from(loop.end)):
             position, number = loop.place(operand)
             if 0 <= number < loop.rounds:
-                lines.append(f"  {self._register(operand)}={self._earlier(position, loop.rounds - number)};")
+                lines.append(f"    {self._register(operand)}={self._earlier(position, loop.rounds - number)};")
         return lines
 
     def _first(self, position: int, ago: int) -> str:
