@@ -36,7 +36,8 @@ class Host:
     Attributes:
         state: the states, then the output that belongs to them; may be written to.
         input, output: likewise, in the block's order.
-        parameters: likewise; what is written to them has its effect with `prepare`.
+        lost: what rounding took from states that are sums, in single precision.
+        parameters: in the block's order; what is written to them has its effect with `prepare`.
         prepared: what a step needs of them.
     """
 
@@ -49,7 +50,7 @@ class Host:
         self.parameters = np.zeros(len(block.parameters), kind)
         apart, states = prepared(block, precision), len(block.states) + len(block.outputs)
         self._memory = np.zeros(states + apart.lost, kind)
-        self.state = self._memory[:states]
+        self.state, self.lost = self._memory[:states], self._memory[states:]
         numbers = 0 if freeze else len(apart.kept) + apart.derived + 1  # the last one has room for the mark
         self.prepared = np.zeros(numbers, kind)
         self._library, self._name = ctypes.CDLL(str(library)), name

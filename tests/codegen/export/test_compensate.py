@@ -75,3 +75,16 @@ def test_observers_in_single_precision_hold_the_vehicle_where_those_in_double_do
     experiment = with_leaves(case(4, kind), {"controller.estimator": estimator})
     apart = np.abs(float_controller(experiment)[:, 0] - simulate(experiment).columns["x"])
     assert 0 < apart.max() < 2e-5  # half a millimetre without
+
+
+def test_what_is_lost_beyond_all_numbers_is_refused_and_forgotten(tmp_path: Path) -> None:
+    made = odometer()
+    library = build(tmp_path, c_package(made, made.name, ABOUT, "float"), made.name, find_compiler().command)
+    host = Host(library, made.name, made, "float", freeze=True)
+    assert host.step() == 0
+    before = host.state.copy()
+    host.lost[:] = np.inf
+    assert host.step() == 3
+    np.testing.assert_array_equal(host.state, before)
+    assert host.step() == 0
+    assert host.state[0] == pytest.approx(2 * STEP)

@@ -47,7 +47,7 @@ def hosts(tmp_path_factory):
     """(what, precision, freeze) → a new instance of that package."""
     libraries = {}
 
-    def new(what: str, precision: str = "double", *, freeze: bool = False) -> Host:
+    def new(what: str, precision: Precision = "double", *, freeze: bool = False) -> Host:
         made, key = of(what), (what, precision, freeze)
         if key not in libraries:
             package = c_package(made, made.name, ABOUT, precision, freeze=freeze)
