@@ -2,7 +2,7 @@
    Comes after driver.h, elementary.h, the sizes and the functions of codegen/sampled.py, each with its
    derive_NAME(parameters, derived), over arrays whose elements lie LANES apart. The work of two vectors is interleaved,
    so that a processor has something to do while it waits for a result: where PAIRED, each call works on lanes l and
-   l + LANES/2, else the compiler is asked to. READ_EXOGENOUS lists the exogenous signals that are read at all.
+   l + LANES/2, else the compiler is asked to. Of the exogenous signals there are only the READ that are read at all.
 
    What a lane gives depends on its own numbers alone: lanes never mix. Each loop over the lanes stands in a function
    of its own with restrict pointers, or compilers do not see that lanes do not mix either. */
@@ -69,39 +69,8 @@ IN_LANES take_over(const double *restrict valid, double *restrict into, const do
 }
 #endif
 
-/* One sample's signals that are read, the same for all lanes. */
-IN_LANES share(const double *restrict line, double *restrict w) {
-  static const int read[] = READ_EXOGENOUS;
-  for (int i = 0; i < (int)(sizeof read / sizeof *read); ++i) EACH_LANE w[read[i] * LANES + l] = line[read[i]];
-}
-
-/* Fills a table (samples, signals) with signals from the sample `first` on: `fill` of signals.c. */
-typedef void (*Fill)(void *signals, int64_t count, int64_t first, int64_t samples, double *table);
-
-/* The signals of LOOK_EVERY samples; those that some lanes have in common stand in the table of the first of them. */
-typedef struct {
-  double table[LANES][LOOK_EVERY * EXOGENOUS];
-  int64_t first; /* sample they begin with, a multiple of LOOK_EVERY; -1: none yet */
-  int source[LANES]; /* the lane whose table each reads */
-  int shared; /* whether all have the same */
-} Ahead;
-
-static void look_ahead(Ahead *ahead, Fill fill, void *const *signals, int64_t k, int64_t samples) {
-  const int64_t first = k - k % LOOK_EVERY, left = samples - first;
-  if (first == ahead->first) return;
-  for (int l = 0; l < LANES; ++l)
-    if (ahead->source[l] == l)
-      fill(signals[l], EXOGENOUS, first, left < LOOK_EVERY ? left : LOOK_EVERY, ahead->table[l]);
-  ahead->first = first;
-}
-
-/* One sample's signals, lane by lane; `offset` is where the sample's line begins in their tables. */
-IN_LANES gather(const Ahead *ahead, int64_t offset, double *restrict w) {
-  EACH_LANE {
-    const double *line = ahead->table[ahead->source[l]] + offset;
-    for (int i = 0; i < EXOGENOUS; ++i) w[i * LANES + l] = line[i];
-  }
-}
+/* Fills a table (samples, READ, LANES) with signals from the sample `first` on: `fill` of fill.c. */
+typedef void (*Fill)(const void *sources, int64_t first, int64_t samples, double *table);
 
 static __attribute__((noinline)) int any_at_most_zero(const double *restrict values, const double *restrict others) {
   int64_t found = 0;
@@ -119,7 +88,7 @@ IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
 /* What is read and written at every sample, close together and at the same places of the cache in every call. */
 typedef struct {
   __attribute__((aligned(4096))) double first[STATES * LANES];
-  double second[STATES * LANES], hold[HOLD * LANES], w[(EXOGENOUS + 1) * LANES];
+  double second[STATES * LANES], hold[HOLD * LANES];
   double p[sizeof((int[])USED_PARAMETERS) / sizeof(int) * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];
   double margin[LANES];
 #if HAS_ONE_STEP
@@ -129,15 +98,14 @@ typedef struct {
 
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
-   `fill` fills tables from signals[l], lane l's, and changes them; lanes may have the same. They are drawn LOOK_EVERY samples ahead, so that
-   memory does not grow with the samples. Every stride-th sample writes a row of each lane to
-   rows (LANES, kept, COLUMNS); rows may be null; those from sample done[l] on mean nothing. outcome and done have
-   LANES elements.
+   `fill` fills tables with what the lanes receive from `sources`, which changes; LOOK_EVERY samples ahead, so that memory
+   does not grow with the samples. Every stride-th sample writes a row of each lane to rows (LANES, kept, COLUMNS); rows
+   may be null; those from sample done[l] on mean nothing. outcome and done have LANES elements.
 
    Whether all is finite is looked at every LOOK_EVERY samples. Where it is not, these samples are done again, looking
    at each. */
-EXPORT void batch(const double *parameters, Fill fill, void *const *signals, double *state, int64_t samples,
-                  int64_t stride, double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
+EXPORT void batch(const double *parameters, Fill fill, const void *sources, double *state, int64_t samples, int64_t stride,
+                  double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
   static const int used[] = USED_PARAMETERS;
   Often often;
   LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
@@ -150,9 +118,8 @@ EXPORT void batch(const double *parameters, Fill fill, void *const *signals, dou
   int64_t kept_at = 0, watch_until = 0;
   double *now = often.first, *next = often.second;
   int running = LANES;
-  Ahead ahead;
-  ahead.first = -1;
-  ahead.shared = 1;
+  LANE_ARRAY ahead[LOOK_EVERY * READ * LANES];
+  int64_t filled = 0;
   EACH_LANE {
     for (int i = 0; i < PARAMETERS; ++i) p[i * LANES + l] = parameters[l * PARAMETERS + i];
     for (int i = 0; i < (int)(sizeof used / sizeof *used); ++i)
@@ -160,9 +127,6 @@ EXPORT void batch(const double *parameters, Fill fill, void *const *signals, dou
     for (int i = 0; i < STATES; ++i) now[i * LANES + l] = state[l * STATES + i];
     outcome[l] = COMPLETED;
     done[l] = samples;
-    ahead.source[l] = 0;
-    while (signals[ahead.source[l]] != signals[l]) ++ahead.source[l];
-    ahead.shared = ahead.shared && ahead.source[l] == 0;
   }
   memcpy(kept_state, now, sizeof kept_state);
   derive_lanes(p, often.for_sample, for_observe, for_move);
@@ -170,17 +134,19 @@ EXPORT void batch(const double *parameters, Fill fill, void *const *signals, dou
   derive_one_step_lanes(p, often.for_one_step);
 #endif
   for (int64_t k = 0; k < samples && running > 0; ++k) {
-    look_ahead(&ahead, fill, signals, k, samples);
-    if (ahead.shared) share(ahead.table[0] + (k - ahead.first) * EXOGENOUS, often.w);
-    else gather(&ahead, (k - ahead.first) * EXOGENOUS, often.w);
+    if (k == filled) {
+      filled = k + LOOK_EVERY < samples ? k + LOOK_EVERY : samples;
+      fill(sources, k, filled - k, ahead);
+    }
+    const double *w = ahead + k % LOOK_EVERY * READ * LANES;
     if (rows && k % stride == 0) {
-      observe_lanes(now, often.w, p, for_observe, row);
+      observe_lanes(now, w, p, for_observe, row);
       EACH_LANE
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
     }
 #if HAS_ONE_STEP
-    sample_and_one_step_lanes(now, often.w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
+    sample_and_one_step_lanes(now, w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
                           next, often.margin, often.valid);
     int doubtful = any_at_most_zero(often.valid, often.margin);
     if (doubtful) {
@@ -193,7 +159,7 @@ EXPORT void batch(const double *parameters, Fill fill, void *const *signals, dou
       }
     }
 #else
-    sample_lanes(now, often.w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
+    sample_lanes(now, w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
     move_on(now, often.hold, p, for_move, between, next, often.margin);
     int doubtful = any_at_most_zero(often.margin, often.margin);
 #endif

@@ -11,17 +11,12 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.normal import normals
-from dualwinch.codegen.drivers.philox import words
-from dualwinch.codegen.drivers.signals import (
-    Drawn,
-    OutageSignal,
-    RandomSignal,
-    Signals,
-    UniformSignal,
-    compile_fill,
-    fill,
-)
+from dualwinch.codegen.drivers.signals.fill import compile_fill
+from dualwinch.codegen.drivers.signals.in_numpy import fill
+from dualwinch.codegen.drivers.signals.kinds import Drawn, OutageSignal, RandomSignal, UniformSignal
+from dualwinch.codegen.drivers.signals.normal import normals, uniforms
+from dualwinch.codegen.drivers.signals.philox import words
+from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.errors import CompilerNotFoundError
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
@@ -132,9 +127,15 @@ def test_a_decay_of_zero_is_white_noise() -> None:
 
 def test_white_noise_may_be_uniform() -> None:
     signal = drawn(UniformSignal(1, 5), 100_000)
-    assert np.array_equal(signal, (words(1, 5, 0, 100_000).astype(np.uint32).view(np.int32) + 0.5) / 2**31)
+    exact = (words(1, 5, 0, 100_000).astype(np.uint32).view(np.int32) + 0.5) / 2**31
+    assert signal == pytest.approx(exact, rel=1e-7, abs=0)
     assert stats.kstest(signal, "uniform", (-1, 2)).pvalue > 1e-3
-    assert np.abs(signal).max() < 1
+    assert np.mean(signal**2) == pytest.approx(1 / 3, abs=5 * np.sqrt(4 / 45 / 100_000))
+
+
+def test_uniform_noise_stays_within_one() -> None:
+    ends = uniforms(np.array([0, 2**31 - 1, 2**31, 2**32 - 1], np.uint64))
+    assert ends.tolist() == [2.0**-32, 1.0, -1.0, -(2.0**-32)]
 
 
 def windows(period: int, length: int, count: int = 20_000) -> np.ndarray:
