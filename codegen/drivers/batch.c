@@ -1,11 +1,11 @@
 /* Runs a sampled system for many samples and LANES sets of parameters at once, one in each vector lane.
-   Comes after driver.h, elementary.h, the sizes and the functions of codegen/sampled.py, each with its
-   derive_NAME(parameters, derived), over arrays whose elements lie LANES apart. The work of two vectors is interleaved,
-   so that a processor has something to do while it waits for a result: where PAIRED, each call works on lanes l and
-   l + LANES/2, else the compiler is asked to. Of the exogenous signals there are only the READ that are read at all.
+   Comes after driver.h, elementary.h, the sizes, the functions of codegen/sampled.py, each with its
+   derive_NAME(parameters, derived), over arrays whose elements lie LANES apart, and sampled_lanes.h. The work of two
+   vectors is interleaved, so that a processor has something to do while it waits for a result: where PAIRED, each call
+   works on lanes l and l + LANES/2, else the compiler is asked to. Of the exogenous signals there are only the READ that
+   are read at all.
 
-   What a lane gives depends on its own numbers alone: lanes never mix. Each loop over the lanes stands in a function
-   of its own with restrict pointers, or compilers do not see that lanes do not mix either. */
+   What a lane gives depends on its own numbers alone: lanes never mix. */
 
 #define LOOK_EVERY 64
 
@@ -18,54 +18,9 @@ IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, dou
   }
 }
 
-IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                       const double *restrict derived, double *restrict row) {
-  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
-}
-
-IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
-                    const double *restrict p, const double *restrict derived, double *restrict next,
-                    double *restrict margin) {
-  EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
-}
-
-/* All parts of the time until the next sample; `between` is room for another motion. */
-static void move_on(const double *now, const double *hold, const double *p, const double *derived, double *between,
-                    double *next, double *margin) {
-  const double *from = now;
-  for (int part = 0; part < PARTS; ++part) {
-    const double number = part;
-    double *to = (PARTS - part) % 2 ? next : between;
-    move_lanes(from, hold, &number, p, derived, to, margin);
-    from = to;
-  }
-}
-
-#if !HAS_ONE_STEP
-IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                      const double *restrict derived, double *restrict discrete, double *restrict hold) {
-  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
-}
-#else
+#if HAS_ONE_STEP
 IN_LANES derive_one_step_lanes(const double *restrict p, double *restrict for_one_step) {
   EACH_CALL derive_one_step(p + l, for_one_step + l);
-}
-
-/* A sample and the one-step update to the next, in one loop: the update need not wait for what only the next sample reads. */
-IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                               const double *restrict for_sample, const double *restrict for_one_step,
-                               double *restrict discrete, double *restrict hold, double *restrict next,
-                               double *restrict margin, double *restrict valid) {
-  EACH_CALL {
-    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, hold + l);
-    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
-  }
-}
-
-/* Takes the lanes over where the one-step update is not valid. */
-IN_LANES take_over(const double *restrict valid, double *restrict into, const double *restrict from, int count) {
-  for (int i = 0; i < count; ++i)
-    EACH_LANE into[i * LANES + l] = valid[l] > 0 ? into[i * LANES + l] : from[i * LANES + l];
 }
 #endif
 
@@ -76,13 +31,6 @@ static __attribute__((noinline)) int any_at_most_zero(const double *restrict val
   int64_t found = 0;
   EACH_LANE found |= (values[l] <= 0) | (others[l] <= 0) ? -1 : 0;
   return found != 0;
-}
-
-IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
-  uint64_t overflows[LANES] = {0};
-  for (int i = 0; i < STATES; ++i)
-    EACH_LANE overflows[l] |= overflow(state[i * LANES + l]);
-  EACH_LANE finite[l] = !(overflows[l] >> 63);
 }
 
 /* What is read and written at every sample, close together and at the same places of the cache in every call. */
@@ -111,9 +59,9 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
   LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
   LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES];
 #if HAS_ONE_STEP
-  LANE_ARRAY moved[MOTION * LANES], moved_margin[LANES];
+  LANE_ARRAY moved[MOTION * LANES], moved_margin[LANES], missing[LANES];
 #endif
-  LANE_ARRAY kept_state[STATES * LANES], between[MOTION * LANES];
+  LANE_ARRAY kept_state[STATES * LANES];
   uint64_t finite[LANES];
   int64_t kept_at = 0, watch_until = 0;
   double *now = often.first, *next = often.second;
@@ -147,20 +95,23 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
     }
 #if HAS_ONE_STEP
     sample_and_one_step_lanes(now, w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
-                          next, often.margin, often.valid);
+                              next, often.margin, often.valid);
     int doubtful = any_at_most_zero(often.valid, often.margin);
     if (doubtful) {
-      int missing = 0;
-      EACH_LANE missing += !(often.valid[l] > 0) && done[l] == samples;
-      if (missing) {
-        move_on(now, often.hold, p, for_move, between, moved, moved_margin);
-        take_over(often.valid, next, moved, MOTION);
-        take_over(often.valid, often.margin, moved_margin, 1);
+      int any = 0;
+      EACH_LANE {
+        missing[l] = often.valid[l] > 0 ? 0 : 1;
+        any += missing[l] > 0 && done[l] == samples;
+      }
+      if (any) {
+        move_on(now, often.hold, p, for_move, moved, moved_margin);
+        take_over(missing, next, moved, MOTION);
+        take_over(missing, often.margin, moved_margin, 1);
       }
     }
 #else
     sample_lanes(now, w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
-    move_on(now, often.hold, p, for_move, between, next, often.margin);
+    move_on(now, often.hold, p, for_move, next, often.margin);
     int doubtful = any_at_most_zero(often.margin, often.margin);
 #endif
     int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;

@@ -42,7 +42,7 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
     sizes = system.sizes | lane_sizes(compiler) | {"READ": len(read)}
     listed = f"#define USED_PARAMETERS {{{', '.join(map(str, used))}}}\n"
     source = c_source(functions, lanes=lanes)
-    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "batch.c")
+    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "sampled_lanes.h", "batch.c")
 
 
 def _read(functions: Iterable[ca.Function], name: str) -> list[int]:
