@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from scipy.signal import lfilter
+from scipy.signal import lfilter, welch
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.signals.fill import compile_fill
@@ -119,6 +119,13 @@ def test_gauss_markov_has_the_standard_deviation_and_the_correlation_time() -> N
 def test_gauss_markov_is_stationary_from_its_first_sample() -> None:
     signals = np.array([drawn(RandomSignal(seed, 0, 3.0, np.exp(-0.02)), 50) for seed in range(4000)])
     assert signals.std(axis=0) == pytest.approx(np.full(50, 3.0), rel=0.08)
+
+
+def test_gauss_markov_has_the_spectrum_of_its_decay() -> None:
+    decay, segments = 0.9, 2 * 400_000 / 512 * 0.53  # half-overlapping Hann windows
+    frequency, power = welch(drawn(RandomSignal(1, 0, 2.0, decay), 400_000), nperseg=512)
+    expected = 2 * 4 * (1 - decay**2) / (1 - 2 * decay * np.cos(2 * np.pi * frequency) + decay**2)
+    assert (power / expected)[8:-1] == pytest.approx(np.ones(248), abs=6 / segments**0.5)
 
 
 def test_a_decay_of_zero_is_white_noise() -> None:
