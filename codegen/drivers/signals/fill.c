@@ -123,8 +123,8 @@ EXPORT void prepare(Sources *sources) {
       at[s] = kind == NORMAL || kind == UNIFORM ? taken++ : -1;
     }
     if (!taken) continue;
-    Side *side = sources->sides + sources->drawn - 1;
-    if (!sources->drawn || side->count + taken > WIDTH) {
+    Side *side = sources->drawn ? sources->sides + (sources->drawn - 1) : 0;
+    if (!side || side->count + taken > WIDTH) {
       side = sources->sides + sources->drawn++;
       memset(side, 0, sizeof *side);
     }

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,13 +13,14 @@ from scipy import stats
 from scipy.signal import lfilter, welch
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.signals.fill import compile_fill
+from dualwinch.codegen.drivers.signals.fill import compile_fill, fill_source
 from dualwinch.codegen.drivers.signals.in_numpy import fill
 from dualwinch.codegen.drivers.signals.kinds import Drawn, OutageSignal, RandomSignal, UniformSignal
 from dualwinch.codegen.drivers.signals.normal import normals, uniforms
 from dualwinch.codegen.drivers.signals.philox import words
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.errors import CompilerNotFoundError
+from tests.codegen.drivers.test_rollout import SANITISERS
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
 
@@ -143,6 +146,18 @@ def test_white_noise_may_be_uniform() -> None:
 def test_uniform_noise_stays_within_one() -> None:
     ends = uniforms(np.array([0, 2**31 - 1, 2**31, 2**32 - 1], np.uint64))
     assert ends.tolist() == [2.0**-32, 1.0, -1.0, -(2.0**-32)]
+
+
+@pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc")
+def test_sanitisers_find_nothing(tmp_path: Path) -> None:
+    source = fill_source() + Path(__file__).with_name("sanitised.c").read_text()
+    (tmp_path / "unit.c").write_text(source)
+    command = ["gcc", "-std=c99", "-O1", "-g", *SANITISERS, "unit.c", "-o", "unit", "-lm"]
+    built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr[:2000]
+    done = subprocess.run([str(tmp_path / "unit")], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert np.isfinite(float(done.stdout))
 
 
 def windows(period: int, length: int, count: int = 20_000) -> np.ndarray:
