@@ -8,7 +8,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.signals import NO_LIMIT, Drawn, OutageSignal, RandomSignal, Signals, UniformSignal
+from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
+from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
