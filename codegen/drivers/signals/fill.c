@@ -1,7 +1,7 @@
 /* Signals sample by sample, given or random. Comes after elementary.h and normal.h. To be compiled without contraction. */
 
-/* What a signal's random part is: none; a first-order Gauss-Markov signal within limits, stationary from sample 0 on, white
-   noise where decay is 0; white noise uniform in [-1, 1]; 1 in outages, else 0. */
+/* What a signal's random part is: none; a first-order Gauss-Markov signal within limits, white noise
+   where decay is 0; white noise uniform in [-1, 1]; 1 in outages, else 0. */
 enum { NOTHING = 0, NORMAL = 1, UNIFORM = 2, OUTAGES = 3 };
 
 typedef struct {
@@ -12,6 +12,7 @@ typedef struct {
   double sigma; /* standard deviation */
   double decay; /* from sample to sample */
   double limit; /* of the random part's magnitude */
+  double start; /* standard deviation of sample 0, standardised */
   double state; /* standardised, of the last sample that was filled */
   int64_t period, length; /* samples of a window, which has one outage, and of an outage on average */
 } Signal;
@@ -22,7 +23,7 @@ enum { PIECE = 32 }; /* samples that are filled at a time, at most */
    line that receive them: lane l of row r what element `from[r][l]` holds, the one beyond the last nothing. */
 typedef struct {
   uint64_t seed[WIDTH], stream[WIDTH];
-  double decay[WIDTH], fresh[WIDTH], sigma[WIDTH], limit[WIDTH], state[WIDTH];
+  double decay[WIDTH], fresh[WIDTH], sigma[WIDTH], limit[WIDTH], start[WIDTH], state[WIDTH];
   Signal *signals[WIDTH];
   int count, uniform; /* how many; whether some are */
   int rows, row[WIDTH], adds[WIDTH], from[WIDTH][WIDTH]; /* `adds`: to what is there */
@@ -101,6 +102,7 @@ static void take_up(Side *side, Signal *signal) {
   side->fresh[at] = sqrt(1.0 - side->decay[at] * side->decay[at]);
   side->sigma[at] = normal ? signal->sigma : 1.0;
   side->limit[at] = normal ? signal->limit : 1.0;
+  side->start[at] = normal ? signal->start : 1.0;
   side->state[at] = signal->state;
 }
 
@@ -142,15 +144,16 @@ EXPORT void prepare(Sources *sources) {
 
 /* What white noise makes of the signals' states, sample by sample, times their standard deviations; (samples, WIDTH). */
 static void filter(Side *side, int64_t first, int64_t samples, const Floats *restrict noise, Doubles *restrict values) {
-  Doubles decay[VECTORS], fresh[VECTORS], sigma[VECTORS], state[VECTORS];
+  Doubles decay[VECTORS], fresh[VECTORS], sigma[VECTORS], start[VECTORS], state[VECTORS];
   memcpy(decay, side->decay, sizeof decay);
   memcpy(fresh, side->fresh, sizeof fresh);
   memcpy(sigma, side->sigma, sizeof sigma);
+  memcpy(start, side->start, sizeof start);
   memcpy(state, side->state, sizeof state);
   for (int64_t k = 0; k < samples; ++k)
     for (int v = 0; v < VECTORS; ++v) {
       const Doubles drawn = __builtin_convertvector(noise[k * VECTORS + v], Doubles);
-      state[v] = first + k ? decay[v] * state[v] + fresh[v] * drawn : drawn;
+      state[v] = first + k ? decay[v] * state[v] + fresh[v] * drawn : start[v] * drawn;
       values[k * VECTORS + v] = sigma[v] * state[v];
     }
   memcpy(side->state, state, sizeof state);
