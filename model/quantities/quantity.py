@@ -99,6 +99,7 @@ class Mark(Enum):
     COURSE = "says how something comes and goes, such as a correlation time, and nothing of how strong it is"
     SWITCH = "a truth value that the closed loop takes as a number, 0 or 1"
     OFF_AT_ZERO = "often zero for good: code of its own leaves out what it multiplies"
+    UNKNOWN = "what makes a real machine differ from its data sheet: no controller believes it"
     READS_IN_STEPS = "rounds what is read: derivatives are those without it"
     POSITION = "a state that moves on with the vehicle, and is its position in a steady cruise"
     SPEED = "a state that is the vehicle's speed in a steady cruise"
