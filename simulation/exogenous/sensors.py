@@ -42,7 +42,7 @@ class Sensors:
         Mark.OFF_AT_ZERO,
     ] = 0.0
     position_drift_time: Annotated[
-        float, at.Gt(0), Quantity("s", "how long a drift lasts", "assumption"), Mark.DRAWN_AHEAD
+        float, at.Gt(0), Quantity("s", "how long a drift lasts", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
     ] = 600.0
     outage_length: Annotated[
         float,
@@ -55,6 +55,7 @@ class Sensors:
         at.Gt(0),
         Quantity("s", "time in which one outage occurs, at a moment that is drawn", "assumption"),
         Mark.DRAWN_AHEAD,
+        Mark.COURSE,
     ] = 5.0
     outage: Annotated[
         Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (nan)", "")

@@ -9,7 +9,7 @@ from dualwinch.model.quantities.validation import shown
 from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.tuning.stress.imperfection import Imperfection
 from dualwinch.tuning.stress.scaling import Scaling, between
-from dualwinch.tuning.stress.words import with_unit
+from dualwinch.tuning.stress.words import SHARE, unit_of, with_unit
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Amount:
     Attributes:
         low, high: least and largest departure of what is drawn from the base's nominal value, or the value itself,
             twice, where it is set and not drawn; ``None`` where it is no number.
-        unit: of both; ``of nominal`` for shares of the base's value.
+        unit: of both; `SHARE` for shares, such as those of the base's nominal value.
         drawn: whether it is drawn.
         text: what stands for a value that is no number.
     """
@@ -61,11 +61,11 @@ def _of_key(scaling: Scaling, key: str, size: float) -> Amount:
         value = between(leaf, base, ensemble, size)
         if isinstance(value, bool | str) or value is None:
             return Amount(None, None, "", drawn=False, text=value if isinstance(value, str) else shown(value))
-        return Amount(value, value, leaf.quantity.unit, drawn=False)
+        return Amount(value, value, unit_of(leaf.quantity), drawn=False)
     ends = [between(leaf, *pair, size) - base for pair in _ends(scaling.base.distributions.get(key), drawn, base)]
     shares = drawn.relative and base != 0
     low, high = (end(ends) / abs(base) if shares else end(ends) for end in (min, max))
-    return Amount(low, high, "of nominal" if shares else leaf.quantity.unit, drawn=True)
+    return Amount(low, high, SHARE if shares else unit_of(leaf.quantity), drawn=True)
 
 
 def _ends(ours: Drawn | None, theirs: Drawn, nominal: Any) -> list[tuple[Any, Any]]:

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.tuning.stress.limits import Runs
+from dualwinch.simulation.batch.sweep import run_grid
+from dualwinch.tuning.stress.limits import Reached
 from dualwinch.tuning.stress.scaling import Scaling
 
 
@@ -20,14 +20,14 @@ class Bench:
 
         Args:
             scaling: gives the scenarios.
-            expected: number of sizes that will be run.
+            expected: number of sizes that will be run, at most.
             threads: default: one a core.
             progress: called now and then with the share that is done.
         """
         self._scaling, self._expected, self._threads, self._progress = scaling, expected, threads, progress
-        self._done = 0.0
+        self._done = 0
 
-    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[Runs]:
+    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[Reached]:
         """What the scenarios of each of some sizes come to.
 
         Args:
@@ -37,29 +37,17 @@ class Bench:
         Raises:
             KeyboardInterrupt: interrupted.
         """
-        scaling, count = self._scaling, self._scaling.count
-        scenarios = [scenario for each in sizes for scenario in scaling.scenarios(controller, each)]
-        groups: dict[tuple, list[int]] = {}  # scenarios of one group are run by the same compiled code
-        for number, scenario in enumerate(scenarios):
-            groups.setdefault(tuple(scenario.draws.get(key) for key in scaling.shaping), []).append(number)
-        outcomes, metrics = np.empty(len(scenarios), dtype="U10"), {}
-        for numbers in groups.values():
-            portion = [scenarios[number] for number in numbers]
-            result = rollout([], np.empty((1, 0)), portion, threads=self._threads, progress=self._told(len(numbers)))
-            if result.interrupted:
-                raise KeyboardInterrupt
-            self._done += len(numbers) / count
-            outcomes[numbers] = result.outcomes[0]
-            for name, values in result.metrics.items():
-                metrics.setdefault(name, np.empty(len(scenarios)))[numbers] = values[0]
-        parts = [slice(first, first + count) for first in range(0, len(scenarios), count)]
-        return [Runs(outcomes[part], {name: values[part] for name, values in metrics.items()}) for part in parts]
+        scenarios = np.empty((len(sizes), self._scaling.count), dtype=object)
+        for row, each in enumerate(sizes):
+            scenarios[row] = self._scaling.scenarios(controller, each)
 
-    def _told(self, scenarios: int) -> Callable[[float], None]:
-        """What tells of the scenarios that are under way."""
-
-        def tell(share: float) -> None:
+        def report(share: float, before: int = self._done) -> None:
             if self._progress:
-                self._progress(min((self._done + share * scenarios / self._scaling.count) / self._expected, 1.0))
+                self._progress((before + share * len(sizes)) / self._expected)
 
-        return tell
+        runs = run_grid(scenarios, threads=self._threads, progress=report)
+        if runs.interrupted:
+            raise KeyboardInterrupt
+        self._done += len(sizes)
+        metrics = [{name: values[row] for name, values in runs.metrics.items()} for row in range(len(sizes))]
+        return [Reached(*each) for each in zip(runs.outcomes, metrics, strict=True)]

@@ -90,11 +90,11 @@ def all_together(single: tuple[Imperfection, ...]) -> Imperfection:
 
 
 def _scalable(key: str, leaf: Leaf, drawn: Drawn | None) -> bool:
-    if key in METHOD or not leaf.marks.isdisjoint({Mark.TIMING, Mark.PARTS}):
+    if key in METHOD or not leaf.marks.isdisjoint({Mark.TIMING, Mark.PARTS, Mark.COURSE}):
         return False
     if drawn is not None:
         return True
-    if not key.startswith(MACHINE) or Mark.COURSE in leaf.marks:
+    if not key.startswith(MACHINE):
         return False
     return leaf.kind in {float, int, bool} or Mark.PART in leaf.marks
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.tuning.constraint import NO_PEAK, Constraint
 from dualwinch.tuning.scoring.measured import measured
-from dualwinch.tuning.stress.words import with_unit
+from dualwinch.tuning.stress.words import unit_of, with_unit
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ COMPLETED = "completed"
 
 
 @dataclass(frozen=True)
-class Runs:
+class Reached:
     """What the scenarios of one size came to.
 
     Attributes:
@@ -51,7 +51,7 @@ class Broken:
         what: name of the figure of merit, or of the outcome of a run that did not end well.
         value: of the statistic; of an outcome, the number of its runs.
         bound: what was allowed.
-        unit: of both.
+        unit: of both; empty for outcomes.
         at_least: whether the bound is a lower one.
     """
 
@@ -94,7 +94,7 @@ class Limit:
         return self.constraint is not self.asked
 
 
-def limits_of(constraints: Sequence[Constraint], paper: Runs, own: Runs) -> tuple[Limit, ...]:
+def limits_of(constraints: Sequence[Constraint], paper: Reached, own: Reached) -> tuple[Limit, ...]:
     """Constraints as they hold for some gains.
 
     Args:
@@ -111,7 +111,7 @@ def limits_of(constraints: Sequence[Constraint], paper: Runs, own: Runs) -> tupl
     return tuple(found)
 
 
-def broken(limits: Sequence[Limit], runs: Runs) -> tuple[Broken, ...]:
+def broken(limits: Sequence[Limit], runs: Reached) -> tuple[Broken, ...]:
     """What gains do not keep to: runs that did not end well first, then what is exceeded by the largest share."""
     lost = [str(outcome) for outcome in runs.outcomes if outcome != COMPLETED]
     found = [Broken(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]
@@ -121,8 +121,8 @@ def broken(limits: Sequence[Limit], runs: Runs) -> tuple[Broken, ...]:
         value = runs.over(constraint.statistic)
         beyond = constraint.violation(value)
         if beyond > 0 and (runs.outcomes == COMPLETED).any():
-            one = Broken(
-                constraint.statistic.metric, value, constraint.bound, constraint.statistic.unit, constraint.at_least
+            unit = unit_of(constraint.statistic.quantity)
+            exceeded.append(
+                (beyond, Broken(constraint.statistic.metric, value, constraint.bound, unit, constraint.at_least))
             )
-            exceeded.append((beyond, one))
     return (*found, *(entry for _, entry in sorted(exceeded, key=lambda pair: -pair[0])))

@@ -36,7 +36,7 @@ def reach_of(scaling: Scaling, imperfection: Imperfection) -> Reach:
     What is there or not has one alone.
     """
     bottom = AS_IT_IS if scaling.switched(imperfection) else LOWEST
-    highest = HIGHEST_COMPILED if scaling.shapes_code(imperfection) else HIGHEST
+    highest = HIGHEST_COMPILED if scaling.compiled(imperfection) else HIGHEST
     obstacle = ""
     for rung in range(AS_IT_IS if scaling.switched(imperfection) else highest, bottom - 1, -1):
         wrong = scaling.obstacle(dict.fromkeys(imperfection.keys, size(rung)))

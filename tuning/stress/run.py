@@ -9,11 +9,12 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.stress.bench import Bench
+from dualwinch.tuning.stress.found import Break, Row
 from dualwinch.tuning.stress.imperfection import ALL, Imperfection, all_together, imperfections, union
 from dualwinch.tuning.stress.ladder import STEPS, Search, size
 from dualwinch.tuning.stress.limits import Broken, Limit, broken, limits_of
 from dualwinch.tuning.stress.reach import Reach, reach_of, reach_together, sizes_at
-from dualwinch.tuning.stress.result import Break, Row, Stress
+from dualwinch.tuning.stress.result import Stress
 from dualwinch.tuning.stress.scaling import Scaling
 
 PAPER = "paper"

@@ -1,9 +1,9 @@
 """Scenarios with imperfections of any size: as far from the base as the ensemble is, times a factor.
 
-Base and ensemble draw a value from the same random stream, so that they meet the same quantile of their distributions in
-the same scenario. A value of size s is ``base + s (ensemble - base)``: the base at 0, the ensemble at 1. So the spread of
-a distribution about the base's value is multiplied by s, and so is the distance of a value that is set. Two scenarios of
-the same number differ in the size alone.
+Base and ensemble draw a value from the same random stream, so that they meet the same quantile of their distributions
+in the same scenario. A value of size s is ``base + s (ensemble - base)``: the base at 0, the ensemble at 1. So the
+spread of a distribution about the base's value is multiplied by s, and so is the distance of a value that is set. Two
+scenarios of the same number differ in the size alone.
 """
 
 from collections.abc import Mapping
@@ -13,11 +13,13 @@ from typing import Any
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.stress.imperfection import Imperfection, believed
 
 SWITCHED_AT = 1.0
@@ -79,16 +81,18 @@ class Scaling:
         return {**describe_parts(self.base.experiment), **describe_parts(self.ensemble.experiment)}
 
     @cached_property
-    def shaping(self) -> tuple[str, ...]:
-        """Keys among them whose values shape the compiled code."""
-        return tuple(key for key in self.keys if self.known[key].shapes_code)
+    def _start(self) -> Ensemble:
+        """The base with all of the ensemble that is no imperfection: motion, metrics, method, courses."""
+        values, keys = leaves(self.base.experiment), set(self.keys)
+        own = {key: values[key] for key in self.keys if key in values}
+        drawn = {key: drawn for key, drawn in self.ensemble.distributions.items() if key not in keys}
+        drawn |= {key: drawn for key, drawn in self.base.distributions.items() if key in keys}
+        return replace(self.base, experiment=with_leaves(self.ensemble.experiment, own), distributions=drawn)
 
     @cached_property
-    def _start(self) -> Ensemble:
-        """The base with all of the ensemble that is no imperfection: motion, metrics, method."""
-        values = leaves(self.base.experiment)
-        own = {key: values[key] for key in self.keys if key in values}
-        return replace(self.base, experiment=with_leaves(self.ensemble.experiment, own))
+    def _begun(self) -> dict[tuple[int, Controller], Experiment]:
+        """Number of a scenario and controller → the base's experiment with it: checked once for all sizes."""
+        return {}
 
     @cached_property
     def _ends(self) -> list[tuple[Scenario, dict[str, Any], dict[str, Any]]]:
@@ -130,9 +134,10 @@ class Scaling:
         Raises:
             ConfigurationError: a value is out of its range, or does not go with the others.
         """
-        start = self._ends[index][0]
-        values = self.values(index, sizes)
-        experiment = with_leaves(replace(start.experiment, controller=controller), values)
+        start, values = self._ends[index][0], self.values(index, sizes)
+        if (index, controller) not in self._begun:
+            self._begun[index, controller] = replace(start.experiment, controller=controller)
+        experiment = with_leaves(self._begun[index, controller], values)
         return Scenario(index, experiment, self._nominal(sizes), start.draws | values)
 
     def switched(self, imperfection: Imperfection) -> bool:
@@ -140,15 +145,15 @@ class Scaling:
         values = leaves(self.base.experiment)
         return not any(self.known[key].kind in {int, float} and key in values for key in imperfection.keys)
 
-    def shapes_code(self, imperfection: Imperfection) -> bool:
-        """Whether sizes of an imperfection are compiled code of their own."""
-        return not set(self.shaping).isdisjoint(imperfection.keys)
+    def compiled(self, imperfection: Imperfection) -> bool:
+        """Whether each size of an imperfection is compiled code of its own."""
+        return any(Mark.SHAPES_CODE in self.known[key].marks for key in imperfection.keys)
 
     def scenarios(self, controller: Controller, sizes: Mapping[str, float]) -> list[Scenario]:
         """All of them."""
         return [self.scenario(index, controller, sizes) for index in range(self.count)]
 
-    def _nominal(self, sizes: Mapping[str, float]) -> Any:
+    def _nominal(self, sizes: Mapping[str, float]) -> Plant:
         """The plant a controller was designed for: it knows what is set, and not what is drawn."""
         ours, theirs = believed(self._start.experiment), believed(self.ensemble.experiment)
         mixed = self._between(ours, theirs, sizes)
