@@ -69,6 +69,7 @@ def _draw(axes: Axes, found: Found, row: Row, broken: Break, height: float, colo
         fontsize=7,
         color=colour,
         annotation_clip=False,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
     )
 
 

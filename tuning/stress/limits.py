@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.statistic import Statistic
-from dualwinch.tuning.constraint import NO_PEAK, Constraint
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.constraint import NO_PEAK, Constraint, constraints_from
 from dualwinch.tuning.scoring.measured import measured
 from dualwinch.tuning.stress.words import unit_of, with_unit
 
@@ -18,7 +20,10 @@ NO_WORSE = "worst.mse<=4*paper"
 """Twice the root mean square error of the paper's gains without imperfections."""
 
 DEFAULTS = (NO_SLACK, NO_PEAK, NO_WORSE)
-"""No slack rope, no peak beyond the limit, and an error that is not twice the paper's."""
+"""No slack rope, no peak beyond the limit, and an error that is not twice the paper's.
+
+A study's own constraints come before them: they take the place of those on the same figure of merit.
+"""
 
 WORSE = 2.0
 """How many times as bad as in the base gains may become that do not keep to a constraint even there."""
@@ -92,6 +97,31 @@ class Limit:
     def eased(self) -> bool:
         """Whether the gains break the constraint in the base, and so have another bound."""
         return self.constraint is not self.asked
+
+
+def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
+    """What gains have to keep to.
+
+    Args:
+        texts: as asked for; ``None``: what a study has noted, and those `DEFAULTS` that it says nothing of.
+        noted: constraints of a study. Margins among them are left out: they are not measured in runs.
+        experiment: where configuration keys are looked up, and metrics beside the built-in ones.
+
+    Raises:
+        ConfigurationError: a text that is no constraint on a figure of merit.
+    """
+    if texts is not None:
+        asked = constraints_from(texts, experiment)
+        for constraint in asked:
+            if not isinstance(constraint.statistic, Statistic):
+                raise ConfigurationError(
+                    f"--constraint {constraint.text}: must be on a figure of merit of runs, e.g. {NO_SLACK}"
+                )
+        return asked
+    kept = [each for each in constraints_from(noted, experiment) if isinstance(each.statistic, Statistic)]
+    known = {constraint.statistic.metric for constraint in kept}
+    others = constraints_from(DEFAULTS, experiment)
+    return (*kept, *(constraint for constraint in others if constraint.statistic.metric not in known))
 
 
 def limits_of(constraints: Sequence[Constraint], paper: Reached, own: Reached) -> tuple[Limit, ...]:

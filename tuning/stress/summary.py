@@ -52,7 +52,7 @@ def by_what(row: Row, broken: Break) -> str:
 def notes(found: Found) -> list[str]:
     """What a reader has to know of the table: what is held to, by whom not even in the base, and where ranges end."""
     asked = next(iter(found.limits.values()))
-    words = ["Broken: a run not completed, or not " + "; ".join(limit.asked.label for limit in asked)]
+    words = ["Must hold: " + "; ".join(["every run completed", *(limit.asked.label for limit in asked)])]
     for name, limits in found.limits.items():
         if found.lost[name]:
             words.append(f"{name}: breaks without any imperfection, {found.lost[name][0].words}")
