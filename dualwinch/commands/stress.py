@@ -65,9 +65,7 @@ def stress(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
-    values = dict(settings or {})
-    kind = _ensemble(base, experiment, values)
-    harsh = _ensemble(ensemble, kind.experiment, values)
+    kind, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
     own = experiment.controller
     controllers = {PAPER: yardstick(own)}
     if own != controllers[PAPER]:
@@ -84,6 +82,22 @@ def stress(
         threads=threads,
         progress=progress,
     )
+
+
+def base_and_ensemble(
+    experiment: Experiment,
+    ensemble: str | PathLike[str] | Ensemble,
+    base: str | PathLike[str] | Ensemble | None,
+    settings: Mapping[str, Any] | None = None,
+) -> tuple[Ensemble, Ensemble]:
+    """Base and ensemble of `stress`, with the controller and the metrics of an experiment.
+
+    Raises:
+        ConfigurationError: anything wrong with a key, a value or an ensemble.
+    """
+    values = dict(settings or {})
+    kind = _ensemble(base, experiment, values)
+    return kind, _ensemble(ensemble, kind.experiment, values)
 
 
 def _ensemble(
