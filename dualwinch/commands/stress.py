@@ -13,7 +13,7 @@ from dualwinch.tuning.stress.limits import constraints_of
 from dualwinch.tuning.stress.result import Stress
 from dualwinch.tuning.stress.run import PAPER
 from dualwinch.tuning.stress.run import stress as run
-from dualwinch.tuning.yardstick import yardstick
+from dualwinch.tuning.yardstick import is_yardstick, yardstick
 
 NO_BASE = "none"
 """Stands for the experiment itself, without any ensemble."""
@@ -68,7 +68,7 @@ def stress(
     kind, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
     own = experiment.controller
     controllers = {PAPER: yardstick(own)}
-    if own != controllers[PAPER]:
+    if not is_yardstick(own):
         if name == PAPER:
             raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
         controllers[name] = own

@@ -70,7 +70,7 @@ def run_stress(
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     if out:
         for name in write_stress(out, found):
-            console.print(f"wrote {out / name}")
+            console.print(f"wrote {out / name}", soft_wrap=True, highlight=False)
 
 
 def noted_constraints(file: Path, experiment: Experiment) -> list[str]:

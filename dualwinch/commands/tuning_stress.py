@@ -4,10 +4,11 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from dualwinch.commands.stress import base_and_ensemble, stress
+from dualwinch.commands.stress import SCENARIOS, base_and_ensemble, stress
 from dualwinch.commands.stress_run import write_stress
 from dualwinch.commands.terminal import terminal
 from dualwinch.commands.tuning_progress import StatusLine
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.stress.imperfection import imperfections, union
@@ -24,7 +25,10 @@ def check_stress(problem: Problem) -> None:
         ConfigurationError: there is none, or gains are drawn.
     """
     base, ensemble = base_and_ensemble(problem.experiment, ENSEMBLE, _base(problem))
-    imperfections(base, union(base, ensemble))
+    try:
+        imperfections(base, union(base, ensemble))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--stress: {error}") from error
 
 
 def print_stress(tuned: Tuned, out: Path, status: StatusLine) -> None:
@@ -39,6 +43,7 @@ def print_stress(tuned: Tuned, out: Path, status: StatusLine) -> None:
             ensemble=ENSEMBLE,
             base=_base(problem),
             noted=[constraint.text for constraint in problem.constraints],
+            scenarios=SCENARIOS,
             seed=problem.seed,
             name="best.toml",
             progress=lambda share: bar.update(task, completed=share),

@@ -21,15 +21,21 @@ SMALL = 0.1
 """Below this a value is read in a smaller unit; a share always is."""
 
 
+TINY, HUGE = 1e-4, 1e7
+"""Numbers beyond these have an exponent."""
+
+
 def unit_of(quantity: Quantity) -> str:
     """The unit a number is read in: `SHARE` where its meaning says so."""
     return SHARE if quantity.unit == "1" and "share" in quantity.meaning.split() else quantity.unit
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """A number of some digits; without an exponent where it is neither tiny nor huge."""
+    """A number of some digits, a whole one in full; without an exponent where it is neither tiny nor huge."""
     rounded = f"{value:.{digits}g}"
-    text = f"{float(rounded):.10g}" if 1e-4 <= abs(value) < 1e7 else rounded
+    if value == round(value) and abs(value) < HUGE:
+        return f"{round(value)}".replace("-", "−")
+    text = f"{float(rounded):.10g}" if TINY <= abs(value) < HUGE else rounded
     return text.replace("-", "−")
 
 
