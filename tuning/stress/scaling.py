@@ -125,11 +125,19 @@ class Scaling:
             if key in base or sizes.get(key, 0.0) >= SWITCHED_AT
         }
 
-    def scenario(self, index: int, controller: Controller, sizes: Mapping[str, float]) -> Scenario:
+    def scenario(
+        self, index: int, controller: Controller, sizes: Mapping[str, float], nominal: Plant | None = None
+    ) -> Scenario:
         """One scenario.
 
         Whatever its sizes, all that may be scaled is among its draws: so every scenario is run by the same compiled
         code, unless it asks for another structure.
+
+        Args:
+            index: its number.
+            controller: with the gains.
+            sizes: key → size; 0 where it is not given.
+            nominal: the plant the controller was designed for, where it is known (`nominal`).
 
         Raises:
             ConfigurationError: a value is out of its range, or does not go with the others.
@@ -138,7 +146,7 @@ class Scaling:
         if (index, controller) not in self._begun:
             self._begun[index, controller] = replace(start.experiment, controller=controller)
         experiment = with_leaves(self._begun[index, controller], values)
-        return Scenario(index, experiment, self._nominal(sizes), start.draws | values)
+        return Scenario(index, experiment, nominal or self.nominal(sizes), start.draws | values)
 
     def switched(self, imperfection: Imperfection) -> bool:
         """Whether an imperfection is there or not, with nothing in between."""
@@ -151,9 +159,10 @@ class Scaling:
 
     def scenarios(self, controller: Controller, sizes: Mapping[str, float]) -> list[Scenario]:
         """All of them."""
-        return [self.scenario(index, controller, sizes) for index in range(self.count)]
+        nominal = self.nominal(sizes)
+        return [self.scenario(index, controller, sizes, nominal) for index in range(self.count)]
 
-    def _nominal(self, sizes: Mapping[str, float]) -> Plant:
+    def nominal(self, sizes: Mapping[str, float]) -> Plant:
         """The plant a controller was designed for: it knows what is set, and not what is drawn."""
         ours, theirs = believed(self._start.experiment), believed(self.ensemble.experiment)
         mixed = self._between(ours, theirs, sizes)
