@@ -2,6 +2,7 @@
 
 from dualwinch.tuning.stress.found import Break, Found, Row
 from dualwinch.tuning.stress.ladder import LOWEST, size
+from dualwinch.tuning.stress.limits import Limit
 from dualwinch.tuning.stress.words import multiple
 
 HOLDS = "holds"
@@ -52,7 +53,7 @@ def by_what(row: Row, broken: Break) -> str:
 def notes(found: Found) -> list[str]:
     """What a reader has to know of the table: what is held to, by whom not even in the base, and where ranges end."""
     asked = next(iter(found.limits.values()))
-    words = ["Must hold: " + "; ".join(["every run completed", *(limit.asked.label for limit in asked)])]
+    words = ["Must hold: " + "; ".join(["every run completed", *map(_asked, asked)])]
     for name, limits in found.limits.items():
         if found.lost[name]:
             words.append(f"{name}: breaks without any imperfection, {found.lost[name][0].words}")
@@ -68,6 +69,12 @@ def notes(found: Found) -> list[str]:
         if row.reach.obstacle
     ]
     return words
+
+
+def _asked(limit: Limit) -> str:
+    """A constraint as a number, and as the factor on what the paper's gains reach that it was asked for with."""
+    factor = limit.asked.text.partition("=")[2].strip()
+    return limit.asked.label + (f" ({factor})" if factor.endswith("paper") else "")
 
 
 def markdown(found: Found) -> str:
