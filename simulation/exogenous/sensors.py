@@ -30,8 +30,8 @@ class Sensors:
     ] = 0.0
     position_bias: Annotated[
         float,
-        at.Ge(-1),
-        at.Le(1),
+        at.Ge(-0.1),
+        at.Le(0.1),
         Quantity("m", "reading at the track's beginning; references and errors are in its frame", "assumption"),
         Mark.OFF_AT_ZERO,
     ] = 0.0

@@ -43,8 +43,9 @@ class Reached:
     outcomes: NDArray[np.str_]
     metrics: Mapping[str, Floats]
 
-    def over(self, statistic: Statistic) -> float:
-        """A statistic over the scenarios that ran to their end; finite (`measured`)."""
+    def over(self, constraint: Constraint) -> float:
+        """What a constraint is on, over the scenarios that ran to their end; finite (`measured`)."""
+        statistic = statistic_of(constraint)
         return measured(statistic, self.metrics[statistic.metric][self.outcomes == COMPLETED])
 
 
@@ -113,15 +114,25 @@ def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment
     if texts is not None:
         asked = constraints_from(texts, experiment)
         for constraint in asked:
-            if not isinstance(constraint.statistic, Statistic):
-                raise ConfigurationError(
-                    f"--constraint {constraint.text}: must be on a figure of merit of runs, e.g. {NO_SLACK}"
-                )
+            statistic_of(constraint)
         return asked
     kept = [each for each in constraints_from(noted, experiment) if isinstance(each.statistic, Statistic)]
     known = {constraint.statistic.metric for constraint in kept}
     others = constraints_from(DEFAULTS, experiment)
     return (*kept, *(constraint for constraint in others if constraint.statistic.metric not in known))
+
+
+def statistic_of(constraint: Constraint) -> Statistic:
+    """What a constraint is on.
+
+    Raises:
+        ConfigurationError: it is no figure of merit of runs.
+    """
+    if not isinstance(constraint.statistic, Statistic):
+        raise ConfigurationError(
+            f"--constraint {constraint.text}: must be on a figure of merit of runs, e.g. {NO_SLACK}"
+        )
+    return constraint.statistic
 
 
 def limits_of(constraints: Sequence[Constraint], paper: Reached, own: Reached) -> tuple[Limit, ...]:
@@ -133,8 +144,8 @@ def limits_of(constraints: Sequence[Constraint], paper: Reached, own: Reached) -
         own: what these gains came to in the base.
     """
     found = []
-    for asked in (constraint.given(paper.over(constraint.statistic)) for constraint in constraints):
-        reached = own.over(asked.statistic)
+    for asked in (constraint.given(paper.over(constraint)) for constraint in constraints):
+        reached = own.over(asked)
         larger = (reached > 0) is not asked.at_least  # of two numbers that differ by the factor, the worse one
         eased = replace(asked, bound=reached * WORSE if larger else reached / WORSE)
         found.append(Limit(asked if asked.violation(reached) <= 0 else eased, asked))
@@ -148,7 +159,7 @@ def broken(limits: Sequence[Limit], runs: Reached) -> tuple[Broken, ...]:
     exceeded = []
     for limit in limits:
         constraint = limit.constraint
-        value = runs.over(constraint.statistic)
+        value = runs.over(constraint)
         beyond = constraint.violation(value)
         if beyond > 0 and (runs.outcomes == COMPLETED).any():
             unit = unit_of(constraint.statistic.quantity)
