@@ -12,9 +12,9 @@ typedef struct {
   double sigma; /* standard deviation */
   double decay; /* from sample to sample */
   double limit; /* of the random part's magnitude */
-  double start; /* standard deviation of sample 0, standardised */
   double state; /* standardised, of the last sample that was filled */
   int64_t period, length; /* samples of a window, which has one outage, and of an outage on average */
+  int64_t from_zero;      /* whether it is zero before sample 0; else it is stationary */
 } Signal;
 
 enum { PIECE = 32 }; /* samples that are filled at a time, at most */
@@ -102,7 +102,7 @@ static void take_up(Side *side, Signal *signal) {
   side->fresh[at] = sqrt(1.0 - side->decay[at] * side->decay[at]);
   side->sigma[at] = normal ? signal->sigma : 1.0;
   side->limit[at] = normal ? signal->limit : 1.0;
-  side->start[at] = normal ? signal->start : 1.0;
+  side->start[at] = normal && signal->from_zero ? side->fresh[at] : 1.0;
   side->state[at] = signal->state;
 }
 
@@ -153,7 +153,7 @@ static void filter(Side *side, int64_t first, int64_t samples, const Floats *res
   for (int64_t k = 0; k < samples; ++k)
     for (int v = 0; v < VECTORS; ++v) {
       const Doubles drawn = __builtin_convertvector(noise[k * VECTORS + v], Doubles);
-      state[v] = first + k ? decay[v] * state[v] + fresh[v] * drawn : start[v] * drawn + 0.0; /* no -0 */
+      state[v] = first + k ? decay[v] * state[v] + fresh[v] * drawn : start[v] * drawn;
       values[k * VECTORS + v] = sigma[v] * state[v];
     }
   memcpy(side->state, state, sizeof state);

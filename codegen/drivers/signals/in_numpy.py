@@ -30,10 +30,11 @@ def fill(signals: NDArray[np.void], first: int, table: Floats) -> None:
 def _gauss_markov(signal: np.void, first: int, samples: int) -> Floats:
     drawn = normals(words(int(signal["seed"]), int(signal["stream"]), first, samples))
     sigma, decay, limit = (float(signal[name]) for name in ("sigma", "decay", "limit"))
-    if first == 0:
-        drawn[0] = drawn[0] * signal["start"] + 0.0  # no -0
+    fresh = sqrt(1.0 - decay * decay)
+    if first == 0 and signal["from_zero"]:
+        drawn[0] *= fresh
     if decay:
-        fresh, fed = sqrt(1.0 - decay * decay), drawn.tolist()
+        fed = drawn.tolist()
         start = fed.pop(0) if first == 0 else float(signal["state"])
         states = accumulate(fed, lambda state, draw: decay * state + fresh * draw, initial=start)
         drawn = np.array(list(states)[-samples:])

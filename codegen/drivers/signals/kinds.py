@@ -10,7 +10,7 @@ NO_LIMIT = sys.float_info.max
 
 @dataclass(frozen=True)
 class RandomSignal:
-    """A first-order Gauss–Markov signal, stationary from its first sample or beginning at zero.
+    """A first-order Gauss–Markov signal, stationary from its first sample, or from zero before it.
 
     Attributes:
         seed: a whole number below 2^64.
@@ -18,7 +18,7 @@ class RandomSignal:
         sigma: standard deviation.
         decay: of the autocorrelation from sample to sample; 0 is white noise.
         limit: largest magnitude.
-        start: standard deviation of the first sample over sigma: 1, stationary, or 0.
+        from_zero: whether it is zero before its first sample.
     """
 
     seed: int
@@ -26,7 +26,7 @@ class RandomSignal:
     sigma: float
     decay: float = 0.0
     limit: float = NO_LIMIT
-    start: float = 1.0
+    from_zero: bool = False
 
 
 @dataclass(frozen=True)

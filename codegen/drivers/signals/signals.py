@@ -18,8 +18,8 @@ SIGNAL = np.dtype(
     [
         *(("given", np.uintp), ("given_from", np.int64)),
         *(("kind", np.int64), ("seed", np.uint64), ("stream", np.uint64)),
-        *(("sigma", float), ("decay", float), ("limit", float), ("start", float), ("state", float)),
-        *(("period", np.int64), ("length", np.int64)),
+        *(("sigma", float), ("decay", float), ("limit", float), ("state", float)),
+        *(("period", np.int64), ("length", np.int64), ("from_zero", np.int64)),
     ],
     align=True,
 )
