@@ -22,20 +22,21 @@ ALONE = np.zeros(1, np.int64)
 
 
 class Sources(ctypes.Structure):
-    """What runs in lanes receive; ``Sources`` of fill.c."""
+    """What runs in lanes receive; ``Sources`` of sources.h."""
 
     _fields_ = (
         ("signals", ctypes.c_void_p),
         ("source", ctypes.c_void_p),
         *((name, ctypes.c_int64) for name in ("sources", "count", "lanes")),
-        ("sides", ctypes.c_void_p),
+        ("bundles", ctypes.c_void_p),
         ("drawn", ctypes.c_int64),
     )
 
 
 def fill_source() -> str:
     """C99 translation unit of fill.c."""
-    return unit({}, [], "elementary.h", "signals/philox.h", normal_source(), "signals/normal.h", "signals/fill.c")
+    own = ("philox.h", normal_source(), "normal.h", "sources.h", "outages.h", "bundle.h", "fill.c")
+    return unit({}, [], "elementary.h", *(part if "\n" in part else f"signals/{part}" for part in own))
 
 
 @dataclass(frozen=True)
@@ -56,10 +57,10 @@ class CompiledFill:
             records: (sources, signals) of `SIGNAL`, C-contiguous; their states move on as samples are filled.
             source: (lanes,) which of the sources each lane has; 16 lanes at most.
         """
-        room = records.shape[1], ctypes.c_int64.in_dll(self._library, "side_size").value
-        sides = np.empty(room, np.uint8)
-        sources = Sources(records.ctypes.data, source.ctypes.data, *records.shape, len(source), sides.ctypes.data)
-        sources.held = records, source, sides
+        room = records.shape[1], ctypes.c_int64.in_dll(self._library, "bundle_size").value
+        bundles = np.empty(room, np.uint8)
+        sources = Sources(records.ctypes.data, source.ctypes.data, *records.shape, len(source), bundles.ctypes.data)
+        sources.held = records, source, bundles
         self._library.prepare(ctypes.byref(sources))
         return sources
 

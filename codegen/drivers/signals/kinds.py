@@ -61,6 +61,6 @@ class OutageSignal:
 Drawn: TypeAlias = RandomSignal | UniformSignal | OutageSignal
 
 NORMAL, UNIFORM, OUTAGES = 1, 2, 3
-"""Their kinds in fill.c; 0 is nothing random."""
+"""Their kinds in sources.h; 0 is nothing random."""
 
 KINDS: dict[type[Drawn], int] = {RandomSignal: NORMAL, UniformSignal: UNIFORM, OutageSignal: OUTAGES}

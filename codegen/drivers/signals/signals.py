@@ -23,7 +23,7 @@ SIGNAL = np.dtype(
     ],
     align=True,
 )
-"""``Signal`` of fill.c."""
+"""``Signal`` of sources.h."""
 
 Fill: TypeAlias = Callable[[NDArray[np.void], int, Floats], None]
 """``(signals, first, table)``: fills a table (samples, signals) from the sample `first` on and moves the states on."""

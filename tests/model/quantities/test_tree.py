@@ -47,6 +47,14 @@ def test_only_the_named_scalars_change() -> None:
     assert with_leaves(Outer(), {"no.such": 2.0}) == Outer()
 
 
+def test_groups_in_which_nothing_changes_stay_themselves() -> None:
+    before = Outer()
+    assert with_leaves(before, {"no.such": 2.0}) is before
+    after = with_leaves(before, {"on": True})
+    assert after.on is True
+    assert after.inner is before.inner
+
+
 def test_numbers_leave_out_choices_and_what_is_not_given() -> None:
     assert numbers(Outer(), "p.") == {"p.inner.size": 1.0}
     assert numbers(Outer(inner=Inner(count=2)), "p.") == {"p.inner.size": 1.0, "p.inner.count": 2}

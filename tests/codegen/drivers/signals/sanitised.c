@@ -8,7 +8,7 @@ enum { SOURCES = 5, COUNT = 7, SAMPLES = 300 };
 static double filled(int64_t lanes) {
   double *given = calloc(SAMPLES, sizeof *given), total = 0;
   Signal *signals = calloc(SOURCES * COUNT, sizeof *signals);
-  Side *sides = malloc(COUNT * sizeof *sides);
+  Bundle *bundles = malloc(COUNT * sizeof *bundles);
   int64_t *source = calloc((size_t)lanes, sizeof *source);
   for (int64_t l = 0; l < lanes; ++l) source[l] = lanes == 1 ? 0 : l * 7 % SOURCES;
   for (int s = 0; s < SOURCES; ++s)
@@ -16,7 +16,7 @@ static double filled(int64_t lanes) {
       signals[s * COUNT + i] = (Signal){.given = (s + i) % 3 ? 0 : given, .kind = s == 3 ? NOTHING : i % 4,
                                         .seed = UINT64_MAX - (uint64_t)s, .stream = UINT64_MAX - (uint64_t)i,
                                         .sigma = 2, .decay = i / 10.0, .limit = 3, .period = 40 + 50 * i, .length = 9};
-  Sources sources = {signals, source, lanes == 1 ? 1 : SOURCES, COUNT, lanes, sides, 0};
+  Sources sources = {signals, source, lanes == 1 ? 1 : SOURCES, COUNT, lanes, bundles, 0};
   prepare(&sources);
   for (int64_t first = 0, samples = 1; first < SAMPLES; first += samples, samples = samples % 67 * 3 + 1) {
     if (samples > SAMPLES - first) samples = SAMPLES - first;
@@ -26,7 +26,7 @@ static double filled(int64_t lanes) {
     free(table);
   }
   free(source);
-  free(sides);
+  free(bundles);
   free(signals);
   free(given);
   return total;
