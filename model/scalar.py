@@ -65,6 +65,11 @@ def sin(value: Scalar) -> Scalar:
     return ca.sin(value)
 
 
+def cos(value: Scalar) -> Scalar:
+    """Cosine of an angle in rad."""
+    return ca.cos(value)
+
+
 def exp(value: Scalar) -> Scalar:
     """Exponential."""
     return ca.exp(value)
