@@ -5,7 +5,7 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.model.plant import Plant
+from dualwinch.model.plant import Plant, specified_plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.ropes.kelvin_voigt import Rope, tangent_rope
 from dualwinch.model.steady_cruise import PRELOAD
@@ -33,13 +33,15 @@ class Nominal:
 def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> Plant:
     """The plant as the controller believes it to be.
 
-    Its ropes are Kelvin–Voigt ones: of a rope of another law, the tangent at half the preload, amid the track.
+    It is that of the data sheets, without what is unknown of it. Its ropes are Kelvin–Voigt ones: of a rope of another
+    law, the tangent at half the preload, amid the track.
 
     Args:
         nominal: what it believes.
         plant: gives the rest.
         preload: sum of both tensions in N.
     """
+    plant = specified_plant(plant)
     vehicle = plant.vehicle
     if nominal.mass is not None:
         vehicle = replace(vehicle, mass=nominal.mass, added_mass=0.0)

@@ -1,6 +1,6 @@
 """The coupled plant: vehicle, two ropes, two winches (paper Section 2; signs as in E1–E3)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import casadi as ca
@@ -8,20 +8,22 @@ import casadi as ca
 from dualwinch.model.quantities.part import Choice
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
+from dualwinch.model.ropes.creep import NEW, Creep, crept
 from dualwinch.model.ropes.kelvin_voigt import Rope
 from dualwinch.model.ropes.registry import ROPES
 from dualwinch.model.ropes.rope_law import RopeLaw, one_sided
 from dualwinch.model.ropes.track import Track, rope_lengths
 from dualwinch.model.scalar import Scalar, reciprocals
 from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
-from dualwinch.model.winch import Winch, drum_acceleration
+from dualwinch.model.winch import Winch, drum_acceleration, shaft_torque, specified_winch
+from dualwinch.model.winding import angle_of, winding
 
 ROPE_LAW = Quantity("", "law of the rope's tension", "paper Section 2.2")
 
 
 @dataclass(frozen=True)
 class Plant:
-    """Everything the plant is made of."""
+    """Everything the plant is made of; the ropes' creep is unknown to any controller."""
 
     rope_slack: Annotated[
         bool, Quantity("", "ropes go slack and never push; false: the paper's two-sided rope", "A2")
@@ -32,6 +34,8 @@ class Plant:
     rope_2: Annotated[RopeLaw, ROPE_LAW, Choice("rope_2.kind", ROPES, "rope_2")] = field(default_factory=Rope)
     winch_1: Winch = field(default_factory=Winch)
     winch_2: Winch = field(default_factory=Winch)
+    creep_1: Creep = field(default_factory=Creep)
+    creep_2: Creep = field(default_factory=Creep)
 
 
 @dataclass(frozen=True)
@@ -63,13 +67,14 @@ class Environment:
     normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
 
 
-def tensions(state: PlantState, plant: Plant) -> tuple[Scalar, Scalar]:
-    """Tensions F_1 and F_2 in N of the two ropes (paper Section 2.2, E1, A1, A2)."""
+def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, Scalar]:
+    """Tensions F_1 and F_2 in N of the two ropes at the time t in s (paper Section 2.2, E1, A1, A2)."""
     length_1, length_2 = rope_lengths(state.x, plant.track)
     closeness_1, closeness_2 = reciprocals(length_1, length_2)
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    stretch_1, rate_1 = radius_1 * state.theta_1 - state.x, radius_1 * state.omega_1 - state.v
-    stretch_2, rate_2 = radius_2 * state.theta_2 + state.x, radius_2 * state.omega_2 + state.v
+    drum_1, drum_2 = winding(state.theta_1, plant.winch_1), winding(state.theta_2, plant.winch_2)
+    stretch_1 = drum_1.rope - state.x - crept(t, plant.creep_1)
+    stretch_2 = drum_2.rope + state.x - crept(t, plant.creep_2)
+    rate_1, rate_2 = drum_1.radius * state.omega_1 - state.v, drum_2.radius * state.omega_2 + state.v
     pull_1 = plant.rope_1.pull(stretch_1, rate_1, length_1, closeness_1)
     pull_2 = plant.rope_2.pull(stretch_2, rate_2, length_2, closeness_2)
     if not plant.rope_slack:
@@ -84,17 +89,43 @@ def vehicle_acceleration(v: Scalar, pull: Scalar, environment: Environment, vehi
     return (pull - resistance + environment.force) / inertia(vehicle)
 
 
-def derivative(state: PlantState, torques: Torques, environment: Environment, plant: Plant) -> PlantState:
-    """Time derivative of the state (paper Section 2.5 with E1–E3)."""
-    force_1, force_2 = tensions(state, plant)
+def derivative(
+    state: PlantState, torques: Torques, environment: Environment, plant: Plant, t: Scalar = NEW
+) -> PlantState:
+    """Time derivative of the state (paper Section 2.5 with E1–E3).
+
+    Args:
+        state: the plant's state.
+        torques: what the motors give (`shaft_torques`).
+        environment: what acts on the vehicle from outside.
+        plant: its parameters.
+        t: time in s.
+    """
+    force_1, force_2 = tensions(state, plant, t)
+    radius_1, radius_2 = winding(state.theta_1, plant.winch_1).radius, winding(state.theta_2, plant.winch_2).radius
     return PlantState(
         x=state.v,
         v=vehicle_acceleration(state.v, force_1 - force_2, environment, plant.vehicle),
         theta_1=state.omega_1,
-        omega_1=drum_acceleration(state.omega_1, force_1, torques.tau_1, plant.winch_1),
+        omega_1=drum_acceleration(state.omega_1, force_1, torques.tau_1, plant.winch_1, radius_1),
         theta_2=state.omega_2,
-        omega_2=drum_acceleration(state.omega_2, force_2, torques.tau_2, plant.winch_2),
+        omega_2=drum_acceleration(state.omega_2, force_2, torques.tau_2, plant.winch_2, radius_2),
     )
+
+
+def shaft_torques(torques: Torques, theta_1: Scalar, theta_2: Scalar, plant: Plant) -> Torques:
+    """Torques that the motors give instead of these, at the drum angles theta_1 and theta_2 in rad."""
+    return Torques(
+        tau_1=shaft_torque(torques.tau_1, theta_1, plant.winch_1),
+        tau_2=shaft_torque(torques.tau_2, theta_2, plant.winch_2),
+    )
+
+
+def torques_amid(torques: Torques, state: PlantState, duration: Scalar, plant: Plant) -> Torques:
+    """`shaft_torques` at the drum angles amid a stretch of time of a duration in s that begins with a state."""
+    middle_1 = state.theta_1 + duration / 2 * state.omega_1
+    middle_2 = state.theta_2 + duration / 2 * state.omega_2
+    return shaft_torques(torques, middle_1, middle_2, plant)
 
 
 def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
@@ -105,19 +136,30 @@ def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
     return PlantState(
         x=x,
         v=0.0,
-        theta_1=(stretch_1 + x) / plant.winch_1.drum_radius,
+        theta_1=angle_of(stretch_1 + x, plant.winch_1),
         omega_1=0.0,
-        theta_2=(stretch_2 - x) / plant.winch_2.drum_radius,
+        theta_2=angle_of(stretch_2 - x, plant.winch_2),
         omega_2=0.0,
     )
 
 
 def holding_torques(preload: Scalar, plant: Plant) -> Torques:
-    """Motor torques that hold both ropes at tension preload/2 in N with the vehicle at rest."""
+    """Motor torques that hold both ropes at tension preload/2 in N on the drums' radius of the data sheet."""
     winch_1, winch_2 = plant.winch_1, plant.winch_2
     return Torques(
         tau_1=winch_1.drum_radius / winch_1.gear_ratio * preload / 2,
         tau_2=winch_2.drum_radius / winch_2.gear_ratio * preload / 2,
+    )
+
+
+def specified_plant(plant: Plant) -> Plant:
+    """The plant of the data sheets, without what is unknown of it."""
+    return replace(
+        plant,
+        winch_1=specified_winch(plant.winch_1),
+        winch_2=specified_winch(plant.winch_2),
+        creep_1=Creep(),
+        creep_2=Creep(),
     )
 
 
@@ -153,7 +195,7 @@ def plant(values: Plant | None = None) -> ca.Function:
     state = PlantState(*ca.vertsplit(x))
     torques = Torques(*ca.vertsplit(u))
     environment = Environment(*ca.vertsplit(w))
-    dx = derivative(state, torques, environment, parameters)
+    dx = derivative(state, shaft_torques(torques, state.theta_1, state.theta_2, parameters), environment, parameters)
     inputs = {"x": x, "u": u, "w": w} | ({} if values else {"p": p})
     outputs = [ca.vertcat(*leaves(dx).values()), ca.vertcat(*tensions(state, parameters))]
     return ca.Function("plant", list(inputs.values()), outputs, list(inputs), ["dx", "F"])

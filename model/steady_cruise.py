@@ -14,7 +14,8 @@ from dualwinch.model.plant import Environment, Plant, PlantState, Torques
 from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
 from dualwinch.model.vehicle import drag, friction
-from dualwinch.model.winch import friction_torque
+from dualwinch.model.winch import friction_torque, shaft_torque
+from dualwinch.model.winding import angle_of, winding
 
 PRELOAD = 2000.0
 """Sum of both tensions in N (paper Section 4.1)."""
@@ -52,24 +53,28 @@ def shared_tensions(net: Scalar, preload: Scalar, tension_min: Scalar, tension_m
 def steady_cruise(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: Plant) -> SteadyCruise:
     """State and torques of the steady cruise that passes x in m at v in m/s, with the tensions F1 and F2 in N.
 
-    The environment is held constant; its forces enter through the tensions.
+    The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
+    angle the motion is steady for that instant.
     """
     length_1, length_2 = rope_lengths(x, plant.track)
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     stretch_1, slope_1 = plant.rope_1.steady_stretch(tensions[0], length_1, -v)
     stretch_2, slope_2 = plant.rope_2.steady_stretch(tensions[1], length_2, v)
+    theta_1, theta_2 = angle_of(stretch_1 + x, plant.winch_1), angle_of(stretch_2 - x, plant.winch_2)
+    radius_1, radius_2 = winding(theta_1, plant.winch_1).radius, winding(theta_2, plant.winch_2).radius
     omega_1 = v * (1 - slope_1) / radius_1
     omega_2 = -v * (1 - slope_2) / radius_2
     state = PlantState(
         x=x,
         v=v,
-        theta_1=(stretch_1 + x) / radius_1,
+        theta_1=theta_1,
         omega_1=omega_1,
-        theta_2=(stretch_2 - x) / radius_2,
+        theta_2=theta_2,
         omega_2=omega_2,
     )
+    torque_1 = (radius_1 * tensions[0] + friction_torque(omega_1, plant.winch_1)) / plant.winch_1.gear_ratio
+    torque_2 = (radius_2 * tensions[1] + friction_torque(omega_2, plant.winch_2)) / plant.winch_2.gear_ratio
     torques = Torques(
-        tau_1=(radius_1 * tensions[0] + friction_torque(omega_1, plant.winch_1)) / plant.winch_1.gear_ratio,
-        tau_2=(radius_2 * tensions[1] + friction_torque(omega_2, plant.winch_2)) / plant.winch_2.gear_ratio,
+        tau_1=torque_1 / shaft_torque(1.0, theta_1, plant.winch_1),
+        tau_2=torque_2 / shaft_torque(1.0, theta_2, plant.winch_2),
     )
     return SteadyCruise(state, torques, *tensions)

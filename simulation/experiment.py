@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import annotated_types as at
 
@@ -13,7 +13,7 @@ from dualwinch.model.actuators.registry import ACTUATORS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.part import Choice, Choices
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity, Rule
 from dualwinch.model.quantities.validation import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
 from dualwinch.simulation.exogenous.sensors import Sensors
@@ -42,6 +42,13 @@ class Simulation:
         Quantity("1", "samples a torque is late at the motor", "assumption"),
         Mark.SHAPES_CODE,
     ] = 0
+    jitter: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(0.05),
+        Quantity("s", "largest time a sample is early or late, drawn evenly; no controller knows it", "assumption"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
     integrator: Annotated[
         Literal["adaptive", "exponential", "rk4"],
         Quantity("", "method between two samples; adaptive: exponential, in one step where that is enough", ""),
@@ -56,6 +63,14 @@ class Simulation:
     seed: Annotated[
         int, at.Ge(0), at.Lt(2**64), Quantity("", "seed of every random signal of the run", ""), Mark.DRAWN_AHEAD
     ] = 0
+
+    rules: ClassVar = (
+        Rule(
+            ("jitter", "sample_time"),
+            lambda simulation: 2 * simulation.jitter < simulation.sample_time,
+            lambda simulation, _: f"must be < {simulation.sample_time / 2:g} s (half a sample_time)",
+        ),
+    )
 
 
 @dataclass(frozen=True)

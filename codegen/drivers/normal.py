@@ -33,9 +33,14 @@ LN_2, HALF_ROOT_BITS = 6.93147180559945309417e-01, np.uint64(0x3FE6A09E667F3BCD)
 ONE_BITS, EXPONENT_BITS = np.uint64(0x3FF0000000000000), np.uint64(0xFFF0000000000000)
 
 
+def uniforms(drawn: Words) -> Floats:
+    """Uniform in (-1, 1), one of each word; the bits of ``uniform`` in C."""
+    return (drawn.astype(np.uint32).view(np.int32).astype(np.float64) + 0.5) * 2.0**-31
+
+
 def normals(drawn: Words) -> Floats:
     """Standard normals, one of each word; the bits of ``draw_normals`` in C."""
-    x = (drawn.astype(np.uint32).view(np.int32) + 0.5) * 2.0**-31
+    x = uniforms(drawn)
     w = -_log((1.0 - x) * (1.0 + x))
     values = x * _polynomial(CENTRE, w)
     tails = (drawn >= TAIL) & (drawn < 2**32 - TAIL)

@@ -45,8 +45,13 @@ def words(seed: int, stream: int, first: int, samples: int) -> Words:
     """
     start = first // GROUP
     groups = -(-(first + samples) // GROUP) - start
-    blocks = np.arange(start * BLOCKS, (start + groups) * BLOCKS, dtype=np.uint64)
-    low, high = (np.full_like(blocks, part) for part in (stream % 2**32, stream >> 32))
-    drawn = philox((blocks & WORD, blocks >> np.uint64(32), low, high), (seed % 2**32, seed >> 32))
-    together = np.array(drawn).reshape(4, groups, BLOCKS).swapaxes(0, 1).ravel()
+    drawn = blocks(seed, stream, start * BLOCKS, groups * BLOCKS)
+    together = drawn.reshape(4, groups, BLOCKS).swapaxes(0, 1).ravel()
     return together[first - start * GROUP :][:samples]
+
+
+def blocks(seed: int, stream: int, first: int, count: int) -> Words:
+    """Blocks of a stream as `words` takes them, (4, count): those from block `first` on."""
+    numbers = np.arange(first, first + count, dtype=np.uint64)
+    low, high = (np.full_like(numbers, part) for part in (stream % 2**32, stream >> 32))
+    return np.array(philox((numbers & WORD, numbers >> np.uint64(32), low, high), (seed % 2**32, seed >> 32)))

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.normal import normal_source, normals
-from dualwinch.codegen.drivers.philox import words
+from dualwinch.codegen.drivers.normal import normal_source, normals, uniforms
+from dualwinch.codegen.drivers.philox import blocks, words
 from dualwinch.codegen.drivers.unit import unit
 from dualwinch.codegen.errors import DualwinchError
 
@@ -26,8 +26,10 @@ NO_LIMIT = sys.float_info.max
 
 SIGNAL = np.dtype(
     [
-        *(("given", np.uintp), ("given_from", np.int64), ("seed", np.uint64), ("stream", np.uint64)),
+        *(("given", np.uintp), ("given_from", np.int64)),
+        *(("kind", np.int64), ("seed", np.uint64), ("stream", np.uint64)),
         *(("sigma", float), ("decay", float), ("limit", float), ("state", float)),
+        *(("period", np.int64), ("length", np.int64)),
     ],
     align=True,
 )
@@ -56,6 +58,44 @@ class RandomSignal:
     limit: float = NO_LIMIT
 
 
+@dataclass(frozen=True)
+class UniformSignal:
+    """White noise, uniform in (-1, 1).
+
+    Attributes:
+        seed, stream: as of a `RandomSignal`.
+    """
+
+    seed: int
+    stream: int
+
+
+@dataclass(frozen=True)
+class OutageSignal:
+    """1 in an outage, else 0; each window of time has one outage, somewhere within it.
+
+    Attributes:
+        seed, stream: as of a `RandomSignal`.
+        period: samples of a window, from 1 to 2^32 - 1.
+        length: of an outage in samples, on average, below 2^31: all lengths from half as long to half as long again are
+            as likely, but none is longer than its window. Where it begins is as likely anywhere that it ends in time.
+    """
+
+    seed: int
+    stream: int
+    period: int
+    length: int
+
+
+Drawn: TypeAlias = RandomSignal | UniformSignal | OutageSignal
+"""What the random part of a signal may be."""
+
+NORMAL, UNIFORM, OUTAGES = 1, 2, 3
+"""Their kinds in signals.c; 0 is nothing random."""
+
+KINDS: dict[type[Drawn], int] = {RandomSignal: NORMAL, UniformSignal: UNIFORM, OutageSignal: OUTAGES}
+
+
 class Signals:
     """Signals of a run, each of what is given and what is random, filled piece by piece.
 
@@ -63,7 +103,7 @@ class Signals:
         records: (signals,) of `SIGNAL`; their states move on as samples are filled.
     """
 
-    def __init__(self, random: Sequence[RandomSignal | None]) -> None:
+    def __init__(self, random: Sequence[Drawn | None]) -> None:
         """Set the signals up.
 
         Args:
@@ -72,6 +112,7 @@ class Signals:
         self.records = np.zeros(len(random), SIGNAL)
         for row, signal in zip(self.records, random, strict=True):
             if signal is not None:
+                row["kind"] = KINDS[type(signal)]
                 for name, value in vars(signal).items():
                     row[name] = value
         self._held: list[Floats | None] = []
@@ -101,7 +142,7 @@ class Signals:
 
 def _filler(signals: NDArray[np.void]) -> Fill:
     """C where something is drawn and there is a compiler that works, else NumPy."""
-    if not signals["sigma"].any():
+    if not signals["kind"].any():
         return fill
     try:
         return compile_fill(find_compiler())
@@ -117,11 +158,11 @@ def fill(signals: NDArray[np.void], first: int, table: Floats) -> None:
             shift = 8 * (first - int(signal["given_from"]))
             address = ctypes.cast(int(signal["given"]) + shift, ctypes.POINTER(ctypes.c_double))
             column[:] = np.ctypeslib.as_array(address, (len(column),))
-        if signal["sigma"]:
-            column[:] += _random(signal, first, len(column))
+        if signal["kind"]:
+            column[:] += DRAWS[int(signal["kind"])](signal, first, len(column))
 
 
-def _random(signal: np.void, first: int, samples: int) -> Floats:
+def _gauss_markov(signal: np.void, first: int, samples: int) -> Floats:
     drawn = normals(words(int(signal["seed"]), int(signal["stream"]), first, samples))
     sigma, decay, limit = (float(signal[name]) for name in ("sigma", "decay", "limit"))
     if decay and samples:
@@ -131,6 +172,34 @@ def _random(signal: np.void, first: int, samples: int) -> Floats:
         drawn = np.array(list(states)[-samples:])
         signal["state"] = drawn[-1]
     return (sigma * drawn).clip(-limit, limit)
+
+
+def _uniform(signal: np.void, first: int, samples: int) -> Floats:
+    return uniforms(words(int(signal["seed"]), int(signal["stream"]), first, samples))
+
+
+def _outages(signal: np.void, first: int, samples: int) -> Floats:
+    period, mean = int(signal["period"]), int(signal["length"])
+    window, at = np.divmod(np.arange(first, first + samples), period)
+    start, stop = first // period, -(-(first + samples) // period)
+    for_length, for_begin = blocks(int(signal["seed"]), int(signal["stream"]), start, stop - start)[:2]
+    shortest, half = np.uint64(mean - mean // 2), mean // 2
+    length = np.minimum(shortest + _below(np.uint64(2 * half + 1), for_length), np.uint64(period))
+    begin = _below(np.uint64(period + 1) - length, for_begin)
+    since = at - begin.astype(np.int64)[window - start]
+    return ((since >= 0) & (since < length.astype(np.int64)[window - start])).astype(float)
+
+
+def _below(count: NDArray[np.uint64] | np.uint64, drawn: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    return count * drawn >> np.uint64(32)
+
+
+DRAWS: dict[int, Callable[[np.void, int, int], Floats]] = {
+    NORMAL: _gauss_markov,
+    UNIFORM: _uniform,
+    OUTAGES: _outages,
+}
+"""Kind → ``(signal, first, samples)``: draws samples and moves the signal's state on."""
 
 
 def signals_source() -> str:

@@ -18,6 +18,7 @@ from dualwinch.model.plant import (
     Torques,
     derivative,
     plant_structure,
+    shaft_torques,
     symbolic_plant,
     tensions,
 )
@@ -138,7 +139,8 @@ def _jacobians(structure: Plant) -> ca.Function:
     plant, p = symbolic_plant(structure)
     x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
     state, environment = PlantState(*ca.vertsplit(x)), Environment(*ca.vertsplit(w))
-    dx = ca.vertcat(*leaves(derivative(state, Torques(*ca.vertsplit(u)), environment, plant)).values())
+    torques = shaft_torques(Torques(*ca.vertsplit(u)), state.theta_1, state.theta_2, plant)
+    dx = ca.vertcat(*leaves(derivative(state, torques, environment, plant)).values())
     force_1, force_2 = tensions(state, plant)
     y = ca.vertcat(state.x, state.v, force_1, force_2, state.omega_1, state.omega_2)
     inputs = ca.vertcat(u, w)

@@ -18,6 +18,7 @@ from dualwinch.model.plant import (
     Torques,
     derivative,
     plant_structure,
+    shaft_torques,
     symbolic_plant,
     tensions,
 )
@@ -177,7 +178,8 @@ def _left(structure: Plant) -> ca.Function:
     plant, p = symbolic_plant(structure)
     x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 2)
     state = PlantState(*ca.vertsplit(x))
-    rate = derivative(state, Torques(*ca.vertsplit(u)), Environment(*ca.vertsplit(w)), plant)
+    torques = shaft_torques(Torques(*ca.vertsplit(u)), state.theta_1, state.theta_2, plant)
+    rate = derivative(state, torques, Environment(*ca.vertsplit(w)), plant)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     accelerations = ca.vertcat(rate.v, radius_1 * rate.omega_1, radius_2 * rate.omega_2)
     tension_rates = ca.jtimes(ca.vertcat(*tensions(state, plant)), x, ca.vertcat(*leaves(rate).values()))

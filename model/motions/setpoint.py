@@ -17,6 +17,11 @@ class Setpoint:
     a: Annotated[Scalar, Quantity("m/s^2", "reference acceleration")]
 
 
+def later(setpoint: Setpoint, by: Scalar) -> Setpoint:
+    """Where it should be a short time in s later, the acceleration being what it is."""
+    return Setpoint(setpoint.x + by * (setpoint.v + by / 2 * setpoint.a), setpoint.v + by * setpoint.a, setpoint.a)
+
+
 def piece_at(t: Scalar, pieces: Sequence[tuple[Scalar, Setpoint]], last: Setpoint) -> Setpoint:
     """The piece whose end is the first not before t, or the last one, which has no end."""
     found = last

@@ -98,6 +98,7 @@ class Mark(Enum):
     DRAWN_AHEAD = "shapes signals that are drawn ahead of a run; the closed loop does not take it"
     SWITCH = "a truth value that the closed loop takes as a number, 0 or 1"
     OFF_AT_ZERO = "often zero for good: code of its own leaves out what it multiplies"
+    UNKNOWN = "what makes a real machine differ from its data sheet: no controller believes it"
     READS_IN_STEPS = "rounds what is read: derivatives are those without it"
     POSITION = "a state that moves on with the vehicle, and is its position in a steady cruise"
     SPEED = "a state that is the vehicle's speed in a steady cruise"

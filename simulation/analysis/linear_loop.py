@@ -160,7 +160,9 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 def state_names(cruise: LoopCruise) -> tuple[list[str], dict[str, str]]:
     """Short names of the closed loop's states, and their units by these names."""
     experiment = cruise.experiment
-    start = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors, experiment.actuator)
+    start = initial_loop_state(
+        structure_of(experiment), experiment.controller, experiment.plant, experiment.sensors, experiment.actuator
+    )
     known = describe_parts(start)
     names, units = [], {}
     for state in cruise.loop.states:

@@ -15,7 +15,6 @@ from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.vehicle import drag, friction
 from dualwinch.simulation.check import check
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of
@@ -156,8 +155,18 @@ def _least_step(matrix: Floats, change: Floats) -> Floats:
 
 def _calm(experiment: Experiment) -> Experiment:
     # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
-    sensors = Sensors(position_noise=1.0, speed_noise=1.0, tension_noise=1.0)
-    return replace(experiment, disturbance=Disturbance(), sensors=sensors)
+    sensors = replace(
+        experiment.sensors,
+        position_noise=1.0,
+        position_resolution=0.0,
+        position_drift=0.0,
+        outage_length=0.0,
+        speed_noise=1.0,
+        tension_noise=1.0,
+        encoder_counts=0,
+    )
+    simulation = replace(experiment.simulation, jitter=0.0)
+    return replace(experiment, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
 
 
 def _check(experiment: Experiment, v: float) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any, Literal, TypeAlias
 
 import annotated_types as at
 
@@ -10,6 +10,8 @@ from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, maximum, rounded, where
+
+Silence: TypeAlias = Literal["held", "nan"]
 
 
 @dataclass(frozen=True)
@@ -26,11 +28,62 @@ class Sensors:
         Mark.OFF_AT_ZERO,
         Mark.READS_IN_STEPS,
     ] = 0.0
+    position_bias: Annotated[
+        float,
+        at.Ge(-1),
+        at.Le(1),
+        Quantity("m", "reading at the track's beginning; references and errors are in its frame", "assumption"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    position_drift: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("m", "standard deviation of the position's drift (first-order Gauss–Markov)", "assumption"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    position_drift_time: Annotated[
+        float, at.Gt(0), Quantity("s", "how long a drift lasts", "assumption"), Mark.DRAWN_AHEAD
+    ] = 600.0
+    outage_length: Annotated[
+        float,
+        at.Ge(0),
+        Quantity("s", "mean length of the position sensor's outages, drawn within ±50 %; 0: none", "assumption"),
+        Mark.DRAWN_AHEAD,
+    ] = 0.0
+    outage_period: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("s", "time in which one outage occurs, at a moment that is drawn", "assumption"),
+        Mark.DRAWN_AHEAD,
+    ] = 5.0
+    outage: Annotated[
+        Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (nan)", "")
+    ] = "held"
     speed_noise: Annotated[
         float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO
     ] = 0.0
     tension_noise: Annotated[
         float, at.Ge(0), Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    load_cell_error_1: Annotated[
+        float,
+        at.Gt(-1),
+        at.Le(1),
+        Quantity("1", "share by which load cell 1 reads more than the tension", "assumption"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    load_cell_error_2: Annotated[
+        float,
+        at.Gt(-1),
+        at.Le(1),
+        Quantity("1", "share by which load cell 2 reads more than the tension", "assumption"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    load_cell_zero_1: Annotated[
+        float, Quantity("N", "reading of load cell 1 without tension", "assumption"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    load_cell_zero_2: Annotated[
+        float, Quantity("N", "reading of load cell 2 without tension", "assumption"), Mark.OFF_AT_ZERO
     ] = 0.0
     encoder_counts: Annotated[
         int,
@@ -39,24 +92,53 @@ class Sensors:
         Mark.OFF_AT_ZERO,
         Mark.READS_IN_STEPS,
     ] = 0
+    encoder_zero_1: Annotated[
+        float,
+        at.Ge(-1),
+        at.Le(1),
+        Quantity("m", "rope by which the zero of drum encoder 1 is off", "assumption"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    encoder_zero_2: Annotated[
+        float,
+        at.Ge(-1),
+        at.Le(1),
+        Quantity("m", "rope by which the zero of drum encoder 2 is off", "assumption"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard normal draws of one sample, one for each noisy sensor."""
+    """Draws of one sample, standard normal where nothing else is said."""
 
     position: Annotated[Scalar, Quantity("1", "draw of the position sensor")] = 0.0
     speed: Annotated[Scalar, Quantity("1", "draw of the speed sensor")] = 0.0
     tension_1: Annotated[Scalar, Quantity("1", "draw of tension sensor 1")] = 0.0
     tension_2: Annotated[Scalar, Quantity("1", "draw of tension sensor 2")] = 0.0
+    drift: Annotated[Scalar, Quantity("1", "drift of the position sensor over its standard deviation")] = 0.0
+    lateness: Annotated[Scalar, Quantity("1", "lateness of the next sample over the largest, -1 to 1")] = 0.0
+    silent: Annotated[Scalar, Quantity("1", "1 while the position sensor is silent")] = 0.0
 
 
 @dataclass(frozen=True)
-class EncoderState:
-    """Drum angles as the encoders gave them at the last sample."""
+class Readings:
+    """What the sensors gave at the last sample."""
 
-    theta_1: Annotated[Scalar, Quantity("rad", "last reading of drum 1"), Mark.BOOKKEEPING] = 0.0
-    theta_2: Annotated[Scalar, Quantity("rad", "last reading of drum 2"), Mark.BOOKKEEPING] = 0.0
+    theta_1: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 1"), Mark.BOOKKEEPING] = 0.0
+    theta_2: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 2"), Mark.BOOKKEEPING] = 0.0
+
+
+@dataclass(frozen=True)
+class HeldReadings(Readings):
+    """What sensors gave at the last sample of which the position sensor may fall silent."""
+
+    x: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
+
+
+def silence_of(sensors: Sensors) -> Silence | None:
+    """What the position sensor reads while it is silent; None: it never is."""
+    return sensors.outage if sensors.outage_length > 0 else None
 
 
 def quantise(value: Scalar, step: Scalar) -> Scalar:
@@ -70,44 +152,67 @@ def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:
     return where(counts > 0, 2 * math.pi / (gear_ratio * maximum(counts, 1)), 0.0)
 
 
-def read_encoders(state: PlantState, plant: Plant, sensors: Sensors) -> EncoderState:
+def read_encoders(state: PlantState, plant: Plant, sensors: Sensors) -> Readings:
     """Drum angles in rad as the encoders give them."""
-    return EncoderState(
-        theta_1=quantise(state.theta_1, encoder_step(plant.winch_1.gear_ratio, sensors)),
-        theta_2=quantise(state.theta_2, encoder_step(plant.winch_2.gear_ratio, sensors)),
+    winch_1, winch_2 = plant.winch_1, plant.winch_2
+    zero_1, zero_2 = sensors.encoder_zero_1 / winch_1.drum_radius, sensors.encoder_zero_2 / winch_2.drum_radius
+    return Readings(
+        theta_1=quantise(state.theta_1 + zero_1, encoder_step(winch_1.gear_ratio, sensors)),
+        theta_2=quantise(state.theta_2 + zero_2, encoder_step(winch_2.gear_ratio, sensors)),
     )
+
+
+def first_readings(state: PlantState, plant: Plant, sensors: Sensors, silence: Silence | None) -> Any:
+    """Readings before the first sample; of the position only where it may be held."""
+    encoders = read_encoders(state, plant, sensors)
+    if silence != "held":
+        return encoders
+    return HeldReadings(**vars(encoders), x=state.x + sensors.position_bias)
 
 
 def measure(
     state: PlantState,
     tensions: tuple[Scalar, Scalar],
     noise: Noise,
-    last: EncoderState,
+    last: Readings,
     plant: Plant,
     sensors: Sensors,
     sample_time: Scalar,
-) -> tuple[EncoderState, Measurement]:
+    silence: Silence | None = None,
+) -> tuple[Readings, Measurement]:
     """Sensor values of one sample.
 
     Args:
         state: the plant's state.
         tensions: true tensions in N.
         noise: this sample's draws.
-        last: the encoders' last reading.
-        plant: gives the gear ratios.
+        last: the readings of the last sample.
+        plant: gives gear ratios and drum radii.
         sensors: errors of the sensors.
         sample_time: in s; a drum speed is the difference of two encoder readings over it.
+        silence: `silence_of` these sensors.
 
     Returns:
-        The encoders' reading, to be kept for the next sample, and the measurement.
+        The readings, to be kept for the next sample, and the measurement.
     """
     now = read_encoders(state, plant, sensors)
     counting = sensors.encoder_counts > 0
+    off = sensors.position_bias + sensors.position_drift * noise.drift
+    x = quantise(state.x + off + sensors.position_noise * noise.position, sensors.position_resolution)
+    if silence and isinstance(last, HeldReadings):
+        x = where(noise.silent > 0, last.x, x)
+        now = HeldReadings(**vars(now), x=x)
+    elif silence:
+        x = where(noise.silent > 0, math.nan, x)
     measured = Measurement(
-        x=quantise(state.x + sensors.position_noise * noise.position, sensors.position_resolution),
+        x=x,
         v=state.v + sensors.speed_noise * noise.speed,
-        F1=tensions[0] + sensors.tension_noise * noise.tension_1,
-        F2=tensions[1] + sensors.tension_noise * noise.tension_2,
+        F1=(1 + sensors.load_cell_error_1) * tensions[0]
+        + sensors.load_cell_zero_1
+        + sensors.tension_noise * noise.tension_1,
+        F2=(1 + sensors.load_cell_error_2) * tensions[1]
+        + sensors.load_cell_zero_2
+        + sensors.tension_noise * noise.tension_2,
         omega_1=where(counting, (now.theta_1 - last.theta_1) / sample_time, state.omega_1),
         omega_2=where(counting, (now.theta_2 - last.theta_2) / sample_time, state.omega_2),
         theta_1=now.theta_1,

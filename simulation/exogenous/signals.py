@@ -8,10 +8,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.signals import NO_LIMIT, RandomSignal, Signals
+from dualwinch.codegen.drivers.signals import NO_LIMIT, Drawn, OutageSignal, RandomSignal, Signals, UniformSignal
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
+from dualwinch.simulation.exogenous.sensors import silence_of
 from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import Exogenous
@@ -25,6 +26,10 @@ SIGNALS = len(NAMES)
 """Number of signals a sample receives."""
 
 
+MOST_SAMPLES = 2**31 - 1
+"""Longest outage, and longest time between two, in samples."""
+
+
 class Sea(NamedTuple):
     """What acts on the vehicle, sample by sample, each (samples,): random and given signals together."""
 
@@ -36,13 +41,13 @@ class Sea(NamedTuple):
     """change of the force on the rail in N."""
 
 
-def random_signals(experiment: Experiment) -> dict[str, RandomSignal]:
+def random_signals(experiment: Experiment) -> dict[str, Drawn]:
     """The random signals of an experiment by name, each with a stream of its own.
 
     So switching one on leaves the others as they are. Noises of sensors are drawn with a standard deviation of 1.
     """
     sea, sensors, simulation = experiment.disturbance, experiment.sensors, experiment.simulation
-    found: dict[str, RandomSignal] = {}
+    found: dict[str, Drawn] = {}
 
     def add(name: str, sigma: float, time: float = 0.0, limit: float = NO_LIMIT) -> None:
         if sigma > 0:
@@ -56,6 +61,16 @@ def random_signals(experiment: Experiment) -> dict[str, RandomSignal]:
     add("noise.speed", float(sensors.speed_noise > 0))
     add("noise.tension_1", float(sensors.tension_noise > 0))
     add("noise.tension_2", float(sensors.tension_noise > 0))
+    add("noise.drift", float(sensors.position_drift > 0), sensors.position_drift_time)
+    seed, sample_time = simulation.seed, simulation.sample_time
+    if simulation.jitter > 0:
+        found["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))
+    if silence_of(sensors):
+        period, length = (
+            min(max(1, round(time / sample_time)), MOST_SAMPLES)
+            for time in (sensors.outage_period, sensors.outage_length)
+        )
+        found["noise.silent"] = OutageSignal(seed, stream_number("noise.silent"), period, length)
     return found
 
 

@@ -15,11 +15,13 @@ the Kelvin–Voigt rope.
 
 from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.plant import PlantState, vehicle_acceleration
+from dualwinch.model.ropes.creep import crept
 from dualwinch.model.ropes.kelvin_voigt import Rope, compliance, kelvin_voigt
 from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar, minimum, reciprocals
 from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import Winch, friction_slope, friction_torque
+from dualwinch.model.winding import Winding, winding
 from dualwinch.simulation.integrators.oscillator import Oscillator
 from dualwinch.simulation.integrators.problem import Motion, Problem
 
@@ -47,7 +49,8 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
         slack: whether ropes can go slack; without, the result holds where the number is positive.
     """
     plant, state = problem.plant, motion.plant
-    rope_1, rope_2 = _oscillators(problem, state, h, slack)
+    drum_1, drum_2 = winding(state.theta_1, plant.winch_1), winding(state.theta_2, plant.winch_2)
+    rope_1, rope_2 = _oscillators(problem, state, (drum_1, drum_2), h, slack)
     (fixed_1, slope_1), (fixed_2, slope_2) = rope_1.mean_pull(), rope_2.mean_pull()
     mass = inertia(plant.vehicle)
 
@@ -68,29 +71,38 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # Eq. 19: where a rope went slack or tight
     steps = h * state.v + a  # speed at the end in m a step, without the above
     x = state.x + h * state.v + a / 2
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    theta_1, radius_1 = _turned(drum_1, stretch_1 + x + crept(problem.t, plant.creep_1))
+    theta_2, radius_2 = _turned(drum_2, stretch_2 - x + crept(problem.t, plant.creep_2))
     following = PlantState(
         x=x + late / 2,
         v=state.v + 1 / h * (a + late),
-        theta_1=1 / radius_1 * (stretch_1 + x),
+        theta_1=theta_1,
         omega_1=1 / (radius_1 * h) * (rate_1 + steps),
-        theta_2=1 / radius_2 * (stretch_2 - x),
+        theta_2=theta_2,
         omega_2=1 / (radius_2 * h) * (rate_2 - steps),
     )
     clearance = minimum(rope_1.clearance(a), rope_2.clearance(a))
     return Motion(following, motion.phase + h * frequency, slow), clearance
 
 
-def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) -> tuple[Oscillator, Oscillator]:
-    """Both ropes with their drums (Eq. 1–4), the rope lengths at mid-step."""
+def _turned(drum: Winding, rope: Scalar) -> tuple[Scalar, Scalar]:
+    """Angle in rad and radius in m of a drum on which so much rope in m is wound at the end of a step."""
+    theta = 1 / drum.base * (rope - drum.beyond_of(rope))
+    return theta, drum.radius_after(theta - drum.theta)
+
+
+def _oscillators(
+    problem: Problem, state: PlantState, drums: tuple[Winding, Winding], h: Scalar, slack: bool
+) -> tuple[Oscillator, Oscillator]:
+    """Both ropes with their drums (Eq. 1–4), the rope lengths and the drums' radii at mid-step."""
     plant, torques = problem.plant, problem.torques
     travel = h * state.v
     length_1, length_2 = rope_lengths(state.x + travel / 2, plant.track)
     closeness_1, closeness_2 = reciprocals(length_1, length_2)
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    drum_1, drum_2 = drums
     rope_1 = _oscillator(
-        stretch=radius_1 * state.theta_1 - state.x,
-        rate=radius_1 * h * state.omega_1 - travel,
+        stretch=drum_1.rope - state.x - crept(problem.t, plant.creep_1),
+        rate=drum_1.radius * h * state.omega_1 - travel,
         sign=-1.0,
         omega=state.omega_1,
         torque=torques.tau_1,
@@ -99,12 +111,13 @@ def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) ->
         lengthening=-travel,
         rope=kelvin_voigt(plant.rope_1),
         winch=plant.winch_1,
+        drum=drum_1,
         slack=slack,
         h=h,
     )
     rope_2 = _oscillator(
-        stretch=radius_2 * state.theta_2 + state.x,
-        rate=radius_2 * h * state.omega_2 + travel,
+        stretch=drum_2.rope + state.x - crept(problem.t, plant.creep_2),
+        rate=drum_2.radius * h * state.omega_2 + travel,
         sign=1.0,
         omega=state.omega_2,
         torque=torques.tau_2,
@@ -113,6 +126,7 @@ def _oscillators(problem: Problem, state: PlantState, h: Scalar, slack: bool) ->
         lengthening=travel,
         rope=kelvin_voigt(plant.rope_2),
         winch=plant.winch_2,
+        drum=drum_2,
         slack=slack,
         h=h,
     )
@@ -131,6 +145,7 @@ def _oscillator(
     lengthening: Scalar,
     rope: Rope,
     winch: Winch,
+    drum: Winding,
     slack: bool,
     h: Scalar,
 ) -> Oscillator:
@@ -140,17 +155,22 @@ def _oscillator(
     in m a step.
     """
     drag = h / winch.inertia * friction_slope(omega, winch)
-    turning = winch.drum_radius / winch.inertia * h**2
+    turn = h * omega
+    radius = drum.radius_after(turn / 2)
+    turning = radius / winch.inertia * h**2
     return Oscillator(
         stretch=stretch,
         rate=rate,
-        drive=turning * winch.gear_ratio * torque - turning * friction_torque(omega, winch) + drag * rate,
+        drive=turning * winch.gear_ratio * torque
+        - turning * friction_torque(omega, winch)
+        + drag * rate
+        + (drum.growth + turn / 2 * drum.bend) * turn**2,
         sign=sign,
         spring=rope.modulus * rope.area * closeness,
         compliance=compliance(length, rope),
         damper=rope.damping / h,
         stiffening=-lengthening * closeness,
-        mobility=winch.drum_radius**2 / winch.inertia * h**2,
+        mobility=radius**2 / winch.inertia * h**2,
         drag=drag,
         slack=slack,
     )

@@ -7,11 +7,12 @@ from dualwinch.model.ropes.kelvin_voigt import Rope, stiffness
 from dualwinch.model.ropes.rope_law import RopeLaw
 from dualwinch.model.ropes.track import Track
 from dualwinch.model.winch import Winch
+from dualwinch.model.winding import base_radius
 
 
 def swing_rate(rope: Rope, winch: Winch, track: Track) -> float:
     """How fast in rad/s a Kelvin–Voigt rope and its drum swing, or settle, where the rope is shortest."""
-    mobility = winch.drum_radius**2 / winch.inertia
+    mobility = base_radius(winch) ** 2 / winch.inertia
     return max(math.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * rope.damping / 2)
 
 
@@ -28,7 +29,7 @@ def fastest_rate(rope: RopeLaw, winch: Winch, track: Track, tensions: tuple[floa
         track: says how long the rope is.
         tensions: in N.
     """
-    mobility, fastest = winch.drum_radius**2 / winch.inertia, 0.0
+    mobility, fastest = base_radius(winch) ** 2 / winch.inertia, 0.0
     for length in (track.rope_offset, track.length + track.rope_offset):
         for tension in tensions:
             reached = rope.tension(rope.resting_stretch(tension, length), 0.0, length)

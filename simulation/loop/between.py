@@ -27,11 +27,23 @@ class ZeroOrderHold:
     force: Annotated[Scalar, Quantity("N", "force on the vehicle along the track, beside the vortex force")]
 
 
+@dataclass(frozen=True)
+class JitteringHold(ZeroOrderHold):
+    """The same where samples are early or late."""
+
+    duration: Annotated[Scalar, Quantity("s", "time until the next sample")] = 0.0
+
+
+def zero_order_hold(structure: Structure, *, duration: Scalar, **held: Any) -> ZeroOrderHold:
+    """What is held until the next sample; how long, only where that is not always the same."""
+    return JitteringHold(**held, duration=duration) if structure.jitters else ZeroOrderHold(**held)
+
+
 def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
-    """What an integrator has to solve from one sample to the next, `duration` s later."""
+    """What an integrator has to solve from one sample to the next, `duration` s later where the hold says nothing."""
     return Problem(
         t=hold.t,
-        duration=duration,
+        duration=hold.duration if isinstance(hold, JitteringHold) else duration,
         torques=hold.torques,
         environment=Environment(hold.force, hold.current, hold.normal_force_variation),
         disturbance=disturbance,
@@ -40,8 +52,20 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
 
 
 MOTION_TEMPLATE = Motion(PlantState(*[0.0] * 6))
-HOLD_TEMPLATE = ZeroOrderHold(t=0.0, torques=Torques(0.0, 0.0), current=0.0, normal_force_variation=0.0, force=0.0)
-"""What names the elements of the vectors between two samples; its numbers mean nothing."""
+"""What names the elements of the plant's vector; its numbers mean nothing."""
+
+
+def hold_template(structure: Structure) -> ZeroOrderHold:
+    """What names the elements of a hold; its numbers mean nothing."""
+    return zero_order_hold(
+        structure,
+        t=0.0,
+        torques=Torques(0.0, 0.0),
+        current=0.0,
+        normal_force_variation=0.0,
+        force=0.0,
+        duration=0.0,
+    )
 
 
 def between_samples(
@@ -56,10 +80,11 @@ def between_samples(
         problem: gives what is solved, from the zero-order hold.
         parameters: symbols in it that are parameters.
     """
-    motion, hold = ca.SX.sym("motion", len(leaves(MOTION_TEMPLATE))), ca.SX.sym("hold", len(leaves(HOLD_TEMPLATE)))
+    template = hold_template(structure)
+    motion, hold = ca.SX.sym("motion", len(leaves(MOTION_TEMPLATE))), ca.SX.sym("hold", len(leaves(template)))
     part = ca.SX.sym("part")
     start = _with_elements(MOTION_TEMPLATE, motion)
-    solved = problem(_with_elements(HOLD_TEMPLATE, hold))
+    solved = problem(_with_elements(template, hold))
     track, overrun = solved.plant.track, solved.plant.track.rope_offset / 2
 
     def function(name: str, inputs: dict[str, ca.SX], moved: Motion, **more: ca.SX) -> ca.Function:

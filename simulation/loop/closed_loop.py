@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
@@ -14,18 +14,25 @@ from dualwinch.controllers.signals import ControllerOutput
 from dualwinch.model.actuators.actuator import Actuator
 from dualwinch.model.actuators.drive import drive
 from dualwinch.model.actuators.ideal import NoState, is_ideal
-from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions
+from dualwinch.model.motions.setpoint import later
+from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions, torques_amid
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute
-from dualwinch.simulation.exogenous.sensors import EncoderState, Noise, Sensors, measure, read_encoders
+from dualwinch.simulation.exogenous.sensors import Noise, Readings, Sensors, first_readings, measure, silence_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.between import ZeroOrderHold, between_samples, named_function, problem_of
+from dualwinch.simulation.loop.between import (
+    ZeroOrderHold,
+    between_samples,
+    named_function,
+    problem_of,
+    zero_order_hold,
+)
 from dualwinch.simulation.loop.row import COLUMNS, row_of
-from dualwinch.simulation.loop.structure import Structure, parameters_of, template_of
+from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
 from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import Accumulators, accumulate
@@ -51,14 +58,19 @@ class Exogenous:
     steady: Annotated[Scalar, Quantity("1", "1 in the steady-state window")] = 0.0
 
 
-FORCE = "force"
-"""Signal that is hardly ever there: code of its own leaves it out."""
+FORCE, DRIFT, SILENT, LATENESS = "force", "noise.drift", "noise.silent", "noise.lateness"
+"""Signals that are hardly ever there: code of its own leaves them out."""
 
 
 def absent_signals(*experiments: Experiment) -> frozenset[str]:
     """Signals from outside that are zero for good in all of some experiments; what they add can be left out."""
-    given = any(experiment.disturbance.force.given for experiment in experiments)
-    return frozenset() if given else frozenset({FORCE})
+    present = {
+        FORCE: any(experiment.disturbance.force.given for experiment in experiments),
+        DRIFT: any(experiment.sensors.position_drift > 0 for experiment in experiments),
+        SILENT: any(silence_of(experiment.sensors) for experiment in experiments),
+        LATENESS: any(experiment.simulation.jitter > 0 for experiment in experiments),
+    }
+    return frozenset(name for name, there in present.items() if not there)
 
 
 @dataclass(frozen=True)
@@ -67,20 +79,32 @@ class LoopState:
 
     motion: Motion
     controller: ControllerState
-    encoders: EncoderState = field(default_factory=EncoderState)
+    readings: Any = field(default_factory=Readings)
     actuator_1: Any = field(default_factory=NoState)
     actuator_2: Any = field(default_factory=NoState)
+    timing: Any = field(default_factory=NoState)
     sample: Annotated[Scalar, Quantity("1", "number of the sample"), Mark.BOOKKEEPING] = 0.0
 
 
-def initial_loop_state(controller: Controller, plant: Plant, sensors: Sensors, actuator: Actuator) -> LoopState:
-    """Plant, controller, encoders and actuators before the first sample."""
+@dataclass(frozen=True)
+class Timing:
+    """When a sample is that need not be in time."""
+
+    late: Annotated[Scalar, Quantity("s", "time by which the sample is late"), Mark.BOOKKEEPING] = 0.0
+
+
+def initial_loop_state(
+    structure: Structure, controller: Controller, plant: Plant, sensors: Sensors, actuator: Actuator
+) -> LoopState:
+    """Plant, controller, sensors and actuators before the first sample, where the position sensor reads 0."""
     preload = controller.limits.preload
-    rest, holding = resting_state(preload, plant), holding_torques(preload, plant)
+    rest = resting_state(preload, plant, 0.0 - sensors.position_bias)
+    holding = holding_torques(preload, plant)
     return LoopState(
         motion=Motion(rest),
         controller=initial_controller_state(controller),
-        encoders=read_encoders(rest, plant, sensors),
+        readings=first_readings(rest, plant, sensors, structure.silence),
+        timing=Timing() if structure.jitters else NoState(),
         actuator_1=actuator.holding_state(holding.tau_1),
         actuator_2=actuator.holding_state(holding.tau_2),
     )
@@ -97,37 +121,39 @@ def _queue_names(delay_samples: int) -> list[str]:
 
 
 def starting_state(
+    structure: Structure,
     controller: Controller,
     plant: Plant,
     sensors: Sensors,
     actuator: Actuator,
-    delay_samples: int = 0,
     metrics: Sequence[Metric] = (),
 ) -> dict[str, Scalar]:
-    """State before the first sample by name: at rest at x = 0, both ropes at preload/2, equilibrium torques under way.
+    """State before the first sample by name: at rest, both ropes at preload/2, equilibrium torques under way.
+
+    The vehicle is where the position sensor reads 0: without a bias, at the beginning of the track.
 
     Args:
+        structure: of the closed loop.
         controller: gives the preload, and the laws whose states these are.
         plant: floats or symbols.
-        sensors: errors of the encoders.
+        sensors: errors of the sensors.
         actuator: gives the holding torques.
-        delay_samples: samples a torque is late at the motor.
         metrics: figures of merit beside the built-in ones.
     """
-    start = initial_loop_state(controller, plant, sensors, actuator)
+    start = initial_loop_state(structure, controller, plant, sensors, actuator)
     holding = leaves(holding_torques(controller.limits.preload, plant))
-    queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(delay_samples)}
+    queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(structure.delay_samples)}
     return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(metrics)
 
 
 def initial_state_of(experiment: Experiment) -> dict[str, float]:
     """`starting_state` of an experiment, as floats."""
     start = starting_state(
+        structure_of(experiment),
         experiment.controller,
         experiment.plant,
         experiment.sensors,
         experiment.actuator,
-        experiment.simulation.delay_samples,
         experiment.metrics,
     )
     return {key: float(value) for key, value in start.items()}
@@ -175,6 +201,27 @@ def _offered(
     )
 
 
+class _Instant(NamedTuple):
+    """When a sample is."""
+
+    t: Scalar
+    """Time in s."""
+    duration: Scalar
+    """Time in s until the next sample."""
+    reference: Setpoint
+    """Where the vehicle should be at that time; the controller knows that of a sample that is in time."""
+    timing: Any
+    """State of the next sample."""
+
+
+def _instant(state: LoopState, exogenous: Exogenous, sample_time: Scalar, jitter: Scalar) -> _Instant:
+    t = state.sample * sample_time
+    if not isinstance(state.timing, Timing):
+        return _Instant(t, sample_time, exogenous.reference, state.timing)
+    late, following = state.timing.late, jitter * exogenous.noise.lateness
+    return _Instant(t + late, sample_time + (following - late), later(exogenous.reference, late), Timing(following))
+
+
 def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
     template = template_of(structure)
     queued = _queue_names(structure.delay_samples)
@@ -198,15 +245,18 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     sensors = with_leaves(template.sensors, values, "sensors.")
     actuator = with_leaves(template.actuator, values, "actuator.")
     sample_time = values["simulation.sample_time"]
-    start = initial_loop_state(template.controller, template.plant, template.sensors, template.actuator)
+    start = initial_loop_state(structure, template.controller, template.plant, template.sensors, template.actuator)
     state = with_leaves(start, of_state)
     exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
     plant_state = state.motion.plant
 
     # the sample's beginning: sense and control
-    pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant), strict=True))
+    instant = _instant(state, exogenous, sample_time, values["simulation.jitter"])
+    pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant, instant.t), strict=True))
     forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
-    encoders, measurement = measure(plant_state, forces, exogenous.noise, state.encoders, plant, sensors, sample_time)
+    readings, measurement = measure(
+        plant_state, forces, exogenous.noise, state.readings, plant, sensors, sample_time, structure.silence
+    )
     controller_state, output = controller_step(
         state.controller,
         measurement,
@@ -224,12 +274,14 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     actuators, torques = drive(
         (state.actuator_1, state.actuator_2), Torques(queue[0], queue[1]), plant_state, plant, actuator, sample_time
     )
-    hold = ZeroOrderHold(
-        t=state.sample * sample_time,
-        torques=torques,
+    hold = zero_order_hold(
+        structure,
+        t=instant.t,
+        torques=torques_amid(torques, plant_state, instant.duration, plant),
         current=exogenous.current,
         normal_force_variation=exogenous.normal_force_variation,
         force=exogenous.force,
+        duration=instant.duration,
     )
     disturbance = with_leaves(template.disturbance, values, "disturbance.")
 
@@ -243,18 +295,21 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         t=hold.t,
         state=plant_state,
         forces=forces,
-        reference=exogenous.reference,
+        reference=instant.reference,
+        bias=sensors.position_bias,
         output=output,
         environment=environment,
         plant=plant,
         nominal=nominal,
-        torques=None if is_ideal(actuator) else torques,
+        torques=None if is_ideal(actuator) else hold.torques,
     )
     sample = _offered(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
     sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")
     own = tuple(with_leaves(metric, values, "metrics.") for metric in template.metrics)
     sums |= states_after(own, of_state, sample, sample_time)
-    following = leaves(LoopState(state.motion, controller_state, encoders, *actuators, state.sample + 1))
+    following = leaves(
+        LoopState(state.motion, controller_state, readings, *actuators, instant.timing, state.sample + 1)
+    )
     following |= dict(zip(queued, queue[2:], strict=True)) | sums
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "hold": ca.vertcat(*leaves(hold).values())}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import casadi as ca
@@ -11,7 +11,16 @@ import numpy as np
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.signals import Measurement
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques, resting_state, tensions
+from dualwinch.model.plant import (
+    Environment,
+    Plant,
+    PlantState,
+    Torques,
+    resting_state,
+    shaft_torques,
+    tensions,
+    torques_amid,
+)
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -115,20 +124,22 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     torques, sea = _new(describe(Torques)), _new(describe(Environment))
     sample_time = symbols["simulation.sample_time"]
     motion = with_leaves(Motion(PlantState(0, 0, 0, 0, 0, 0)), {f"plant.{name}": state[name] for name in state} | state)
+    t, here = state[SAMPLE] * sample_time, motion.plant
     problem = Problem(
-        t=state[SAMPLE] * sample_time,
+        t=t,
         duration=sample_time,
-        torques=Torques(**torques),
+        torques=torques_amid(Torques(**torques), here, sample_time, plant),
         environment=Environment(**sea),
         disturbance=with_leaves(experiment.disturbance, symbols, "disturbance."),
         plant=plant,
     )
     solver = solver_of(experiment)
     moved = INTEGRATORS[solver.integrator].advance(problem, motion, solver.substeps)
-    slope = problem.derivative(problem.t, motion)
+    held = replace(problem, torques=shaft_torques(Torques(**torques), here.theta_1, here.theta_2, plant))
+    slope = held.derivative(t, motion)
 
-    def output(at: PlantState) -> Scalars:
-        return leaves(at) | dict(zip(("F1", "F2"), tensions(at, plant), strict=True))
+    def output(at: PlantState, when: Scalar) -> Scalars:
+        return leaves(at) | dict(zip(("F1", "F2"), tensions(at, plant, when), strict=True))
 
     states = (
         _facts(describe_parts(motion.plant))
@@ -140,13 +151,13 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         input=torques | sea,
         initial=leaves(resting_state(controller.limits.preload, plant)) | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
         next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
-        output=output(moved.plant),
+        output=output(moved.plant, t + sample_time),
         about=(
             states,
             _facts(describe(Torques)) | _facts(describe(Environment)),
             states | {name: (COLUMNS[name], ANY) for name in ("F1", "F2")},
         ),
-        output_now=output(motion.plant),
+        output_now=output(here, t),
         derivative=leaves(slope.plant) | {PHASE: slope.phase, SAMPLE: 1 / sample_time},
         nominal=_swings(experiment.plant, experiment.controller.limits.preload),
     )
@@ -168,13 +179,14 @@ def _swings(plant: Plant, preload: float) -> dict[str, float]:
 
 def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the closed loop, without the sums behind the figures of merit."""
-    loop = closed_loop(structure_of(experiment))
+    structure = structure_of(experiment)
+    loop = closed_loop(structure)
     exogenous = _new(loop.exogenous)
     start = starting_state(
+        structure,
         *_symbolic(experiment, symbols)[:2],
         with_leaves(experiment.sensors, symbols, "sensors."),
         with_leaves(experiment.actuator, symbols, "actuator."),
-        experiment.simulation.delay_samples,
     )
     initial = {name: value for name, value in start.items() if not name.startswith("metrics.")}
     state = _new(initial)
@@ -182,7 +194,9 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
     vectors = ca.vertcat(*exogenous.values()), ca.vertcat(*(symbols[name] for name in loop.parameters))
     next_state, row, _ = loop.step(all_states, *vectors)
     following = dict(zip(loop.states, ca.vertsplit(next_state), strict=True))
-    parts = initial_loop_state(experiment.controller, experiment.plant, experiment.sensors, experiment.actuator)
+    parts = initial_loop_state(
+        structure, experiment.controller, experiment.plant, experiment.sensors, experiment.actuator
+    )
     torques = _facts(describe(Torques))
     queue = {name: torques[name.rsplit(".", 1)[1]] for name in initial if name.startswith("queue.")}
     return Equations(

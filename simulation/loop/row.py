@@ -29,7 +29,7 @@ class Row:
     x_ref: Annotated[Scalar, Quantity("m", "reference position")]
     v_ref: Annotated[Scalar, Quantity("m/s", "reference speed")]
     a_ref: Annotated[Scalar, Quantity("m/s^2", "reference acceleration"), Mark.HELD]
-    e: Annotated[Scalar, Quantity("m", "tracking error x - x_ref")]
+    e: Annotated[Scalar, Quantity("m", "tracking error x - x_ref, in the frame of the position sensor")]
     F1: Annotated[Scalar, Quantity("N", "tension of rope 1")]
     F2: Annotated[Scalar, Quantity("N", "tension of rope 2")]
     F1_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 1"), Mark.HELD]
@@ -68,6 +68,7 @@ def row_of(
     environment: Environment,
     plant: Plant,
     nominal: Plant,
+    bias: Scalar = 0.0,
     torques: Torques | None = None,
 ) -> dict[str, tuple[Scalar, Quantity]]:
     """The row of one sample: column name → value and what it is.
@@ -79,11 +80,12 @@ def row_of(
         t: time in s.
         state: the plant's state.
         forces: tensions in N.
-        reference: where the vehicle should be.
+        reference: where the vehicle should be at that time.
         output: what the controller gave.
         environment: what acts on the vehicle from outside.
         plant: the plant.
         nominal: the plant as the controller believes it to be.
+        bias: of the position sensor in m; an error that is all the time there does not count.
         torques: what the motors give, where that is not what they are asked for.
 
     Raises:
@@ -99,7 +101,7 @@ def row_of(
         x_ref=reference.x,
         v_ref=reference.v,
         a_ref=reference.a,
-        e=state.x - reference.x,
+        e=state.x - reference.x + bias,
         F1=F1,
         F2=F2,
         F1_cmd=output.winches.F1_cmd,

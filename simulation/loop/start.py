@@ -47,12 +47,13 @@ def start_slopes(structure: Structure) -> ca.Function:
 def _start(structure: Structure, *, steps: bool) -> tuple[ca.SX, ca.SX]:
     template = template_of(structure)
     symbols = {name: ca.SX.sym(name) for name in parameters_of(template)}
+    sensors = symbols if steps else {**symbols, "sensors.encoder_counts": 0, "sensors.position_resolution": 0.0}
     state = starting_state(
+        structure,
         with_leaves(template.controller, symbols, "controller."),
         with_leaves(template.plant, symbols, "plant."),
-        with_leaves(Sensors(), symbols, "sensors.") if steps else Sensors(),
+        with_leaves(Sensors(), sensors, "sensors."),
         with_leaves(template.actuator, symbols, "actuator."),
-        structure.delay_samples,
         [with_leaves(metric, symbols, "metrics.") for metric in template.metrics],
     )
     return ca.vertcat(*symbols.values()), ca.densify(ca.vertcat(*state.values()))

@@ -11,6 +11,7 @@ from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, numbers
+from dualwinch.simulation.exogenous.sensors import Sensors, Silence, silence_of
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators.solver import solver_of
 from dualwinch.simulation.metrics.metric import Metric
@@ -25,6 +26,8 @@ class Structure:
         integrator, substeps: what solves the plant.
         delay_samples: as in an experiment.
         metrics: figures of merit beside the built-in ones, likewise.
+        silence: what a silent position sensor reads (`exogenous.sensors.silence_of`).
+        jitters: whether samples are early or late.
     """
 
     plant: Plant
@@ -34,17 +37,29 @@ class Structure:
     substeps: int
     delay_samples: int
     metrics: tuple[Metric, ...] = ()
+    silence: Silence | None = None
+    jitters: bool = False
 
 
 def template_of(structure: Structure) -> Experiment:
     """An experiment of a structure; its numbers are those of no experiment in particular."""
+    sensors, jitter = Sensors(), Simulation.sample_time / 4 if structure.jitters else 0.0
+    if structure.silence:
+        sensors = Sensors(outage=structure.silence, outage_length=1.0)
     return Experiment(
         plant=structure.plant,
         controller=structure.controller,
+        sensors=sensors,
         actuator=structure.actuator,
-        simulation=Simulation(delay_samples=structure.delay_samples),
+        simulation=Simulation(delay_samples=structure.delay_samples, jitter=jitter),
         metrics=structure.metrics,
     )
+
+
+@cache
+def unknown_keys() -> frozenset[str]:
+    """Keys ``nominal.*`` of what no controller believes of a plant."""
+    return frozenset(key for key, leaf in describe_parts(Plant(), "nominal.").items() if Mark.UNKNOWN in leaf.marks)
 
 
 KEPT = 64
@@ -62,6 +77,8 @@ def structure_of(experiment: Experiment) -> Structure:
         substeps=solver.substeps,
         delay_samples=experiment.simulation.delay_samples,
         metrics=tuple(map(alike, experiment.metrics)),
+        silence=silence_of(experiment.sensors),
+        jitters=experiment.simulation.jitter > 0,
     )
 
 
@@ -102,14 +119,15 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
     controller = experiment.controller
     gains = numbers(controller, "controller.")
     believed = nominal_plant(controller.nominal, nominal or experiment.plant, controller.limits.preload)
+    unknown = unknown_keys()
     values = (
         numbers(experiment.plant, "plant.")
-        | numbers(believed, "nominal.")
+        | {key: value for key, value in numbers(believed, "nominal.").items() if key not in unknown}
         | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
         | numbers(experiment.disturbance, "disturbance.")
         | numbers(experiment.sensors, "sensors.")
         | numbers(experiment.actuator, "actuator.")
-        | {"simulation.sample_time": experiment.simulation.sample_time}
+        | {f"simulation.{name}": getattr(experiment.simulation, name) for name in ("sample_time", "jitter")}
         | {key: value for metric in experiment.metrics for key, value in numbers(metric, "metrics.").items()}
     )
     return {key: float(value) for key, value in values.items()}

@@ -7,12 +7,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 from scipy.signal import lfilter
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.normal import normals
 from dualwinch.codegen.drivers.philox import words
-from dualwinch.codegen.drivers.signals import RandomSignal, Signals, compile_fill, fill
+from dualwinch.codegen.drivers.signals import (
+    Drawn,
+    OutageSignal,
+    RandomSignal,
+    Signals,
+    UniformSignal,
+    compile_fill,
+    fill,
+)
 from dualwinch.codegen.errors import CompilerNotFoundError
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
@@ -20,8 +29,13 @@ COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
 MIXED = (
     *(RandomSignal(1, 2, 0.7), RandomSignal(1, 3, 2.0, 0.99), None),
     *(RandomSignal(2**64 - 1, 2**64 - 1, 3.0, 0.9, 1.5), RandomSignal(1, 4, 1.0, 1e-300), None),
+    *(UniformSignal(1, 5), UniformSignal(2**64 - 1, 2**64 - 1), OutageSignal(1, 6, 70, 9)),
+    *(OutageSignal(2**64 - 1, 2**64 - 1, 3, 7), OutageSignal(1, 7, 1, 1), OutageSignal(1, 8, 2**32 - 1, 2**31 - 1)),
 )
-GIVEN = (np.linspace(0, 1, 1000), None, np.sin(np.arange(1000)), np.full(1000, -2.0), None, None)
+GIVEN = (
+    *(np.linspace(0, 1, 1000), None, np.sin(np.arange(1000)), np.full(1000, -2.0), None, None),
+    *(None, np.arange(1000) / 3, None, np.arange(1000) / 7, None, None),
+)
 
 
 def filled(lengths: list[int]) -> np.ndarray:
@@ -34,7 +48,7 @@ def filled(lengths: list[int]) -> np.ndarray:
     return table
 
 
-def drawn(signal: RandomSignal, samples: int) -> np.ndarray:
+def drawn(signal: Drawn, samples: int) -> np.ndarray:
     table = np.empty((samples, 1))
     Signals([signal]).fill(table, 0)
     return table[:, 0]
@@ -114,3 +128,48 @@ def test_gauss_markov_is_stationary_from_its_first_sample() -> None:
 
 def test_a_decay_of_zero_is_white_noise() -> None:
     assert np.array_equal(drawn(RandomSignal(1, 4, 1.0, 1e-300), 500), drawn(RandomSignal(1, 4, 1.0), 500))
+
+
+def test_white_noise_may_be_uniform() -> None:
+    signal = drawn(UniformSignal(1, 5), 100_000)
+    assert np.array_equal(signal, (words(1, 5, 0, 100_000).astype(np.uint32).view(np.int32) + 0.5) / 2**31)
+    assert stats.kstest(signal, "uniform", (-1, 2)).pvalue > 1e-3
+    assert np.abs(signal).max() < 1
+
+
+def windows(period: int, length: int, count: int = 20_000) -> np.ndarray:
+    return drawn(OutageSignal(1, 6, period, length), period * count).reshape(count, period)
+
+
+@given(period=st.integers(1, 200), length=st.integers(1, 200))
+def test_each_window_has_one_outage_within_it(period: int, length: int) -> None:
+    table = windows(period, length, 20)
+    assert np.isin(table, (0, 1)).all()
+    changes = np.abs(np.diff(table, axis=1, prepend=0, append=0)).sum(axis=1)
+    assert (changes == 2).all()
+    shortest, longest = (min(limit, period) for limit in (length - length // 2, length + length // 2))
+    assert table.sum(axis=1).min() >= shortest
+    assert table.sum(axis=1).max() <= longest
+
+
+def test_outages_are_of_all_lengths_alike() -> None:
+    lengths, counts = np.unique(windows(100, 9).sum(axis=1), return_counts=True)
+    assert lengths.tolist() == list(range(5, 14))
+    assert stats.chisquare(counts).pvalue > 1e-3
+    assert windows(8, 9).sum(axis=1).max() == 8
+
+
+def test_outages_begin_anywhere_alike() -> None:
+    table = windows(40, 5)
+    lengths, begins = table.sum(axis=1), table.argmax(axis=1)
+    for length in (3, 7):
+        found, counts = np.unique(begins[lengths == length], return_counts=True)
+        assert found.tolist() == list(range(40 - length + 1))
+        assert stats.chisquare(counts).pvalue > 1e-3
+
+
+def test_an_outage_tells_nothing_of_the_next() -> None:
+    table = windows(40, 5)
+    for values in (table.sum(axis=1), table.argmax(axis=1)):
+        assert np.corrcoef(values[1:], values[:-1])[0, 1] == pytest.approx(0, abs=5 / np.sqrt(len(values)))
+    assert np.corrcoef(table.sum(axis=1), table.argmax(axis=1))[0, 1] == pytest.approx(0, abs=0.1)
