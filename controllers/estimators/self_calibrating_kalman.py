@@ -43,6 +43,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes.kelvin_voigt import compliance, kelvin_voigt
 from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, both, clip, either, maximum, where
+from dualwinch.model.winding import winding
 
 
 @dataclass(frozen=True)
@@ -199,6 +200,6 @@ def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum,
     stretch_1 = F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
     stretch_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2))
     return (
-        Drum(1.0, nominal.winch_1.drum_radius * theta_1, theta_1, stretch_1, taut < F1),
-        Drum(-1.0, nominal.winch_2.drum_radius * theta_2, theta_2, stretch_2, taut < F2),
+        Drum(1.0, winding(theta_1, nominal.winch_1).rope, theta_1, stretch_1, taut < F1),
+        Drum(-1.0, winding(theta_2, nominal.winch_2).rope, theta_2, stretch_2, taut < F2),
     )
