@@ -53,7 +53,7 @@ class DrumGains:
         at.Gt(0),
         Quantity("m", "believed standard deviation of a drum's run-out, in m of rope", "assumption"),
         Tunable(1e-5, 2e-3, standard=False),
-    ] = 2e-4
+    ] = 1e-4
     memory: Annotated[
         float,
         at.Gt(0),
@@ -65,7 +65,7 @@ class DrumGains:
         at.Gt(0),
         Quantity("m", "believed standard deviation of the start from x = 0", "assumption"),
         Tunable(2e-5, 5e-3, standard=False),
-    ] = 2e-4
+    ] = 1e-4
 
 
 @dataclass(frozen=True)
@@ -124,12 +124,14 @@ class Reading:
         alive: whether the sensor gives any.
         deviation: of its noise in m.
         weight: 1; more where the position is known better than the sensor could.
+        gate: deviations from what is expected beyond which it is an outlier.
     """
 
     x: Scalar
     alive: Scalar
     deviation: Scalar
     weight: Scalar
+    gate: Scalar
 
 
 @dataclass(frozen=True)
@@ -226,11 +228,13 @@ def calibrate(
     fade = where(counts, exp(-sample_time / gains.memory) * (1 - doubt * sample_time / trusting.relearning_time), 1.0)
     expectation = expected(known.errors, row, fade)
     surprise = (says - drum.direction * reading.x) / deviation - expectation.value
-    bound = trusting.gate * sqrt(1 + expectation.variance)
+    bound = reading.gate * sqrt(1 + expectation.variance)
     within = absolute(surprise) <= bound
     limited = clip(surprise, -bound, bound)
+    # in doubt the gate opens: what seems to be an outlier is what there is to learn
+    opened = bound * (1 + odds)
     weight = where(counts, reading.weight * where(within, 1.0, doubt), 0.0)
-    errors = learnt(known.errors, row, expectation, limited, weight, fade)
+    errors = learnt(known.errors, row, expectation, clip(surprise, -opened, opened), weight, fade)
     after = sum(h * errors.estimate[i] for i, h in enumerate(row))
     share = where(counts, sample_time / trusting.doubt_time, 0.0)
     following = EncoderKnowledge(errors, known.residual + share * (limited - known.residual))

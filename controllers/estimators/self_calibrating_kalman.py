@@ -148,6 +148,7 @@ class SelfCalibratingKalman(Estimator):
             alive=either(alive, 1 - state.watch.started),
             deviation=noise,
             weight=where(state.watch.started, 1.0, (noise / self.drums.start_deviation) ** 2),
+            gate=where(state.watch.started, gate, LARGEST_READING),
         )
         drums = _drums(measurement, expected_x, context)
         knowledge, positions = zip(
@@ -165,8 +166,12 @@ class SelfCalibratingKalman(Estimator):
         ]
         told, encoders = where(reading.alive, sensor, 0.0), sum(shares)
         total = maximum(told + encoders, sensor * 1e-6)
-        moved = sum(share * position.shift for share, position in zip(shares, positions, strict=True)) / total
-        x = expected_x + where(state.watch.started, moved, 0.0)
+        # an encoder that is far off has not brought the expectation here, and does not take it along
+        near = [1 / (1 + ((position.x - position.shift - expected_x) / self.trust.jump) ** 2) for position in positions]
+        moved = sum(
+            share * close * position.shift for share, close, position in zip(shares, near, positions, strict=True)
+        )
+        x = expected_x + where(state.watch.started, moved / total, 0.0)
         surprise_x = told * clip(reading.x - x, -gate * noise, gate * noise)
         for share, position in zip(shares, positions, strict=True):
             apart = position.x - x
