@@ -72,9 +72,9 @@ def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, 
     length_1, length_2 = rope_lengths(state.x, plant.track)
     closeness_1, closeness_2 = reciprocals(length_1, length_2)
     drum_1, drum_2 = winding(state.theta_1, plant.winch_1), winding(state.theta_2, plant.winch_2)
-    stretch_1 = drum_1.rope - state.x - crept(t, plant.creep_1)
-    stretch_2 = drum_2.rope + state.x - crept(t, plant.creep_2)
-    rate_1, rate_2 = drum_1.radius * state.omega_1 - state.v, drum_2.radius * state.omega_2 + state.v
+    (longer_1, creeping_1), (longer_2, creeping_2) = crept(t, plant.creep_1), crept(t, plant.creep_2)
+    stretch_1, rate_1 = drum_1.rope - state.x - longer_1, drum_1.radius * state.omega_1 - state.v - creeping_1
+    stretch_2, rate_2 = drum_2.rope + state.x - longer_2, drum_2.radius * state.omega_2 + state.v - creeping_2
     pull_1 = plant.rope_1.pull(stretch_1, rate_1, length_1, closeness_1)
     pull_2 = plant.rope_2.pull(stretch_2, rate_2, length_2, closeness_2)
     if not plant.rope_slack:

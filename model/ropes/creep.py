@@ -29,6 +29,7 @@ class Creep:
     ] = 60.0
 
 
-def crept(t: Scalar, creep: Creep) -> Scalar:
-    """Permanent elongation in m at the time t in s since the beginning of the run."""
-    return creep.elongation * (1 - exp(-t / creep.time))
+def crept(t: Scalar, creep: Creep) -> tuple[Scalar, Scalar]:
+    """Permanent elongation in m at the time t in s since the beginning of the run, and its rate in m/s."""
+    left = creep.elongation * exp(-t / creep.time)
+    return creep.elongation - left, left / creep.time

@@ -50,7 +50,7 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     """
     plant, state = problem.plant, motion.plant
     drum_1, drum_2 = winding(state.theta_1, plant.winch_1), winding(state.theta_2, plant.winch_2)
-    rope_1, rope_2 = _oscillators(problem, state, (drum_1, drum_2), h, slack)
+    rope_1, rope_2 = _oscillators(problem, state, (drum_1, drum_2), t, h, slack)
     (fixed_1, slope_1), (fixed_2, slope_2) = rope_1.mean_pull(), rope_2.mean_pull()
     mass = inertia(plant.vehicle)
 
@@ -71,15 +71,16 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # Eq. 19: where a rope went slack or tight
     steps = h * state.v + a  # speed at the end in m a step, without the above
     x = state.x + h * state.v + a / 2
-    theta_1, radius_1 = _turned(drum_1, stretch_1 + x + crept(problem.t, plant.creep_1))
-    theta_2, radius_2 = _turned(drum_2, stretch_2 - x + crept(problem.t, plant.creep_2))
+    (longer_1, creeping_1), (longer_2, creeping_2) = crept(t + h, plant.creep_1), crept(t + h, plant.creep_2)
+    theta_1, radius_1 = _turned(drum_1, stretch_1 + x + longer_1)
+    theta_2, radius_2 = _turned(drum_2, stretch_2 - x + longer_2)
     following = PlantState(
         x=x + late / 2,
         v=state.v + 1 / h * (a + late),
         theta_1=theta_1,
-        omega_1=1 / (radius_1 * h) * (rate_1 + steps),
+        omega_1=1 / (radius_1 * h) * (rate_1 + steps + h * creeping_1),
         theta_2=theta_2,
-        omega_2=1 / (radius_2 * h) * (rate_2 - steps),
+        omega_2=1 / (radius_2 * h) * (rate_2 - steps + h * creeping_2),
     )
     clearance = minimum(rope_1.clearance(a), rope_2.clearance(a))
     return Motion(following, motion.phase + h * frequency, slow), clearance
@@ -92,7 +93,7 @@ def _turned(drum: Winding, rope: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def _oscillators(
-    problem: Problem, state: PlantState, drums: tuple[Winding, Winding], h: Scalar, slack: bool
+    problem: Problem, state: PlantState, drums: tuple[Winding, Winding], t: Scalar, h: Scalar, slack: bool
 ) -> tuple[Oscillator, Oscillator]:
     """Both ropes with their drums (Eq. 1–4), the rope lengths and the drums' radii at mid-step."""
     plant, torques = problem.plant, problem.torques
@@ -100,9 +101,10 @@ def _oscillators(
     length_1, length_2 = rope_lengths(state.x + travel / 2, plant.track)
     closeness_1, closeness_2 = reciprocals(length_1, length_2)
     drum_1, drum_2 = drums
+    (longer_1, creeping_1), (longer_2, creeping_2) = crept(t, plant.creep_1), crept(t, plant.creep_2)
     rope_1 = _oscillator(
-        stretch=drum_1.rope - state.x - crept(problem.t, plant.creep_1),
-        rate=drum_1.radius * h * state.omega_1 - travel,
+        stretch=drum_1.rope - state.x - longer_1,
+        rate=drum_1.radius * h * state.omega_1 - travel - h * creeping_1,
         sign=-1.0,
         omega=state.omega_1,
         torque=torques.tau_1,
@@ -116,8 +118,8 @@ def _oscillators(
         h=h,
     )
     rope_2 = _oscillator(
-        stretch=drum_2.rope + state.x - crept(problem.t, plant.creep_2),
-        rate=drum_2.radius * h * state.omega_2 + travel,
+        stretch=drum_2.rope + state.x - longer_2,
+        rate=drum_2.radius * h * state.omega_2 + travel - h * creeping_2,
         sign=1.0,
         omega=state.omega_2,
         torque=torques.tau_2,

@@ -23,7 +23,7 @@ class Problem:
     """The plant over one sample.
 
     Attributes:
-        t: time of the sample's beginning in s; the ropes' creep is constant over the sample, too.
+        t: time of the sample's beginning in s.
         duration: length of the sample in s.
         torques: what the motors give, constant over the sample (zero-order hold).
         environment: current and rail load, likewise constant; its force is added to the vortex force.
@@ -48,6 +48,6 @@ class Problem:
         state = motion.plant
         environment = self.environment_at(t, state.v, motion.phase)
         return Motion(
-            plant=derivative(state, self.torques, environment, self.plant, self.t),
+            plant=derivative(state, self.torques, environment, self.plant, t),
             phase=vortex_frequency(state.v, self.disturbance, self.plant.vehicle),
         )

@@ -42,7 +42,7 @@ class Collocation:
 
     def advance(self, t: float, duration: float, position: Triple, speed: Triple, hold: Hold) -> tuple[Triple, Triple]:
         """Position and speed after `duration` with the inputs hold."""
-        taut = self.plant.taut(position, speed)
+        taut = self.plant.taut(position, speed, t)
         step = duration / ceil(duration * self._fastest(position[0]) / self.swing)
         end = t + duration
         while end - t > 1e-9 * duration:

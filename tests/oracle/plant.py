@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import pi, sin, tanh
+from math import cos, exp, pi, sin, tanh
 from types import SimpleNamespace
 
 from scipy.optimize import root_scalar
@@ -47,6 +47,8 @@ class Plant:
         self.track = group(values, "plant.track.")
         self.rope_1, self.rope_2 = group(values, "plant.rope_1."), group(values, "plant.rope_2.")
         self.winch_1, self.winch_2 = group(values, "plant.winch_1."), group(values, "plant.winch_2.")
+        self.drums = _Drum(self.winch_1), _Drum(self.winch_2)
+        self.creep = group(values, "plant.creep_1."), group(values, "plant.creep_2.")
         self.vortex = group(values, "disturbance.")
         self.slack, self.law = bool(values["plant.rope_slack"]), law
         self.motion = _motion(self)
@@ -74,29 +76,37 @@ class Plant:
         k_1, k_2 = self.stiffnesses(x)
         return k_1 * stretch_1 + self.rope_1.damping * rate_1, k_2 * stretch_2 + self.rope_2.damping * rate_2
 
-    def tensions(self, position: Triple, speed: Triple) -> tuple[float, float]:
+    def tensions(self, position: Triple, speed: Triple, t: float = 0.0) -> tuple[float, float]:
         """Tensions that two-sided ropes would have, cut where the ropes hang loose."""
-        stretch_1, stretch_2 = _stretches(self, position)
-        rate_1, rate_2 = _stretches(self, speed)
+        stretch_1, stretch_2, rate_1, rate_2 = _stretches(self, position, speed, t)
         pull_1, pull_2 = self.pulls(position[0], stretch_1, rate_1, stretch_2, rate_2)
         if self.slack:
             pull_1 = pull_1 if stretch_1 > 0 and pull_1 > 0 else 0.0
             pull_2 = pull_2 if stretch_2 > 0 and pull_2 > 0 else 0.0
         return pull_1, pull_2
 
-    def taut(self, position: Triple, speed: Triple) -> Taut:
+    def taut(self, position: Triple, speed: Triple, t: float = 0.0) -> Taut:
         """The ropes' modes."""
-        tension_1, tension_2 = self.tensions(position, speed)
+        tension_1, tension_2 = self.tensions(position, speed, t)
         return not self.slack or tension_1 > 0, not self.slack or tension_2 > 0
 
-    def at_rest(self, preload: float) -> tuple[Triple, Triple]:
-        """Position and speed at x = 0 with both ropes at tension preload/2."""
+    def at_rest(self, preload: float, x: float = 0.0) -> tuple[Triple, Triple]:
+        """Position and speed at x with both ropes at tension preload/2."""
         if self.law is not None:
-            stretch_1, stretch_2 = (_stretch(self.law, preload / 2, length) for length in self.lengths(0.0))
+            stretch_1, stretch_2 = (_stretch(self.law, preload / 2, length) for length in self.lengths(x))
         else:
-            stretch_1, stretch_2 = (preload / 2 / k for k in self.stiffnesses(0.0))
-        theta_1, theta_2 = stretch_1 / self.winch_1.drum_radius, stretch_2 / self.winch_2.drum_radius
-        return (0.0, theta_1, theta_2), (0.0, 0.0, 0.0)
+            stretch_1, stretch_2 = (preload / 2 / k for k in self.stiffnesses(x))
+        drum_1, drum_2 = self.drums
+        return (x, drum_1.angle(stretch_1 + x), drum_2.angle(stretch_2 - x)), (0.0, 0.0, 0.0)
+
+    def given(self, torques: tuple[float, float], position: Triple, speed: Triple, duration: float) -> list[float]:
+        """What the motors give, all through a sample, instead of the torques they are asked for."""
+        gains = []
+        for number, winch in enumerate((self.winch_1, self.winch_2), start=1):
+            turned = position[number] + speed[number] * duration / 2
+            wave = sin(winch.ripple_angle + winch.ripple_waves * winch.gear_ratio * turned)
+            gains.append(1 + winch.torque_error + winch.torque_ripple * wave)
+        return [torque * gain for torque, gain in zip(torques, gains, strict=True)]
 
     def on_track(self, x: float) -> bool:
         """Whether the vehicle has not left the track."""
@@ -113,17 +123,52 @@ def _spring(law: Law, length: float) -> float:
     return (law(1.001 * stretch, 0.0, length) - law(0.999 * stretch, 0.0, length)) / (0.002 * stretch)
 
 
-def _stretches(plant: Plant, angles: Triple) -> tuple[float, float]:
-    x, theta_1, theta_2 = angles
-    return plant.winch_1.drum_radius * theta_1 - x, plant.winch_2.drum_radius * theta_2 + x
+class _Drum:
+    """A drum that may be larger than it should be, eccentric, and grow with its rope."""
+
+    def __init__(self, winch: SimpleNamespace) -> None:
+        self.true = winch.drum_radius + winch.radius_error * winch.drum_radius
+        self.spiral = winch.layer_thickness / winch.layer_laps / (2 * pi)
+        self.offset, self.ahead = winch.eccentricity, winch.eccentricity_angle
+
+    def rope(self, theta: float) -> float:
+        """The integral of the radius."""
+        run_out = self.offset * (sin(theta + self.ahead) - sin(self.ahead))
+        return self.true * theta + self.spiral * theta * theta / 2 + run_out
+
+    def radius(self, theta: float) -> float:
+        """Where the rope leaves the drum."""
+        return self.true + self.spiral * theta + self.offset * cos(theta + self.ahead)
+
+    def angle(self, rope: float) -> float:
+        """The angle with so much rope."""
+        around = rope / self.true
+        return root_scalar(lambda theta: self.rope(theta) - rope, x0=around, x1=around + 0.01, xtol=1e-15).root
 
 
-def _winch(winch: SimpleNamespace) -> Callable[[float, float, float], float]:
-    inertia, radius, ratio = winch.inertia, winch.drum_radius, winch.gear_ratio
+def _stretches(plant: Plant, position: Triple, speed: Triple, t: float) -> tuple[float, float, float, float]:
+    (x, theta_1, theta_2), (v, omega_1, omega_2) = position, speed
+    (drum_1, drum_2), (longer_1, longer_2) = plant.drums, (_longer(creep, t) for creep in plant.creep)
+    longing_1, longing_2 = ((creep.elongation - _longer(creep, t)) / creep.time for creep in plant.creep)
+    return (
+        drum_1.rope(theta_1) - x - longer_1,
+        drum_2.rope(theta_2) + x - longer_2,
+        drum_1.radius(theta_1) * omega_1 - v - longing_1,
+        drum_2.radius(theta_2) * omega_2 + v - longing_2,
+    )
+
+
+def _longer(creep: SimpleNamespace, t: float) -> float:
+    return creep.elongation - creep.elongation * exp(-t / creep.time)
+
+
+def _winch(winch: SimpleNamespace, drum: _Drum) -> Callable[[float, float, float, float], float]:
+    inertia, ratio = winch.inertia, winch.gear_ratio
     coulomb, viscous = winch.coulomb_friction, winch.viscous_friction
 
-    def acceleration(torque: float, force: float, omega: float) -> float:
-        return (ratio * torque - radius * force - coulomb * tanh(omega / 0.01) - viscous * omega) / inertia
+    def acceleration(torque: float, force: float, theta: float, omega: float) -> float:
+        opposing = drum.radius(theta) * force + coulomb * tanh(omega / 0.01) + viscous * omega
+        return (ratio * torque - opposing) / inertia
 
     return acceleration
 
@@ -147,21 +192,20 @@ def _resistance(vehicle: SimpleNamespace, vortex: SimpleNamespace) -> Callable[.
 def _motion(plant: Plant) -> Callable[[float, Triple, Triple, Hold, Taut], tuple[Triple, Gates]]:
     mass = plant.vehicle.mass + plant.vehicle.added_mass
     resistance = _resistance(plant.vehicle, plant.vortex)
-    winch_1, winch_2 = _winch(plant.winch_1), _winch(plant.winch_2)
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    winch_1, winch_2 = _winch(plant.winch_1, plant.drums[0]), _winch(plant.winch_2, plant.drums[1])
     pulls = plant.pulls
 
     def motion(t: float, position: Triple, speed: Triple, hold: Hold, taut: Taut) -> tuple[Triple, Gates]:
         x, theta_1, theta_2 = position
         v, omega_1, omega_2 = speed
-        stretch_1, stretch_2 = radius_1 * theta_1 - x, radius_2 * theta_2 + x
-        pull_1, pull_2 = pulls(x, stretch_1, radius_1 * omega_1 - v, stretch_2, radius_2 * omega_2 + v)
+        stretch_1, stretch_2, rate_1, rate_2 = _stretches(plant, position, speed, t)
+        pull_1, pull_2 = pulls(x, stretch_1, rate_1, stretch_2, rate_2)
         force_1, force_2 = pull_1 if taut[0] else 0.0, pull_2 if taut[1] else 0.0
         net = force_1 - force_2 - resistance(t, x, v, hold.current, hold.load)
         accelerations = (
             net / mass,
-            winch_1(hold.tau_1, force_1, omega_1),
-            winch_2(hold.tau_2, force_2, omega_2),
+            winch_1(hold.tau_1, force_1, theta_1, omega_1),
+            winch_2(hold.tau_2, force_2, theta_2, omega_2),
         )
         return accelerations, (min(stretch_1, pull_1), min(stretch_2, pull_2))
 

@@ -53,7 +53,8 @@ REFERENCES = {1: uniform, 2: profile, 3: uniform, 4: profile}
 class Scenario:
     """What a run is: controller, reference case, values that differ from the defaults, signals by sample.
 
-    Signals, all optional, each (samples,): current (m/s), load (N), and the noise added to x, v, F1, F2. A law is that
+    Signals, all optional, each (samples,): current (m/s), load (N), the noise added to x, v, F1, F2, and how late each
+    sample is (s; one more than the others). A law is that
     of both ropes, in place of the Kelvin–Voigt rope's. A lag in s is that of both motors, behind the delay.
     """
 
@@ -88,7 +89,11 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
     levers = [winch.drum_radius / winch.gear_ratio for winch in (plant.winch_1, plant.winch_2)]
     queue = deque([(levers[0] * preload / 2, levers[1] * preload / 2)] * int(values["simulation.delay_samples"]))
     motors = [lever * preload / 2 for lever in levers]
-    position, speed = plant.at_rest(preload)
+    bias, cells = (
+        values["sensors.position_bias"],
+        [(values[f"sensors.load_cell_error_{i}"], values[f"sensors.load_cell_zero_{i}"]) for i in (1, 2)],
+    )
+    position, speed = plant.at_rest(preload, -bias)
     filtered_v = 0.0
     rows: list[tuple[float, ...]] = []
 
@@ -96,15 +101,16 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
         return float(scenario.signals[name][sample]) if name in scenario.signals else 0.0
 
     for k in range(samples):
-        t, x, v = k * Ts, position[0], speed[0]
-        F1, F2 = plant.tensions(position, speed)
-        x_ref, v_ref, a_ref = REFERENCES[scenario.case](t)
+        late, next_late = signal("late", k), signal("late", k + 1)
+        t, x, v = k * Ts + late, position[0], speed[0]
+        F1, F2 = plant.tensions(position, speed, t)
+        x_ref, v_ref, a_ref = REFERENCES[scenario.case](k * Ts)
         filtered_v += Ts / (filter_time + Ts) * (v + signal("v", k) - filtered_v)
         seen = Measured(
-            x=quantise(x + signal("x", k), scenario.position_resolution),
+            x=quantise(x + bias + signal("x", k), scenario.position_resolution),
             v=filtered_v if filter_time else v + signal("v", k),
-            F1=F1 + signal("F1", k),
-            F2=F2 + signal("F2", k),
+            F1=F1 + cells[0][0] * F1 + cells[0][1] + signal("F1", k),
+            F2=F2 + cells[1][0] * F2 + cells[1][1] + signal("F2", k),
             x_ref=x_ref,
             v_ref=v_ref,
             a_ref=a_ref,
@@ -127,7 +133,7 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
                     x_ref,
                     v_ref,
                     a_ref,
-                    x - x_ref,
+                    x + bias - x_ref - late * (v_ref + late * a_ref / 2),
                     F1,
                     F2,
                 ),
@@ -140,8 +146,9 @@ def run(scenario: Scenario, samples: int, solver: Solver | None = None) -> dict[
             motors = [asked - exp(-Ts / scenario.lag) * way for asked, way in zip(arrived, gone, strict=True)]
             lost = scenario.lag / Ts * (1 - exp(-Ts / scenario.lag))
             arrived = [asked - lost * way for asked, way in zip(arrived, gone, strict=True)]
-        hold = Hold(*arrived, current=signal("current", k), load=signal("load", k))
-        position, speed = solver.advance(t, Ts, position, speed, hold)
+        given = plant.given(arrived, position, speed, Ts + next_late - late)
+        hold = Hold(*given, current=signal("current", k), load=signal("load", k))
+        position, speed = solver.advance(t, Ts + next_late - late, position, speed, hold)
         if not plant.on_track(position[0]):
             break
     return dict(zip(COLUMNS, np.array(rows).T, strict=True))

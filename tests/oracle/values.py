@@ -12,7 +12,18 @@ _WINCH = {
     "gear_ratio": 36.0,
     "coulomb_friction": 0.0,
     "viscous_friction": 0.0,
+    "layer_thickness": 0.0,
+    "layer_laps": 20.0,
+    "radius_error": 0.0,
+    "eccentricity": 0.0,
+    "eccentricity_angle": 0.0,
+    "torque_error": 0.0,
+    "torque_ripple": 0.0,
+    "ripple_waves": 6.0,
+    "ripple_angle": 0.0,
 }
+_CREEP = {"elongation": 0.0, "time": 60.0}
+_SENSORS = ("position_bias", "load_cell_error_1", "load_cell_error_2", "load_cell_zero_1", "load_cell_zero_2")
 _WINCH_GAINS = {"kp": 5e-4, "ki": 2e-2, "kd": 0.0}
 
 DEFAULTS: dict[str, float] = {
@@ -31,6 +42,7 @@ DEFAULTS: dict[str, float] = {
     "plant.track.rope_offset": 0.5,
     **{f"plant.rope_{i}.{name}": value for i in (1, 2) for name, value in _ROPE.items()},
     **{f"plant.winch_{i}.{name}": value for i in (1, 2) for name, value in _WINCH.items()},
+    **{f"plant.creep_{i}.{name}": value for i in (1, 2) for name, value in _CREEP.items()},
     "disturbance.vortex": False,
     "disturbance.vortex_amplitude": 0.2,
     "disturbance.strouhal": 0.2,
@@ -63,6 +75,7 @@ DEFAULTS: dict[str, float] = {
     **{f"controller.winch_{i}.{name}": value for i in (1, 2) for name, value in _WINCH_GAINS.items()},
     "simulation.sample_time": 1e-3,
     "simulation.delay_samples": 0,
+    **{f"sensors.{name}": 0.0 for name in _SENSORS},
 }
 
 

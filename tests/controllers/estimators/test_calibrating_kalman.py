@@ -20,7 +20,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 
 T, SIGMA = 1e-3, 6e-4
-SEA = Sensors(5e-4, 1e-3, 2e-3, 10.0, 4096)
+SEA = Sensors(position_noise=5e-4, position_resolution=1e-3, speed_noise=2e-3, tension_noise=10.0, encoder_counts=4096)
 TRUE = {"rope_1": 0.92, "rope_2": 1.07}
 """Share of the nominal modulus that each rope has."""
 

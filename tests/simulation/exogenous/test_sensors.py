@@ -15,7 +15,7 @@ from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.simulation.exogenous.sensors import EncoderState, Noise, Sensors, encoder_step, measure, quantise
+from dualwinch.simulation.exogenous.sensors import Noise, Readings, Sensors, encoder_step, measure, quantise
 from dualwinch.simulation.experiment import Simulation
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
@@ -44,7 +44,7 @@ def test_quantisation_is_the_same_on_symbols(value: float, step: float) -> None:
 
 
 def test_perfect_sensors_show_the_truth() -> None:
-    _, seen = measure(STATE, (1500.0, 900.0), Noise(), EncoderState(), Plant(), Sensors(), 1e-3)
+    _, seen = measure(STATE, (1500.0, 900.0), Noise(), Readings(), Plant(), Sensors(), 1e-3)
     assert (seen.x, seen.v, seen.F1, seen.F2) == (12.3456, 1.7, 1500, 900)
     assert (seen.omega_1, seen.omega_2) == (2.1, -2.2)
 
@@ -52,13 +52,13 @@ def test_perfect_sensors_show_the_truth() -> None:
 def test_noise_is_the_draw_times_its_standard_deviation() -> None:
     noise = Noise(position=1.0, speed=-2.0, tension_1=0.5, tension_2=3.0)
     sensors = Sensors(position_noise=0.01, speed_noise=0.1, tension_noise=10.0)
-    _, seen = measure(STATE, (1500.0, 900.0), noise, EncoderState(), Plant(), sensors, 1e-3)
+    _, seen = measure(STATE, (1500.0, 900.0), noise, Readings(), Plant(), sensors, 1e-3)
     assert (seen.x, seen.v, seen.F1, seen.F2) == pytest.approx((12.3556, 1.5, 1505, 930))
 
 
 def test_noise_comes_before_quantisation() -> None:
     sensors = Sensors(position_noise=0.01, position_resolution=0.1)
-    _, seen = measure(STATE, (0.0, 0.0), Noise(position=1.0), EncoderState(), Plant(), sensors, 1e-3)
+    _, seen = measure(STATE, (0.0, 0.0), Noise(position=1.0), Readings(), Plant(), sensors, 1e-3)
     assert seen.x == pytest.approx(12.4)
 
 
@@ -69,7 +69,7 @@ def test_encoder_counts_motor_turns() -> None:
 
 def test_drum_speed_is_the_difference_of_two_encoder_readings() -> None:
     sensors, step = Sensors(encoder_counts=1024), 2 * pi / 36 / 1024
-    last, _ = measure(STATE, (0.0, 0.0), Noise(), EncoderState(), Plant(), sensors, 1e-3)
+    last, _ = measure(STATE, (0.0, 0.0), Noise(), Readings(), Plant(), sensors, 1e-3)
     moved = replace(STATE, theta_1=STATE.theta_1 + 20 * step, theta_2=STATE.theta_2 - 3 * step)
     _, seen = measure(moved, (0.0, 0.0), Noise(), last, Plant(), sensors, 1e-3)
     assert (seen.omega_1, seen.omega_2) == pytest.approx((20 * step / 1e-3, -3 * step / 1e-3))

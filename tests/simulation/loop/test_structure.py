@@ -59,7 +59,13 @@ def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
     assert shaping_keys(case(4)) == {
         *("controller.kind", "controller.estimator", "controller.coordination.kind"),
         *("plant.rope_1.kind", "plant.rope_2.kind", "actuator.kind", "metrics"),
-        *("plant.rope_slack", "simulation.delay_samples", "simulation.substeps", "simulation.integrator"),
+        *(
+            "plant.rope_slack",
+            "simulation.delay_samples",
+            "simulation.substeps",
+            "simulation.integrator",
+            "sensors.outage",
+        ),
     }
 
 

@@ -1,0 +1,151 @@
+"""A machine that is not what its data sheets say: against the independent implementation, and what follows from it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dualwinch.config.settings import override
+from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
+from tests.oracle.sampled import Scenario, run
+
+METRE = 1e-8
+
+DRUMS = {
+    "plant.winch_1.radius_error": 2e-3,
+    "plant.winch_2.radius_error": -1e-3,
+    "plant.winch_1.eccentricity": 2e-3,
+    "plant.winch_1.eccentricity_angle": 1.0,
+    "plant.winch_2.eccentricity": 1e-3,
+    "plant.winch_2.eccentricity_angle": -2.0,
+    "plant.winch_1.layer_thickness": 0.02,
+    "plant.winch_2.layer_thickness": 0.024,
+    "plant.winch_2.layer_laps": 5.0,
+}
+MOTORS = {
+    "plant.winch_1.torque_error": 0.02,
+    "plant.winch_2.torque_error": -0.02,
+    "plant.winch_1.torque_ripple": 0.01,
+    "plant.winch_1.ripple_angle": 0.5,
+    "plant.winch_2.torque_ripple": 0.02,
+    "plant.winch_2.ripple_waves": 4.0,
+}
+ROPES = {"plant.creep_1.elongation": 1e-3, "plant.creep_1.time": 20.0, "plant.creep_2.elongation": 5e-4}
+SENSORS = {
+    "sensors.position_bias": 2e-3,
+    "sensors.load_cell_error_1": 0.01,
+    "sensors.load_cell_error_2": -0.01,
+    "sensors.load_cell_zero_1": 30.0,
+    "sensors.load_cell_zero_2": -20.0,
+}
+ALL = DRUMS | MOTORS | ROPES | SENSORS
+NUMBER, DURATION = 3, 1.5
+FINE = {"integrator": "exponential", "substeps": 16}
+
+
+def imperfect(values: Mapping[str, Any], **simulation: Any) -> Experiment:
+    settings = {f"simulation.{name}": value for name, value in simulation.items()}
+    return override(case(NUMBER), {"simulation.duration": DURATION, **values, **settings})
+
+
+def drawn(experiment: Experiment, name: str) -> np.ndarray:
+    """A signal from outside, and one sample more of silence."""
+    names = closed_loop(structure_of(experiment)).exogenous
+    return np.append(exogenous_signals(experiment)[:, names.index(name)], 0.0)
+
+
+def judged(experiment: Experiment, values: Mapping[str, float], **signals: np.ndarray) -> dict[str, np.ndarray]:
+    return run(Scenario("fando-nftsm", NUMBER, values, signals), experiment.samples)
+
+
+@pytest.mark.parametrize(
+    "values", [DRUMS, MOTORS, ROPES, SENSORS, ALL], ids=["drums", "motors", "ropes", "sensors", "all"]
+)
+@pytest.mark.parametrize(("integrator", "substeps", "slack"), [("exponential", 16, True), ("rk4", 32, False)])
+def test_positions_agree(values: Mapping[str, float], integrator: str, substeps: int, slack: bool) -> None:
+    """With a hard start that throws a rope slack; Runge–Kutta, which finds no such moment, with ropes that push."""
+    values = {**values, "plant.rope_slack": slack}
+    experiment = imperfect(values, integrator=integrator, substeps=substeps)
+    ours, theirs = simulate(experiment), judged(experiment, values)
+    assert np.abs(ours["x"] - theirs["x"]).max() <= METRE
+    assert np.abs(ours["theta_1"] - theirs["theta_1"]).max() <= METRE
+    assert np.abs(ours["e"] - theirs["e"]).max() <= METRE
+
+
+def test_late_samples_agree() -> None:
+    experiment = imperfect(ALL, jitter=2e-4, **FINE)
+    late = np.roll(2e-4 * drawn(experiment, "noise.lateness"), 1)
+    assert 1e-4 < np.abs(late).max() <= 2e-4
+    ours, theirs = simulate(experiment), judged(experiment, ALL, late=late)
+    assert ours["t"] == pytest.approx(theirs["t"], abs=1e-12)
+    assert np.abs(ours["x"] - theirs["x"]).max() <= METRE
+    assert np.abs(ours["e"] - theirs["e"]).max() <= METRE
+
+
+def test_a_drifting_sensor_agrees() -> None:
+    experiment = imperfect({"sensors.position_drift": 1e-3, "sensors.position_drift_time": 0.5}, **FINE)
+    drift = 1e-3 * drawn(experiment, "noise.drift")
+    ours, theirs = simulate(experiment), judged(experiment, {}, x=drift)
+    assert np.ptp(drift) > 1e-3
+    assert np.abs(ours["x"] - theirs["x"]).max() <= METRE
+
+
+def test_a_silent_sensor_holds_its_last_reading() -> None:
+    values = {"sensors.outage_length": 0.1, "sensors.outage_period": 0.7, "sensors.position_noise": 1e-4}
+    experiment = imperfect(values, **FINE)
+    silent, noise = drawn(experiment, "noise.silent"), 1e-4 * drawn(experiment, "noise.position")
+    result = simulate(experiment)
+    x = result["x"]
+    read = x + noise[:-1]
+    for k in range(1, len(x)):
+        if silent[k]:
+            read[k] = read[k - 1]
+    assert 0.08 < silent.sum() * 1e-3 < 0.32
+    theirs = judged(experiment, {}, x=read - x)
+    assert np.abs(x - theirs["x"]).max() <= METRE
+
+
+def test_no_number_ends_a_controller_that_does_not_ask_for_one() -> None:
+    values = {"sensors.outage_length": 0.1, "sensors.outage_period": 0.7}
+    assert simulate(imperfect(values)).outcome == "completed"
+    lost = simulate(imperfect(values | {"sensors.outage": "nan"}))
+    first = int(np.flatnonzero(drawn(lost.experiment, "noise.silent"))[0])
+    assert lost.outcome == "diverged"
+    assert round(lost.end_time / 1e-3) == first + 1
+
+
+@pytest.mark.parametrize("jitter", [0.0, 2e-4])
+def test_compiled_and_interpreted_agree(jitter: float) -> None:
+    values = ALL | {"sensors.outage_length": 0.1, "sensors.encoder_zero_1": 1e-3, "sensors.encoder_counts": 4096}
+    values |= {"controller.estimator": "calibrating-kalman", "sensors.position_drift": 1e-4}
+    experiment = imperfect(values, duration=0.3, jitter=jitter)
+    compiled, interpreted = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    for name, column in compiled.columns.items():
+        assert np.allclose(column, interpreted[name], rtol=1e-9, atol=1e-9), name
+
+
+def test_no_controller_knows_what_is_unknown() -> None:
+    known, unknown = parameters_of(case(4)), parameters_of(imperfect(ALL))
+    layers = {f"nominal.winch_{i}.layer_{what}" for i in (1, 2) for what in ("thickness", "laps")}
+    believed = {key for key in known if key.startswith("nominal.") and known[key] != unknown[key]}
+    assert believed == {
+        "nominal.winch_1.layer_thickness",
+        "nominal.winch_2.layer_thickness",
+        "nominal.winch_2.layer_laps",
+    }
+    assert believed < layers
+    assert not [key for key in known if key.startswith("nominal.") and ("error" in key or "creep" in key)]
+
+
+def test_a_bias_of_the_sensor_moves_the_frame_and_nothing_else() -> None:
+    biased, true = simulate(imperfect({"sensors.position_bias": 0.01})), simulate(imperfect({}))
+    assert biased["x"][0] == -0.01
+    assert biased["e"][0] == 0
+    assert biased.metrics["mse"] == pytest.approx(true.metrics["mse"], rel=1e-3)
+    assert np.abs(biased["x"] + 0.01 - true["x"]).max() < 1e-5
