@@ -16,10 +16,11 @@ sensor grows by the square of what is beyond, so that it fades out without a bum
 forgotten. An encoder that has jumped is learnt anew, and fades in again. A rope that slips stays in doubt.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import annotated_types as at
+import casadi as ca
 
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 from dualwinch.model.quantities.quantity import Quantity, Tunable
@@ -59,13 +60,7 @@ class DrumGains:
         at.Gt(0),
         Quantity("s", "age at which a reading counts 1/e of a fresh one", "assumption"),
         Tunable(5, 500, standard=False),
-    ] = 30.0
-    start_deviation: Annotated[
-        float,
-        at.Gt(0),
-        Quantity("m", "believed standard deviation of the start from x = 0", "assumption"),
-        Tunable(2e-5, 5e-3, standard=False),
-    ] = 1e-4
+    ] = 15.0
 
 
 @dataclass(frozen=True)
@@ -95,6 +90,12 @@ class TrustGains:
         Quantity("s", "time constant of the low-pass on what readings and an encoder disagree by", "assumption"),
         Tunable(0.05, 1, standard=False),
     ] = 0.15
+    slide_time: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("s", "time constant with which the position law is told of a better calibration", "assumption"),
+        Tunable(0.05, 1, standard=False),
+    ] = 0.1
     relearning_time: Annotated[
         float,
         at.Gt(0),
@@ -117,21 +118,17 @@ class EncoderKnowledge:
 
 @dataclass(frozen=True)
 class Reading:
-    """A reading of the position sensor, from one encoder's side.
+    """A reading of the position sensor.
 
     Attributes:
         x: in m; any number where there is none.
-        alive: whether the sensor gives any.
+        alive: whether there is one.
         deviation: of its noise in m.
-        weight: 1; more where the position is known better than the sensor could.
-        gate: deviations from what is expected beyond which it is an outlier.
     """
 
     x: Scalar
     alive: Scalar
     deviation: Scalar
-    weight: Scalar
-    gate: Scalar
 
 
 @dataclass(frozen=True)
@@ -228,12 +225,12 @@ def calibrate(
     fade = where(counts, exp(-sample_time / gains.memory) * (1 - doubt * sample_time / trusting.relearning_time), 1.0)
     expectation = expected(known.errors, row, fade)
     surprise = (says - drum.direction * reading.x) / deviation - expectation.value
-    bound = reading.gate * sqrt(1 + expectation.variance)
+    bound = trusting.gate * sqrt(1 + expectation.variance)
     within = absolute(surprise) <= bound
     limited = clip(surprise, -bound, bound)
     # in doubt the gate opens: what seems to be an outlier is what there is to learn
     opened = bound * (1 + odds)
-    weight = where(counts, reading.weight * where(within, 1.0, doubt), 0.0)
+    weight = where(counts, where(within, 1.0, doubt), 0.0)
     errors = learnt(known.errors, row, expectation, clip(surprise, -opened, opened), weight, fade)
     after = sum(h * errors.estimate[i] for i, h in enumerate(row))
     share = where(counts, sample_time / trusting.doubt_time, 0.0)
@@ -245,6 +242,23 @@ def calibrate(
         used=counts * within,
     )
     return following, position
+
+
+def tared(known: EncoderKnowledge, drum: Drum, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
+    """What is known of an encoder, its zero set where the vehicle rests at x = 0.
+
+    The zero stays as uncertain as it was: the position sensor may have another opinion of where x = 0 is.
+
+    Args:
+        known: what was known.
+        drum: it and its rope.
+        gains: what is believed before.
+        resting: whether the vehicle rests at x = 0.
+    """
+    zero = (drum.wound - drum.stretch) / gains.zero
+    before = [known.errors.estimate[i] for i in range(len(NAMES))]
+    estimate = [where(resting, zero, old) if name == "zero" else old for name, old in zip(NAMES, before, strict=True)]
+    return replace(known, errors=replace(known.errors, estimate=ca.vertcat(*estimate)))
 
 
 def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> tuple[tuple[Scalar, Scalar], ...]:

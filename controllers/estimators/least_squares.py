@@ -1,8 +1,8 @@
 """Recursive least squares with a prior that is never forgotten.
 
 Unknown are constants w, in units of the standard deviations that are believed of them before the first sample. A
-sample is a row of regressors h and what was measured, y = h'w + noise of unit variance, and the older it is, the less it
-counts. The estimate is where
+sample is a row of regressors h and what was measured, y = h'w + noise of unit variance, and the older it is, the less
+it counts. The estimate is where
 
     |w|² + sum over the samples of fade^age weight (y - h'w)²
 

@@ -1,19 +1,20 @@
 """Kalman filter that learns drums, ropes and encoder zeros under way, and knows whom to believe.
 
-Encoders are precise and wrong: a drum that is 0.2 % larger than believed is 9 cm off at the end of the track. The position
-sensor is coarse, may fall silent or give nonsense, and is right in the mean. The filter of
-`controllers.estimators.kalman` takes the best of both once each encoder is calibrated
-(`controllers.estimators.encoder_calibration`): it lives on the encoders, and positions are those of the sensor's frame.
+Encoders are precise and wrong: a drum that is 0.2 % larger than believed is 9 cm off at the end of the track. The
+position sensor is coarse, may fall silent or give nonsense, and is right in the mean. The filter of
+`controllers.estimators.kalman` has the best of both once each encoder is calibrated
+(`controllers.estimators.encoder_calibration`): it lives on the encoders, in the frame of the position sensor.
 
-- A run starts at rest at x = 0: the first sample is a measurement of that, and tells the encoders' zeros.
-- A calibration that changes moves the expected position along with it. It says that one was elsewhere all the time, not
-  that one has moved, and speed and disturbance know nothing of it.
-- While the sensor is silent (no number, or the same for many samples) the encoders go on alone, as well as they are known.
+- A run starts at rest at x = 0: that sets the encoders' zeros. Where the position sensor has another opinion, it is
+  right in the end.
+- A better calibration moves the expected position along with it. It says that one was elsewhere all the time, not that
+  one has moved: speed and disturbance know nothing of it, and the position law is told softly.
+- While the sensor is silent (no number, or the same for many samples) the encoders go on alone.
 - Encoders that are slack or doubted are left out, smoothly. With none left the filter lives on position and speed
   sensor, with the gain that belongs to these. Both gains depend on parameters alone.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 from dualwinch.controllers.context import Context
@@ -26,6 +27,7 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     TrustGains,
     calibrate,
     learnt_errors,
+    tared,
 )
 from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.kalman import (
@@ -63,6 +65,7 @@ class SelfCalibratingState:
     encoder_1: EncoderKnowledge = field(default_factory=EncoderKnowledge)
     encoder_2: EncoderKnowledge = field(default_factory=EncoderKnowledge)
     watch: SensorWatch = field(default_factory=SensorWatch)
+    pending: Annotated[Scalar, Quantity("m", "change of frame that the position law has not been told yet")] = 0.0
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,10 @@ LARGEST_READING = 1e6
 """Magnitude in m beyond which a reading is none; NaN is not below it either."""
 
 
+LEAST_INFORMATION = 1e-6
+"""Share of the position sensor's information that stands for none, where neither it nor an encoder says anything."""
+
+
 def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after: Scalar) -> tuple[SensorWatch, Scalar]:
     """The watch after a reading, and whether the position sensor is alive.
 
@@ -104,6 +111,66 @@ def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after:
     repeats = where(shown == watch.reading, watch.repeats + 1, 0.0)
     alive = both(finite, repeats <= frozen_after)
     return SensorWatch(shown, repeats, 1.0), alive
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """What position sensor and encoders together say beyond what is expected.
+
+    Attributes:
+        shift: by how much better calibrations move the expected position, in m.
+        surprise: what was not expected of the position then, in m.
+        lead: from 0, without encoders, to 1, with both.
+    """
+
+    shift: Scalar
+    surprise: Scalar
+    lead: Scalar
+
+
+def innovation(
+    expected: Scalar,
+    reading: Reading,
+    drums: tuple[Drum, ...],
+    positions: tuple[EncoderPosition, ...],
+    gains: KalmanGains,
+    trust: TrustGains,
+) -> Innovation:
+    """Position sensor and encoders as one measurement, with the weights of their variances.
+
+    Args:
+        expected: position in m.
+        reading: of the position sensor.
+        drums: what encoders and tensions show.
+        positions: what follows of the position, for each.
+        gains: noise levels.
+        trust: how far a reading, and an encoder, may be off.
+    """
+    noise, encoder_noise = gains.position_noise, gains.encoder_noise
+    sensor, both_encoders = 1 / noise**2, 2 / encoder_noise**2
+    heard = where(reading.alive, sensor, 0.0)
+    shares = [
+        where(drum.taut, 1 / (encoder_noise**2 + noise**2 * position.odds), 0.0)
+        for drum, position in zip(drums, positions, strict=True)
+    ]
+    encoders = sum(shares)
+    total = maximum(heard + encoders, LEAST_INFORMATION * sensor)
+    # an encoder that is far off has not brought the expectation here, and does not take it along
+    shift = sum(
+        share / total * position.shift / _distance(position.x - position.shift - expected, trust.jump)
+        for share, position in zip(shares, positions, strict=True)
+    )
+    x, bound = expected + shift, trust.gate * noise
+    surprise = heard / total * clip(reading.x - x, -bound, bound)
+    for share, position in zip(shares, positions, strict=True):
+        surprise += share / total * (position.x - x) / _distance(position.x - x, trust.jump)
+    lead = encoders / (sensor + encoders) * (sensor + both_encoders) / both_encoders
+    return Innovation(shift, surprise, lead)
+
+
+def _distance(apart: Scalar, jump: Scalar) -> Scalar:
+    """1 nearby, and by how much less an encoder counts that is `apart` m from what is expected (Cauchy's weight)."""
+    return 1 + (apart / jump) ** 2
 
 
 def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matrix:
@@ -139,56 +206,38 @@ class SelfCalibratingKalman(Estimator):
         context: Context,
     ) -> tuple[SelfCalibratingState, SelfCalibratingEstimate]:
         """One sample: learn of the encoders, then filter the motion with what is known of them."""
-        gains, nominal, sample_time = self.kalman, context.nominal, context.sample_time
-        noise, gate = gains.position_noise, self.trust.gate
-        expected_x = state.motion.x
-        watch, alive = watched(state.watch, measurement.x, expected_x, self.trust.frozen_after)
-        reading = Reading(
-            x=where(state.watch.started, watch.reading, 0.0),
-            alive=either(alive, 1 - state.watch.started),
-            deviation=noise,
-            weight=where(state.watch.started, 1.0, (noise / self.drums.start_deviation) ** 2),
-            gate=where(state.watch.started, gate, LARGEST_READING),
+        gains, sample_time = self.kalman, context.sample_time
+        watch, alive = watched(state.watch, measurement.x, state.motion.x, self.trust.frozen_after)
+        reading = Reading(watch.reading, alive, gains.position_noise)
+        drums, resting = _drums(measurement, state.motion.x, context), 1 - state.watch.started
+        encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], reading, resting, sample_time)
+        encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], reading, resting, sample_time)
+        told = innovation(state.motion.x, reading, drums, (position_1, position_2), gains, self.trust)
+        motion, estimate = corrected(
+            replace(state.motion, x=state.motion.x + told.shift),
+            measurement,
+            (told.surprise, measurement.v - state.motion.v),
+            blended_gain(gains, told.lead, sample_time),
+            gains,
+            context.nominal,
+            sample_time,
         )
-        drums = _drums(measurement, expected_x, context)
-        knowledge, positions = zip(
-            *(
-                calibrate(known, drum, reading, self.drums, self.trust, sample_time)
-                for known, drum in zip((state.encoder_1, state.encoder_2), drums, strict=True)
-            ),
-            strict=True,
-        )
-        # information in 1/m² of the position sensor, and of each encoder, less where it is doubted
-        sensor, encoder = 1 / noise**2, 1 / gains.encoder_noise**2
-        shares = [
-            where(drum.taut, 1 / (gains.encoder_noise**2 + noise**2 * position.odds), 0.0)
-            for drum, position in zip(drums, positions, strict=True)
-        ]
-        told, encoders = where(reading.alive, sensor, 0.0), sum(shares)
-        total = maximum(told + encoders, sensor * 1e-6)
-        # an encoder that is far off has not brought the expectation here, and does not take it along
-        near = [1 / (1 + ((position.x - position.shift - expected_x) / self.trust.jump) ** 2) for position in positions]
-        moved = sum(
-            share * close * position.shift for share, close, position in zip(shares, near, positions, strict=True)
-        )
-        x = expected_x + where(state.watch.started, moved / total, 0.0)
-        surprise_x = told * clip(reading.x - x, -gate * noise, gate * noise)
-        for share, position in zip(shares, positions, strict=True):
-            apart = position.x - x
-            surprise_x += share * apart / (1 + (apart / self.trust.jump) ** 2)
-        surprise = surprise_x / total, measurement.v - state.motion.v
-        lead = encoders / (sensor + encoders) * ((sensor + 2 * encoder) / (2 * encoder))
-        moving = KalmanState(x, state.motion.v, state.motion.d, state.motion.rate)
-        gain = blended_gain(gains, lead, sample_time)
-        motion, estimate = corrected(moving, measurement, surprise, gain, gains, nominal, sample_time)
-        following = SelfCalibratingState(motion, *knowledge, watch)
-        used = either(positions[0].used, positions[1].used)
-        return following, SelfCalibratingEstimate(**vars(estimate) | self._learnt(knowledge, positions, used))
+        pending = (state.pending + told.shift) * (1 - sample_time / self.trust.slide_time)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, watch, pending)
+        x = estimate.x_est - pending
+        learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
+        return following, SelfCalibratingEstimate(**vars(estimate) | {"x": x, "x_est": x} | learnt)
+
+    def _calibrated(
+        self, known: EncoderKnowledge, drum: Drum, reading: Reading, resting: Scalar, sample_time: Scalar
+    ) -> tuple[EncoderKnowledge, EncoderPosition]:
+        known = tared(known, drum, self.drums, resting)
+        return calibrate(known, drum, reading, self.drums, self.trust, sample_time)
 
     def _learnt(
-        self, knowledge: tuple[EncoderKnowledge, ...], positions: tuple[EncoderPosition, ...], used: Scalar
+        self, knowledge: tuple[EncoderKnowledge, ...], positions: tuple[EncoderPosition, ...]
     ) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {"position_used": used}
+        found: dict[str, Scalar] = {"position_used": either(positions[0].used, positions[1].used)}
         for number, (known, position) in enumerate(zip(knowledge, positions, strict=True), start=1):
             scale, zero, excess, *_ = learnt_errors(known, self.drums)
             for name, (value, spread) in {"scale": scale, "zero": zero, "excess": excess}.items():
