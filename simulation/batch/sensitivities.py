@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.motions.setpoint import Setpoint, later
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
@@ -16,7 +17,7 @@ from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop
 from dualwinch.simulation.loop.start import start_slopes
 from dualwinch.simulation.loop.structure import Structure, described_parameters
 from dualwinch.simulation.metrics.metric import Metric
@@ -104,7 +105,6 @@ def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Pro
         errors=np.full((*shape, kept), np.nan),
         slopes=np.full((*shape, kept, p), np.nan),
     )
-    wanted = pairs.loop.exogenous.index("reference.x")
 
     def one(i: int, j: int) -> None:
         own = pairs.experiments[j].metrics
@@ -117,7 +117,8 @@ def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Pro
             gradients = _gradients(pairs.loop.states, final, tangent, own, completed=completed)
             for name, gradient in gradients.items():
                 result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
-            result.errors[i, j, : len(x)] = x - outside[:: max(stride, 1), wanted][: len(x)]
+            wanted = _wanted(outside, pairs.loop.exogenous, pairs.experiments[j])[:: max(stride, 1)]
+            result.errors[i, j, : len(x)] = x - wanted[: len(x)]
             reached = dict(zip(pairs.loop.states, final.tolist(), strict=True))
             metrics = metrics_of(reached, completed=completed, own=own)
             for name, table in result.metrics.items():
@@ -126,6 +127,14 @@ def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Pro
 
     whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices.tolist()], threads, progress)
     return replace(result, interrupted=not whole)
+
+
+def _wanted(outside: Floats, names: Sequence[str], experiment: Experiment) -> Floats:
+    """Where the vehicle should be at every sample, (samples,): in the track's frame, and at the sample's true time."""
+    columns = dict(zip(names, outside.T, strict=True))
+    late = experiment.simulation.jitter * np.append(0.0, columns[LATENESS][:-1])
+    asked = Setpoint(*(columns[f"reference.{name}"] for name in ("x", "v", "a")))
+    return later(asked, late).x - experiment.sensors.position_bias
 
 
 def steps(structure: Structure) -> frozenset[str]:

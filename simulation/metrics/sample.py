@@ -29,7 +29,7 @@ class Sample(Row):
 
     @property
     def error(self) -> Scalar:
-        """Tracking error x − x_ref in m."""
+        """Tracking error in m, x − x_ref in the frame of the position sensor: its bias does not count."""
         return self.e
 
     @property

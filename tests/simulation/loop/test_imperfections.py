@@ -9,10 +9,12 @@ import pytest
 from dualwinch.config.settings import override
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
+from tests.oracle.plant import Hold, Plant
 from tests.oracle.sampled import Scenario, run
 
 METRE = 1e-8
@@ -149,3 +151,25 @@ def test_a_bias_of_the_sensor_moves_the_frame_and_nothing_else() -> None:
     assert biased["e"][0] == 0
     assert biased.metrics["mse"] == pytest.approx(true.metrics["mse"], rel=1e-3)
     assert np.abs(biased["x"] + 0.01 - true["x"]).max() < 1e-5
+
+
+def test_the_plants_block_has_the_same_slopes() -> None:
+    made, judge = block("plant", imperfect(ALL)), Plant(Scenario("fando-nftsm", NUMBER, ALL).values)
+    assert made.derivative is not None
+    position, speed, torques, t = judge.at_rest(5000.0, 20.0)[0], (1.2, 1.5, -1.5), (30.0, 20.0), 3.0
+    state = dict.fromkeys((variable.name for variable in made.states), 0.0)
+    for k, name in enumerate(("x", "theta_1", "theta_2")):
+        state[name] = position[k]
+    for k, name in enumerate(("v", "omega_1", "omega_2")):
+        state[name] = speed[k]
+    state["sample"] = t / 1e-3
+    given = dict.fromkeys((variable.name for variable in made.inputs), 0.0) | dict(
+        zip(("tau_1", "tau_2"), torques, strict=True)
+    )
+    parameters = [parameter.start for parameter in made.parameters]
+    slopes, _ = made.derivative(list(state.values()), list(given.values()), parameters)
+    found = dict(zip((variable.name for variable in made.continuous), np.array(slopes).ravel(), strict=True))
+    assert judge.taut(position, speed, t) == (True, True)
+    hold = Hold(*judge.given(torques, position, speed, 0.0))
+    (a, alpha_1, alpha_2), _ = judge.motion(t, position, speed, hold, (True, True))
+    assert [found[name] for name in ("v", "omega_1", "omega_2")] == pytest.approx([a, alpha_1, alpha_2], rel=1e-9)
