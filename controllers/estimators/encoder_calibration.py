@@ -20,9 +20,8 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import annotated_types as at
-import casadi as ca
 
-from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
+from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances, vector
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
 
@@ -258,7 +257,7 @@ def tared(known: EncoderKnowledge, drum: Drum, gains: DrumGains, resting: Scalar
     zero = (drum.wound - drum.stretch) / gains.zero
     before = [known.errors.estimate[i] for i in range(len(NAMES))]
     estimate = [where(resting, zero, old) if name == "zero" else old for name, old in zip(NAMES, before, strict=True)]
-    return replace(known, errors=replace(known.errors, estimate=ca.vertcat(*estimate)))
+    return replace(known, errors=replace(known.errors, estimate=vector(estimate)))
 
 
 def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> tuple[tuple[Scalar, Scalar], ...]:

@@ -106,7 +106,7 @@ def learnt(
         for i in range(len(regressors))
         for j in range(i + 1)
     ]
-    return Knowledge(ca.vertcat(*estimate), ca.vertcat(*information))
+    return Knowledge(vector(estimate), vector(information))
 
 
 def variances(known: Knowledge, n: int) -> tuple[Scalar, ...]:
@@ -114,6 +114,12 @@ def variances(known: Knowledge, n: int) -> tuple[Scalar, ...]:
     factors = factorised(_with_prior(known, n, 1.0))
     units = [[1.0 if row == column else 0.0 for row in range(n)] for column in range(n)]
     return tuple(solved(factors, unit)[index] for index, unit in enumerate(units))
+
+
+def vector(values: Sequence[Scalar]) -> Any:
+    """Numbers, or symbols, as a vector of a state."""
+    symbolic = any(isinstance(value, (ca.SX, ca.MX)) for value in values)
+    return ca.vertcat(*values) if symbolic else np.array(values, dtype=float)
 
 
 def _with_prior(known: Knowledge, n: int, fade: Scalar) -> Matrix:
