@@ -24,6 +24,7 @@ import annotated_types as at
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances, vector
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
+from dualwinch.model.winding import TURN
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,12 @@ class DrumGains:
         Quantity("1", "believed standard deviation of a drum's radius, as a share", "assumption"),
         Tunable(1e-4, 2e-2, standard=False),
     ] = 2e-3
+    layers: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of the growth of a drum's radius a turn", "assumption"),
+        Tunable(1e-7, 1e-4, standard=False),
+    ] = 5e-6
     compliance: Annotated[
         float,
         at.Gt(0),
@@ -103,7 +110,7 @@ class TrustGains:
     ] = 0.3
 
 
-NAMES = ("scale", "zero", "excess", "sine", "cosine")
+NAMES = ("scale", "layers", "zero", "excess", "sine", "cosine")
 """What is learnt of an encoder; what may be known best stands first, for round-off's sake."""
 
 
@@ -169,13 +176,14 @@ class EncoderPosition:
 def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar, ...]:
     """What an encoder's errors of a deviation each change, over the deviation of a reading; in the order of `NAMES`."""
     sizes = deviations(gains)
-    shapes = -drum.wound, 1.0, drum.stretch, sin(drum.theta), cos(drum.theta) - 1
+    turns = drum.theta / TURN
+    shapes = -drum.wound, -TURN / 2 * turns**2, 1.0, drum.stretch, sin(drum.theta), cos(drum.theta) - 1
     return tuple(size / deviation * shape for size, shape in zip(sizes, shapes, strict=True))
 
 
 def deviations(gains: DrumGains) -> tuple[Scalar, ...]:
     """Deviations that are believed before the run, in the order of `NAMES`."""
-    return gains.scale, gains.zero, gains.compliance, gains.run_out, gains.run_out
+    return gains.scale, gains.layers, gains.zero, gains.compliance, gains.run_out, gains.run_out
 
 
 HALF_DOUBTED = 0.3

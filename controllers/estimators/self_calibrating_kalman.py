@@ -239,7 +239,7 @@ class SelfCalibratingKalman(Estimator):
     ) -> dict[str, Scalar]:
         found: dict[str, Scalar] = {"position_used": either(positions[0].used, positions[1].used)}
         for number, (known, position) in enumerate(zip(knowledge, positions, strict=True), start=1):
-            scale, zero, excess, *_ = learnt_errors(known, self.drums)
+            scale, _, zero, excess, *_ = learnt_errors(known, self.drums)
             for name, (value, spread) in {"scale": scale, "zero": zero, "excess": excess}.items():
                 found |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
             found[f"doubt_{number}"] = position.odds / (1 + position.odds)
