@@ -251,18 +251,19 @@ def calibrate(
     return following, position
 
 
-def tared(known: EncoderKnowledge, drum: Drum, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
-    """What is known of an encoder, its zero set where the vehicle rests at x = 0.
+def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
+    """What is known of an encoder, its zero set where the vehicle is known to rest.
 
-    The zero stays as uncertain as it was: the position sensor may have another opinion of where x = 0 is.
+    The zero stays as uncertain as it was: the position sensor may have another opinion of where that is.
 
     Args:
         known: what was known.
         drum: it and its rope.
+        x: where the vehicle rests, in m.
         gains: what is believed before.
-        resting: whether the vehicle rests at x = 0.
+        resting: whether it does.
     """
-    zero = (drum.wound - drum.stretch) / gains.zero
+    zero = (drum.wound - drum.stretch - drum.direction * x) / gains.zero
     before = [known.errors.estimate[i] for i in range(len(NAMES))]
     estimate = [where(resting, zero, old) if name == "zero" else old for name, old in zip(NAMES, before, strict=True)]
     return replace(known, errors=replace(known.errors, estimate=vector(estimate)))

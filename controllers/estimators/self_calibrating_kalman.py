@@ -207,14 +207,15 @@ class SelfCalibratingKalman(Estimator):
     ) -> tuple[SelfCalibratingState, SelfCalibratingEstimate]:
         """One sample: learn of the encoders, then filter the motion with what is known of them."""
         gains, sample_time = self.kalman, context.sample_time
-        watch, alive = watched(state.watch, measurement.x, state.motion.x, self.trust.frozen_after)
+        x = state.motion.x
+        watch, alive = watched(state.watch, measurement.x, x, self.trust.frozen_after)
         reading = Reading(watch.reading, alive, gains.position_noise)
-        drums, resting = _drums(measurement, state.motion.x, context), 1 - state.watch.started
-        encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], reading, resting, sample_time)
-        encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], reading, resting, sample_time)
-        told = innovation(state.motion.x, reading, drums, (position_1, position_2), gains, self.trust)
+        drums, resting = _drums(measurement, x, context), 1 - state.watch.started
+        encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, sample_time)
+        encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, sample_time)
+        told = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
         motion, estimate = corrected(
-            replace(state.motion, x=state.motion.x + told.shift),
+            replace(state.motion, x=x + told.shift),
             measurement,
             (told.surprise, measurement.v - state.motion.v),
             blended_gain(gains, told.lead, sample_time),
@@ -224,14 +225,14 @@ class SelfCalibratingKalman(Estimator):
         )
         pending = (state.pending + told.shift) * (1 - sample_time / self.trust.slide_time)
         following = SelfCalibratingState(motion, encoder_1, encoder_2, watch, pending)
-        x = estimate.x_est - pending
+        passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
-        return following, SelfCalibratingEstimate(**vars(estimate) | {"x": x, "x_est": x} | learnt)
+        return following, SelfCalibratingEstimate(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
 
     def _calibrated(
-        self, known: EncoderKnowledge, drum: Drum, reading: Reading, resting: Scalar, sample_time: Scalar
+        self, known: EncoderKnowledge, drum: Drum, x: Scalar, reading: Reading, resting: Scalar, sample_time: Scalar
     ) -> tuple[EncoderKnowledge, EncoderPosition]:
-        known = tared(known, drum, self.drums, resting)
+        known = tared(known, drum, x, self.drums, resting)
         return calibrate(known, drum, reading, self.drums, self.trust, sample_time)
 
     def _learnt(
