@@ -3,11 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cache
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.embedded.host import PRECISE, Host, build
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.kalman import KalmanGains, kalman_gain
@@ -29,6 +33,7 @@ from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 
@@ -255,3 +260,24 @@ def test_margins_are_those_of_a_filter_that_knows_the_machine() -> None:
     assert learning.stable
     assert learning.gain == pytest.approx(plain.gain, rel=1e-2)
     assert np.abs(linear_closed_loop(override(case(4), KIND), 25.0, 0.5).poles()).max() < 1
+
+
+def test_exported_in_single_precision_it_knows_the_position_as_well(tmp_path: Path) -> None:
+    made = block("controller", override(case(4), KIND))
+    estimate = [variable.name for variable in made.outputs].index("x_est")
+    inputs = {variable.name: column for column, variable in enumerate(made.inputs)}
+    driven, found = drive(), {}
+    given = np.zeros((len(driven.x), len(inputs)))
+    for name in NAMES:
+        if name in inputs:
+            given[:, inputs[name]] = driven.measured[:, NAMES.index(name)]
+    for precision, flags in (("double", ()), ("float", PRECISE)):
+        folder = tmp_path / precision
+        folder.mkdir()
+        source = c_package(made, made.name, Provenance("dualwinch", "test", "2026-01-01"), precision)
+        host = Host(build(folder, source, made.name, find_compiler().command, *flags), made.name, made, precision)
+        found[precision] = host.run(given)[:, estimate]
+    error = found["double"] - driven.x
+    assert rms(error[2000:]) < SIGMA / 15
+    # a position of 7 m has steps of 0.5 µm in single precision, a drum angle of 9 rad as well
+    assert np.abs(found["float"] - found["double"]).max() < 2e-5
