@@ -1,11 +1,11 @@
 """Winch: motor, gearbox and drum; positive in the direction that retrieves rope (paper Section 2.4, E1)."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity, Rule
 from dualwinch.model.scalar import Scalar, sin, tanh
 
 
@@ -71,6 +71,14 @@ class Winch:
     ripple_angle: Annotated[
         float, Quantity("rad", "phase of the ripple at drum angle 0", "assumption"), Mark.UNKNOWN
     ] = 0.0
+
+    rules: ClassVar = (
+        Rule(
+            ("eccentricity", "drum_radius"),
+            lambda winch: winch.eccentricity <= winch.drum_radius / 4,
+            lambda winch, _: f"must be <= {winch.drum_radius / 4:g} m (a quarter of drum_radius)",
+        ),
+    )
 
 
 FRICTION_SPEED = 0.01

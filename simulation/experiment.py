@@ -48,6 +48,8 @@ class Simulation:
         at.Le(0.05),
         Quantity("s", "largest time a sample is early or late, drawn evenly; no controller knows it", "assumption"),
         Mark.OFF_AT_ZERO,
+        Mark.SCALES_DRAWS,
+        Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     integrator: Annotated[
         Literal["adaptive", "exponential", "rk4"],

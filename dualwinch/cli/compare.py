@@ -21,7 +21,7 @@ app = App(
 @app.default
 def compare(
     *files: Annotated[str, Parameter(help="TOML files of gains; `paper` means the paper's gains.")],
-    ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, or a TOML file.")] = "sea",
+    ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, `rig`, or a TOML file.")] = "sea",
     scenarios: Annotated[int, Parameter(help="Scenarios, the same for every file.")] = 200,
     seed: Annotated[int, Parameter(help="Seed of the draws and of the intervals.")] = 0,
     config: Annotated[

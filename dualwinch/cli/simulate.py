@@ -32,7 +32,8 @@ def simulate(
     set_: Assignments = None,
     plugin: Plugins = None,
     ensemble: Annotated[
-        str | None, Parameter(help="Run an ensemble of scenarios: `sea`, or a TOML file (see `config --ensemble`).")
+        str | None,
+        Parameter(help="Run an ensemble of scenarios: `sea`, `rig`, or a TOML file (see `config --ensemble`)."),
     ] = None,
     scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble (default 100).")] = None,
     seed: Annotated[int | None, Parameter(help="Seed of the ensemble's draws (default 0).")] = None,

@@ -28,7 +28,9 @@ def tune(
     config: Annotated[Path | None, Parameter(help="Experiment to start from, TOML.")] = None,
     set_: AssignmentsInBrief = None,
     plugin: Plugins = None,
-    ensemble: Annotated[str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, or a TOML file.")] = None,
+    ensemble: Annotated[
+        str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, or a TOML file.")
+    ] = None,
     scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble a candidate is tuned on.")] = None,
     space: Annotated[
         list[str] | None,

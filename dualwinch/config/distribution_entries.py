@@ -176,6 +176,10 @@ def check_range(key: str, drawn: Drawn, experiment: Experiment) -> None:
             with_leaves(experiment, {key: validated(leaf_of(key, experiment), end)})
         except ConfigurationError as error:
             raise ConfigurationError(f"{key}: its distribution reaches a value that is not allowed: {error}") from error
+    if Mark.SHAPES_CODE_AT_ZERO in leaf_of(key, experiment).marks and 0 in {nominal, *drawn.ends(nominal)}:
+        raise ConfigurationError(
+            f"{key}: must be above 0, outside [distributions] too: whether it is 0 shapes the compiled code"
+        )
 
 
 def entry_of(key: str, drawn: Drawn) -> str:

@@ -29,7 +29,7 @@ def find_ensemble(name: str | PathLike[str]) -> Path:
     """The file of an ensemble.
 
     Args:
-        name: of one that comes with the product, such as ``sea``, or the path of a TOML file.
+        name: of one that comes with the product, ``sea`` or ``rig``, or the path of a TOML file.
 
     Raises:
         ConfigurationError: it is neither.
@@ -49,7 +49,7 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
     """Read an ensemble.
 
     Args:
-        name: of one that comes with the product, such as ``sea``, or the path of a TOML file.
+        name: of one that comes with the product, ``sea`` or ``rig``, or the path of a TOML file.
         base: what the file's experiment keys are set on (default: ``Experiment()``).
 
     Raises:

@@ -98,6 +98,8 @@ class Mark(Enum):
     DRAWN_AHEAD = "shapes signals that are drawn ahead of a run; the closed loop does not take it"
     SWITCH = "a truth value that the closed loop takes as a number, 0 or 1"
     OFF_AT_ZERO = "often zero for good: code of its own leaves out what it multiplies"
+    SCALES_DRAWS = "scales what is drawn ahead of a run: where it is zero, nothing is drawn"
+    SHAPES_CODE_AT_ZERO = "a number whose being zero is written into the compiled code"
     UNKNOWN = "what makes a real machine differ from its data sheet: no controller believes it"
     READS_IN_STEPS = "rounds what is read: derivatives are those without it"
     POSITION = "a state that moves on with the vehicle, and is its position in a steady cruise"

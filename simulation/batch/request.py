@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
-from dualwinch.model.quantities.tree import rules, with_leaves
+from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
@@ -40,7 +40,7 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
     for number, (scenario, experiment) in enumerate(zip(scenarios, experiments, strict=True)):
         try:
             check(experiment)
-            _check_noise(names, experiment)
+            _check_draws([name for name in names if Mark.SCALES_DRAWS in described[name].marks], experiment)
         except ConfigurationError as error:
             where = f"scenario {scenario.index}" if isinstance(scenario, Scenario) else f"scenarios[{number}]"
             raise ConfigurationError(f"{where}: {error}") from error
@@ -70,13 +70,12 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
             raise ConfigurationError(f"parameters[{row}]: {name} = {column[row]:g}: must be {allowed}")
 
 
-def _check_noise(names: Iterable[str], experiment: Experiment) -> None:
-    """Noise is drawn for the scenario, and for a sensor without any there is nothing to scale."""
+def _check_draws(names: Iterable[str], experiment: Experiment) -> None:
+    """What is drawn is drawn for the scenario, and without any there is nothing to scale."""
+    given = leaves(experiment)
     for name in names:
-        if name.startswith("sensors.") and name.endswith("_noise"):
-            given = getattr(experiment.sensors, name.removeprefix("sensors."))
-            if given == 0:
-                raise ConfigurationError(f"{name} = 0: must be > 0 where it varies (without it no noise is drawn)")
+        if given[name] == 0:
+            raise ConfigurationError(f"{name} = 0: must be > 0 where it varies (without it nothing is drawn)")
 
 
 def _check_together(columns: Mapping[str, Floats], experiments: Sequence[Experiment], structure: Structure) -> None:

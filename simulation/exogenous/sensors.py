@@ -19,7 +19,7 @@ class Sensors:
     """Errors of the sensors; 0 is a perfect one."""
 
     position_noise: Annotated[
-        float, at.Ge(0), Quantity("m", "white noise of the position", "assumption"), Mark.OFF_AT_ZERO
+        float, at.Ge(0), Quantity("m", "white noise of the position", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
     position_resolution: Annotated[
         float,
@@ -30,8 +30,8 @@ class Sensors:
     ] = 0.0
     position_bias: Annotated[
         float,
-        at.Ge(-1),
-        at.Le(1),
+        at.Ge(-0.1),
+        at.Le(0.1),
         Quantity("m", "reading at the track's beginning; references and errors are in its frame", "assumption"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
@@ -40,6 +40,7 @@ class Sensors:
         at.Ge(0),
         Quantity("m", "standard deviation of the position's drift (first-order Gauss–Markov)", "assumption"),
         Mark.OFF_AT_ZERO,
+        Mark.SCALES_DRAWS,
     ] = 0.0
     position_drift_time: Annotated[
         float, at.Gt(0), Quantity("s", "how long a drift lasts", "assumption"), Mark.DRAWN_AHEAD
@@ -49,6 +50,7 @@ class Sensors:
         at.Ge(0),
         Quantity("s", "mean length of the position sensor's outages, drawn within ±50 %; 0: none", "assumption"),
         Mark.DRAWN_AHEAD,
+        Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     outage_period: Annotated[
         float,
@@ -60,10 +62,14 @@ class Sensors:
         Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (nan)", "")
     ] = "held"
     speed_noise: Annotated[
-        float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO
+        float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
     tension_noise: Annotated[
-        float, at.Ge(0), Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO
+        float,
+        at.Ge(0),
+        Quantity("N", "white noise of both tensions", "assumption"),
+        Mark.OFF_AT_ZERO,
+        Mark.SCALES_DRAWS,
     ] = 0.0
     load_cell_error_1: Annotated[
         float,

@@ -1,6 +1,6 @@
 """Plant and controller as one symbolic step of the sampled closed loop."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Annotated, Any, NamedTuple
@@ -62,11 +62,18 @@ FORCE, DRIFT, SILENT, LATENESS = "force", "noise.drift", "noise.silent", "noise.
 """Signals that are hardly ever there: code of its own leaves them out."""
 
 
-def absent_signals(*experiments: Experiment) -> frozenset[str]:
-    """Signals from outside that are zero for good in all of some experiments; what they add can be left out."""
+def absent_signals(*experiments: Experiment, varying: Collection[str] = ()) -> frozenset[str]:
+    """Signals from outside that are zero for good in all of some experiments; what they add can be left out.
+
+    Args:
+        experiments: some.
+        varying: keys of what may be another number elsewhere.
+    """
     present = {
-        FORCE: any(experiment.disturbance.force.given for experiment in experiments),
-        DRIFT: any(experiment.sensors.position_drift > 0 for experiment in experiments),
+        FORCE: any(experiment.disturbance.force.given for experiment in experiments)
+        or any(key.startswith("disturbance.force.") for key in varying),
+        DRIFT: any(experiment.sensors.position_drift > 0 for experiment in experiments)
+        or "sensors.position_drift" in varying,
         SILENT: any(silence_of(experiment.sensors) for experiment in experiments),
         LATENESS: any(experiment.simulation.jitter > 0 for experiment in experiments),
     }

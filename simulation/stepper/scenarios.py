@@ -15,7 +15,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.between import named_function
-from dualwinch.simulation.loop.closed_loop import FORCE, absent_signals, closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, zeros_of
 from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.stepper.given import KINDS, CommandName, under_command
@@ -63,8 +63,7 @@ class Scenarios:
         drawn = self.ensemble.drawn_keys if self.ensemble else ()
         self._structure = structure_of(self.experiment)
         self._zeros = zeros_of(self._structure, parameters_of(self.experiment), varying=drawn)
-        if not any(key.startswith(f"disturbance.{FORCE}.") for key in drawn):
-            self._zeros |= absent_signals(self._base)
+        self._zeros |= absent_signals(self._base, varying=drawn)
         self.loop = closed_loop(self._structure, self._zeros)
 
     def commanded(self, signals: tuple[str, ...]) -> Commanded:

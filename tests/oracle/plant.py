@@ -1,6 +1,6 @@
 """Right-hand side of the plant in floats, written per rope mode so that a stiff solver sees a smooth function."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos, exp, pi, sin, tanh
 from types import SimpleNamespace
@@ -99,7 +99,7 @@ class Plant:
         drum_1, drum_2 = self.drums
         return (x, drum_1.angle(stretch_1 + x), drum_2.angle(stretch_2 - x)), (0.0, 0.0, 0.0)
 
-    def given(self, torques: tuple[float, float], position: Triple, speed: Triple, duration: float) -> list[float]:
+    def given(self, torques: Sequence[float], position: Triple, speed: Triple, duration: float) -> list[float]:
         """What the motors give, all through a sample, instead of the torques they are asked for."""
         gains = []
         for number, winch in enumerate((self.winch_1, self.winch_2), start=1):

@@ -9,6 +9,9 @@ from dualwinch.cli import main
 from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Mark
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
@@ -24,6 +27,30 @@ def written(text: str, folder: Path) -> Path:
     path = folder / "my.toml"
     path.write_text(text)
     return path
+
+
+def test_the_rig_is_the_sea_and_more() -> None:
+    sea, rig = load_ensemble("sea"), load_ensemble("rig")
+    assert {key: rig.distributions[key] for key in sea.distributions} == sea.distributions
+    there, here, plain = (leaves(experiment) for experiment in (sea.experiment, rig.experiment, case(4)))
+    of_the_sea = {key for key, value in there.items() if value != plain.get(key)}
+    assert {key: here[key] for key in of_the_sea} == {key: there[key] for key in of_the_sea}
+    for key in (*rig.distributions, *here):
+        assert not key.startswith("controller.") or here[key] == there[key]
+
+
+def test_the_rig_holds_every_imperfection() -> None:
+    """All that is zero of a perfect machine is drawn, or set, but for what the sea holds already."""
+    rig = load_ensemble("rig")
+    marks = {Mark.UNKNOWN, Mark.SHAPES_CODE_AT_ZERO}
+    groups = ("plant.", "sensors.", "simulation.")
+    zero = {
+        key
+        for key, leaf in describe_parts(case(4)).items()
+        if key.startswith(groups) and leaf.default == 0 and (leaf.marks & marks or key.startswith("sensors."))
+    }
+    given = {key for key, value in leaves(rig.experiment).items() if value}
+    assert zero <= given | set(rig.distributions)
 
 
 def test_sea_is_what_its_documentation_says() -> None:
@@ -183,6 +210,7 @@ def test_relative_distributions_follow_the_nominal_value_and_others_refuse_it() 
         ('controller.kind = { choice = ["nftsm"] }', "controller.kind: cannot be drawn, it shapes the compiled code"),
         ("simulation.delay_samples = { choice = [0, 1] }", "cannot be drawn, it shapes the compiled code"),
         ("simulation.duration = { uniform = [1, 2] }", "all scenarios share their instants"),
+        ("simulation.jitter = { uniform = [1e-5, 2e-5] }", "must be above 0, outside [distributions] too"),
         ("sensors.encoder_counts = { uniform = [1, 2] }", "must be a choice"),
         ('plant.vehicle.mass = { kind = "triangle", low = 1 }', "unknown distribution 'triangle'; did you mean 'tri"),
         ("plant.vehicle.mass = { kind = 3 }", "unknown distribution 3"),

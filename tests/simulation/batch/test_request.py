@@ -68,11 +68,11 @@ def test_a_scenario_that_does_not_fit_is_named() -> None:
         check_batch([], np.empty((1, 0)), [Scenario(17, wrong, wrong.plant, {})])
 
 
-def test_noise_that_was_not_drawn_cannot_be_varied() -> None:
-    name = "sensors.speed_noise"
+@pytest.mark.parametrize("name", ["sensors.speed_noise", "sensors.position_drift", "simulation.jitter"])
+def test_what_was_not_drawn_cannot_be_varied(name: str) -> None:
     with pytest.raises(ConfigurationError, match=rf"{name} = 0: must be > 0 where it varies"):
-        check_batch([name], np.array([[1e-3]]), [case(4)])
-    check_batch([name], np.array([[1e-3]]), [override(case(4), {name: 2e-3})])
+        check_batch([name], np.array([[1e-4]]), [case(4)])
+    check_batch([name], np.array([[1e-4]]), [override(case(4), {name: 2e-4})])
 
 
 def test_the_sample_time_cannot_vary() -> None:

@@ -37,6 +37,12 @@ def sea(duration: float = 0.6) -> dw.Ensemble:
     return replace(ensemble, experiment=dw.override(ensemble.experiment, {"simulation.duration": duration}))
 
 
+def rig(duration: float = 0.6) -> dw.Ensemble:
+    ensemble = dw.load_ensemble("rig")
+    keys = {"simulation.duration": duration, "sensors.outage_period": 0.5}
+    return replace(ensemble, experiment=dw.override(ensemble.experiment, keys))
+
+
 def assert_same_plant(ours: Result, theirs: Result) -> None:
     for name in (*PLANT, "d_true", "tau_1", "tau_2"):
         np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)
@@ -55,8 +61,9 @@ def assert_same_plant(ours: Result, theirs: Result) -> None:
         short(4, **{"plant.rope_slack": False, "simulation.sample_time": 2e-3}),
         short(4, **NOISY),
         replace(short(4, **NOISY), disturbance=replace(short(4, **NOISY).disturbance, force=GUST)),
+        rig().scenario(2, 7).experiment,
     ],
-    ids=["slack", "rk4", "delay", "two-sided rope", "noise", "signal"],
+    ids=["slack", "rk4", "delay", "two-sided rope", "noise", "signal", "rig"],
 )
 def test_a_lane_fed_with_the_torques_of_a_run_is_that_run_to_the_bit(experiment: dw.Experiment) -> None:
     run = dw.simulate(experiment, engine_name="interpreter")
