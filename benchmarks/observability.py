@@ -2,8 +2,8 @@
 
 The exact linear model of the plant (`dualwinch.model.linear`) is extended by unknown constants: the errors of both
 encoders, a force on the vehicle and both motor torques. What so many samples tell of these and of the state at the
-beginning is the observability Gramian, weighted by the sensors' noise. With the deviations that are believed before, its
-inverse is the covariance that no estimator can do better than (Cramér and Rao).
+beginning is the observability Gramian, weighted by the sensors' noise. With the deviations that are believed before,
+its inverse is the covariance that no estimator can do better than (Cramér and Rao).
 
 ``python -m benchmarks.observability`` prints the table; ``--write FILE`` puts it between its two marks.
 """

@@ -3,12 +3,13 @@
 A taut rope ties drum and vehicle: ``R_1 theta_1 = x + stretch_1`` and ``R_2 theta_2 = stretch_2 - x``. What encoder,
 nominal radius and nominal rope say of the position is wrong by
 
-    R theta - stretch -+ x = zero - scale R theta + excess stretch + a sin theta + b (cos theta - 1)
+    R theta - stretch -+ x =
+        zero - scale R theta - layers theta²/(4 pi) + excess stretch + a sin theta + b (cos theta - 1)
 
-with the encoder's zero in m of rope, the share by which the drum is larger than the nominal one, that by which the rope
-is softer, and the run-out of the drum: once a turn, for it is not quite round or sits beside its axis. All are
-constants, or nearly, and enter linearly: regularised least squares (`controllers.estimators.least_squares`) learns them
-from the readings of the position sensor.
+with the encoder's zero in m of rope, the share by which the drum is larger than the nominal one, the growth of its
+radius a turn beyond the nominal one, the share by which the rope is softer, and the drum's run-out: once a turn, for it
+is not quite round or sits beside its axis. All are constants, or nearly, and enter linearly: regularised least squares
+(`controllers.estimators.least_squares`) learns them from the readings of the position sensor.
 
 Neither side is believed blindly. A reading far from what is expected of it teaches nothing. If the readings stay away
 from what the encoder says, beyond what a reading may be wrong by, the encoder is doubted: its variance as a position
