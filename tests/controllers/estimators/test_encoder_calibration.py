@@ -42,7 +42,7 @@ def stretch_at(number: int) -> float:
 def after(
     readings: np.ndarray, positions: np.ndarray, direction: float, errors: dict[str, float]
 ) -> tuple[EncoderKnowledge, EncoderPosition]:
-    known = EncoderKnowledge()
+    known, position = EncoderKnowledge(), EncoderPosition(0.0, 0.0, 0.0, 0.0)
     for number, (reading, x) in enumerate(zip(readings.tolist(), positions.tolist(), strict=True)):
         shown = drum(x, direction, stretch_at(number), errors)
         known = tared(known, shown, 0.0, GAINS, float(number == 0))
@@ -95,7 +95,7 @@ def test_an_outlier_teaches_nothing_and_a_silent_sensor_takes_no_knowledge_away(
 def test_readings_that_stay_away_raise_doubt_and_are_believed_in_the_end() -> None:
     """The encoder has jumped by 10 mm: doubted within a tenth of a second, learnt anew within a second or so."""
     positions = np.linspace(0, 4, 2000)
-    known, _ = after(positions, positions, 1.0, TRUE)
+    known, position = after(positions, positions, 1.0, TRUE)
     jumped, odds = TRUE | {"zero": TRUE["zero"] + 0.01}, []
     for _ in range(2000):
         shown = drum(4.0, 1.0, 3e-3, jumped)

@@ -1,5 +1,7 @@
 """Recursive least squares against one batch of normal equations."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 
-Floats = NDArray[np.float64]
+Floats = NDArray[Any]
 
 SCALES = np.array([30.0, 3.0, 1.0, 0.3])
 

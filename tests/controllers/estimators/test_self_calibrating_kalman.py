@@ -12,6 +12,7 @@ import pytest
 from benchmarks.embedded.host import PRECISE, Host, build
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
+from dualwinch.codegen.source.precision import Precision
 from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.kalman import KalmanGains, kalman_gain
@@ -271,7 +272,8 @@ def test_exported_in_single_precision_it_knows_the_position_as_well(tmp_path: Pa
     for name in NAMES:
         if name in inputs:
             given[:, inputs[name]] = driven.measured[:, NAMES.index(name)]
-    for precision, flags in (("double", ()), ("float", PRECISE)):
+    builds: tuple[tuple[Precision, tuple[str, ...]], ...] = (("double", ()), ("float", PRECISE))
+    for precision, flags in builds:
         folder = tmp_path / precision
         folder.mkdir()
         source = c_package(made, made.name, Provenance("dualwinch", "test", "2026-01-01"), precision)
