@@ -45,10 +45,14 @@ class Disturbance:
         Mark.DRAWN_AHEAD,
     ] = 0.0
     current_time: Annotated[
-        float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption"), Mark.DRAWN_AHEAD
+        float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
     ] = 20.0
     current_limit: Annotated[
-        float, at.Ge(0), Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1"), Mark.DRAWN_AHEAD
+        float,
+        at.Ge(0),
+        Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1"),
+        Mark.DRAWN_AHEAD,
+        Mark.COURSE,
     ] = 0.154
     normal_force_sigma: Annotated[
         float,
@@ -57,7 +61,7 @@ class Disturbance:
         Mark.DRAWN_AHEAD,
     ] = 0.0
     normal_force_time: Annotated[
-        float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD
+        float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
     ] = 5.0
     force: Annotated[Signal, Quantity("N", "force on the vehicle along the track")] = field(default_factory=Signal)
     current: Annotated[Signal, Quantity("m/s", "ambient current along the track")] = field(default_factory=Signal)

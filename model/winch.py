@@ -29,7 +29,9 @@ class Winch:
         Quantity("m", "growth of the radius by a full layer of rope; 0: one layer", "assumption"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
-    layer_laps: Annotated[float, at.Ge(1), Quantity("1", "drum turns that fill a layer", "assumption")] = 20.0
+    layer_laps: Annotated[float, at.Ge(1), Quantity("1", "drum turns that fill a layer", "assumption"), Mark.COURSE] = (
+        20.0
+    )
     radius_error: Annotated[
         float,
         at.Ge(-0.5),
@@ -47,7 +49,10 @@ class Winch:
         Mark.UNKNOWN,
     ] = 0.0
     eccentricity_angle: Annotated[
-        float, Quantity("rad", "angle of the drum's largest radius at drum angle 0", "assumption"), Mark.UNKNOWN
+        float,
+        Quantity("rad", "angle of the drum's largest radius at drum angle 0", "assumption"),
+        Mark.UNKNOWN,
+        Mark.COURSE,
     ] = 0.0
     torque_error: Annotated[
         float,
@@ -66,10 +71,10 @@ class Winch:
         Mark.UNKNOWN,
     ] = 0.0
     ripple_waves: Annotated[
-        float, at.Ge(0), Quantity("1", "waves of the ripple a motor turn", "assumption"), Mark.UNKNOWN
+        float, at.Ge(0), Quantity("1", "waves of the ripple a motor turn", "assumption"), Mark.UNKNOWN, Mark.COURSE
     ] = 6.0
     ripple_angle: Annotated[
-        float, Quantity("rad", "phase of the ripple at drum angle 0", "assumption"), Mark.UNKNOWN
+        float, Quantity("rad", "phase of the ripple at drum angle 0", "assumption"), Mark.UNKNOWN, Mark.COURSE
     ] = 0.0
 
     rules: ClassVar = (

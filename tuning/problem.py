@@ -7,16 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
-from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
-from dualwinch.simulation.ensembles.paired_run import paper_controller
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.space import Interval, Point, Space
+from dualwinch.tuning.yardstick import yardstick
 
 SELECTION, HELD_OUT = 1_000_000, 2_000_000
 """Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
@@ -34,10 +33,6 @@ REPORTED = (
     "mean.continuous_load",
 )
 """Statistics kept of every candidate, beside objectives, constraints and the means of the experiment's own metrics."""
-
-
-def _strength(limits: Limits) -> tuple[float, float]:
-    return limits.tension_min, limits.tension_max
 
 
 @dataclass(frozen=True)
@@ -103,15 +98,8 @@ class Problem:
 
     @property
     def paper_experiment(self) -> Experiment:
-        """The experiment with the paper's controller, whatever law is tuned.
-
-        Where the winches have other limits than the paper's it keeps to those, and has the experiment's preload: the
-        paper's gains say nothing of how strong a machine is.
-        """
-        own, paper = self.experiment.controller, paper_controller()
-        papers_machine = _strength(own.limits) == _strength(paper.limits)
-        limits = paper.limits if papers_machine else own.limits
-        return replace(self.experiment, controller=replace(paper, nominal=own.nominal, limits=limits))
+        """The experiment with the paper's controller, whatever law is tuned."""
+        return replace(self.experiment, controller=yardstick(self.experiment.controller))
 
     @property
     def paper_point(self) -> Point | None:

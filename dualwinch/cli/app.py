@@ -8,7 +8,20 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError
 
 from dualwinch import __version__
-from dualwinch.cli import certify, compare, config, doctor, export, linearise, reproduce, simulate, sweep, tune, worker
+from dualwinch.cli import (
+    certify,
+    compare,
+    config,
+    doctor,
+    export,
+    linearise,
+    reproduce,
+    simulate,
+    stress,
+    sweep,
+    tune,
+    worker,
+)
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 """Exit codes."""
@@ -29,7 +42,7 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-for module in (reproduce, simulate, sweep, linearise, compare, tune, worker, config, certify, export, doctor):
+for module in (reproduce, simulate, sweep, linearise, compare, tune, stress, worker, config, certify, export, doctor):
     app.command(module.app)
 
 

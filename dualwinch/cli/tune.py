@@ -16,6 +16,7 @@ app = App(
     dualwinch tune --plugin my_law.py --set controller.kind=my-law --space controller.my_law.k=0.1:10:log
     dualwinch tune --ensemble sea --objective mean.mse --objective mean.chatter --trials 2000 --out front
     dualwinch tune --ensemble sea --constraint "worst.peak_tension<=5500" --constraint "mean.chatter<=0.25*paper"
+    dualwinch tune --ensemble sea --time 60s --stress --out tuned
     dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
 """,
 )
@@ -72,6 +73,9 @@ def tune(
     resume: Annotated[bool, Parameter(help="Go on with a study that has trials.", negative="")] = False,
     seed: Annotated[int, Parameter(help="Seed of scenarios and optimiser.")] = 0,
     out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results"),
+    stress: Annotated[
+        bool, Parameter(help="Then find out what breaks the best first (`dualwinch stress`), for the report.")
+    ] = False,
 ) -> None:
     """Search for better gains, and score the best in scenarios that the search never saw.
 
@@ -96,6 +100,7 @@ def tune(
             workers=workers,
             resume=resume,
             out=out,
+            stress=stress,
         )
         use_parts(plugin)
         recall_parts(options)

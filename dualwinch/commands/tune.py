@@ -18,6 +18,7 @@ from dualwinch.commands.folders import check_folder, make_folder
 from dualwinch.commands.tuning_print import print_study
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import configuration, definition_of
+from dualwinch.commands.tuning_stress import check_stress, print_stress
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.plugins.recall import recall
@@ -59,6 +60,7 @@ class Options:
         workers: processes on this machine.
         resume: whether a study with trials may be gone on with.
         out: folder of the results.
+        stress: whether it is found out what breaks the best first.
     """
 
     method: str | None = None
@@ -69,6 +71,7 @@ class Options:
     workers: int = 1
     resume: bool = False
     out: str | Path = "tuning-results"
+    stress: bool = False
 
 
 def seconds_from(text: str) -> float:
@@ -108,6 +111,8 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
     method = options.method or default_method(len(problem.objectives))
     trials = TRIALS if options.trials is None and options.seconds is None else options.trials
     _check(options, trials)
+    if options.stress:
+        check_stress(problem)
     check_method(method, len(problem.objectives))
     out = Path(options.out)
     make_folder(out)
@@ -138,6 +143,8 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
     status.say(f"wrote best.toml, study.json and report.html in {out}")
     if tuned.interrupted:
         raise KeyboardInterrupt
+    if options.stress:
+        print_stress(tuned, out, status)
     return tuned
 
 

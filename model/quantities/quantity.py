@@ -96,6 +96,7 @@ class Mark(Enum):
     CONTENT = "what was read, no scalar: it has no key"
     DIGEST = "says what was read, and follows where something else is"
     DRAWN_AHEAD = "shapes signals that are drawn ahead of a run; the closed loop does not take it"
+    COURSE = "says how something comes and goes over time or angle, and nothing of how strong it is"
     SWITCH = "a truth value that the closed loop takes as a number, 0 or 1"
     OFF_AT_ZERO = "often zero for good: code of its own leaves out what it multiplies"
     SCALES_DRAWS = "scales what is drawn ahead of a run: where it is zero, nothing is drawn"

@@ -25,7 +25,11 @@ class Creep:
         Mark.UNKNOWN,
     ] = 0.0
     time: Annotated[
-        float, at.Gt(0), Quantity("s", "time constant of the permanent elongation", "assumption"), Mark.UNKNOWN
+        float,
+        at.Gt(0),
+        Quantity("s", "time constant of the permanent elongation", "assumption"),
+        Mark.UNKNOWN,
+        Mark.COURSE,
     ] = 60.0
 
 

@@ -13,6 +13,7 @@ from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.groups import NOT_RUN
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
+from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.metrics.metrics import metrics_with
@@ -102,7 +103,7 @@ def run_grid(
     """Run experiments, side by side in vector lanes those that are of one structure, length and sample time.
 
     Args:
-        experiments: an `Experiment` each, in any shape.
+        experiments: an `Experiment` each, or a `Scenario`, in any shape.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
@@ -113,9 +114,10 @@ def run_grid(
         ConfigurationError: the values of an experiment do not fit together.
         DualwinchError: no compiler, or no usable cache folder.
     """
-    flat: Sequence[Experiment] = experiments.ravel().tolist()
+    flat: Sequence[Experiment | Scenario] = experiments.ravel().tolist()
     groups: dict[Any, list[int]] = {}
-    for index, experiment in enumerate(flat):
+    for index, given in enumerate(flat):
+        experiment = given.experiment if isinstance(given, Scenario) else given
         alike = structure_of(experiment), experiment.samples, experiment.simulation.sample_time
         groups.setdefault(alike, []).append(index)
     outcomes, end_times = np.full(len(flat), NOT_RUN, dtype="U10"), np.full(len(flat), np.nan)

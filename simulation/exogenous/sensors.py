@@ -38,12 +38,18 @@ class Sensors:
     position_drift: Annotated[
         float,
         at.Ge(0),
-        Quantity("m", "standard deviation in the long run of the position's drift since the run's beginning", "assumption"),
+        Quantity(
+            "m", "drift of the position since the run's beginning, standard deviation in the long run", "assumption"
+        ),
         Mark.OFF_AT_ZERO,
         Mark.SCALES_DRAWS,
     ] = 0.0
     position_drift_time: Annotated[
-        float, at.Gt(0), Quantity("s", "how long a drift lasts (first-order Gauss–Markov)", "assumption"), Mark.DRAWN_AHEAD
+        float,
+        at.Gt(0),
+        Quantity("s", "how long a drift lasts (first-order Gauss–Markov)", "assumption"),
+        Mark.DRAWN_AHEAD,
+        Mark.COURSE,
     ] = 600.0
     outage_length: Annotated[
         float,
@@ -57,6 +63,7 @@ class Sensors:
         at.Gt(0),
         Quantity("s", "time in which one outage occurs, at a moment that is drawn", "assumption"),
         Mark.DRAWN_AHEAD,
+        Mark.COURSE,
     ] = 5.0
     outage: Annotated[
         Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (nan)", "")

@@ -153,7 +153,7 @@ static void filter(Side *side, int64_t first, int64_t samples, const Floats *res
   for (int64_t k = 0; k < samples; ++k)
     for (int v = 0; v < VECTORS; ++v) {
       const Doubles drawn = __builtin_convertvector(noise[k * VECTORS + v], Doubles);
-      state[v] = first + k ? decay[v] * state[v] + fresh[v] * drawn : start[v] * drawn;
+      state[v] = first + k ? decay[v] * state[v] + fresh[v] * drawn : start[v] * drawn + 0.0; /* no -0 */
       values[k * VECTORS + v] = sigma[v] * state[v];
     }
   memcpy(side->state, state, sizeof state);

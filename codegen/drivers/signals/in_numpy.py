@@ -31,7 +31,7 @@ def _gauss_markov(signal: np.void, first: int, samples: int) -> Floats:
     drawn = normals(words(int(signal["seed"]), int(signal["stream"]), first, samples))
     sigma, decay, limit = (float(signal[name]) for name in ("sigma", "decay", "limit"))
     if first == 0:
-        drawn[0] *= signal["start"]
+        drawn[0] = drawn[0] * signal["start"] + 0.0  # no -0
     if decay:
         fresh, fed = sqrt(1.0 - decay * decay), drawn.tolist()
         start = fed.pop(0) if first == 0 else float(signal["state"])

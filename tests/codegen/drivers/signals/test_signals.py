@@ -32,7 +32,7 @@ MIXED = (
     *(OutageSignal(2**64 - 1, 2**64 - 1, 3, 7), OutageSignal(1, 7, 1, 1), OutageSignal(1, 8, 2**32 - 1, 2**31 - 1)),
 )
 GIVEN = (
-    *(np.linspace(0, 1, 1000), None, np.sin(np.arange(1000)), np.full(1000, -2.0), None, None),
+    *(np.linspace(0, 1, 1000), None, np.sin(np.arange(1000)), np.full(1000, -2.0), None, None, None),
     *(None, np.arange(1000) / 3, None, np.arange(1000) / 7, None, None),
 )
 

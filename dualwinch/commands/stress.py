@@ -1,0 +1,113 @@
+"""What breaks first: gains under imperfections that are made larger, beside the paper's."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from typing import Any
+
+from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.stress.limits import constraints_of
+from dualwinch.tuning.stress.result import Stress
+from dualwinch.tuning.stress.run import PAPER
+from dualwinch.tuning.stress.run import stress as run
+from dualwinch.tuning.yardstick import is_yardstick, yardstick
+
+NO_BASE = "none"
+"""Stands for the experiment itself, without any ensemble."""
+
+SCENARIOS = 20
+"""Scenarios of every size where nothing else is asked for."""
+
+
+def stress(
+    experiment: Experiment,
+    *,
+    ensemble: str | PathLike[str] | Ensemble = "rig",
+    base: str | PathLike[str] | Ensemble | None = "sea",
+    settings: Mapping[str, Any] | None = None,
+    constraints: Sequence[str] | None = None,
+    noted: Sequence[str] = (),
+    scenarios: int = SCENARIOS,
+    seed: int = 0,
+    name: str = "given",
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Stress:
+    """Find out which imperfection breaks an experiment's gains first, and at which size; likewise the paper's.
+
+    An imperfection is what the ensemble draws or sets and the base does not. Each is made larger, alone and all
+    together, from a thousandth of its size in the ensemble to a hundred times it, in the same scenarios at every size,
+    until the worst of them breaks a constraint.
+
+    Args:
+        experiment: its controller is tried; the values of its plant, sea and sensors where the ensembles set none.
+        ensemble: name or file of the ensemble that gives the imperfections, on top of the base; or one of your own.
+        base: name or file of the ensemble that is kind to the gains, likewise; ``None``: the experiment itself.
+        settings: dotted key → nominal value in base and ensemble.
+        constraints: such as ``worst.peak_tension<=6000`` or ``mean.chatter<=0.25*paper``, the latter meaning what the
+            paper's gains reach in the base; default: those of `noted`, and beside them: no slack rope, no peak beyond
+            the limit, no more than four times the paper's mean square error.
+        noted: constraints of the study that the gains are from.
+        scenarios: of every size.
+        seed: of the draws.
+        name: what the gains are called.
+        threads: default: one a core.
+        progress: called now and then with the share that is done.
+
+    Returns:
+        What was found; it has a table as text and in a notebook, and `plot`.
+
+    Raises:
+        ConfigurationError: anything wrong with a key, a value, an ensemble or a constraint, or no imperfection.
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    kind, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
+    own = experiment.controller
+    controllers = {PAPER: yardstick(own)}
+    if not is_yardstick(own):
+        if name == PAPER:
+            raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
+        controllers[name] = own
+    return run(
+        controllers,
+        kind,
+        harsh,
+        constraints_of(constraints, noted, harsh.experiment),
+        scenarios=scenarios,
+        seed=seed,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def base_and_ensemble(
+    experiment: Experiment,
+    ensemble: str | PathLike[str] | Ensemble,
+    base: str | PathLike[str] | Ensemble | None,
+    settings: Mapping[str, Any] | None = None,
+) -> tuple[Ensemble, Ensemble]:
+    """Base and ensemble of `stress`, with the controller and the metrics of an experiment.
+
+    Raises:
+        ConfigurationError: anything wrong with a key, a value or an ensemble.
+    """
+    values = dict(settings or {})
+    kind = _ensemble(base, experiment, values)
+    return kind, _ensemble(ensemble, kind.experiment, values)
+
+
+def _ensemble(
+    asked: str | PathLike[str] | Ensemble | None, experiment: Experiment, values: Mapping[str, Any]
+) -> Ensemble:
+    """An ensemble with the controller and the metrics of an experiment."""
+    if asked is None or asked == NO_BASE:
+        return reset(Ensemble(NO_BASE, "", experiment, {}), values)
+    if isinstance(asked, Ensemble):
+        metrics = experiment.metrics or asked.experiment.metrics
+        asked = replace(asked, experiment=replace(asked.experiment, controller=experiment.controller, metrics=metrics))
+        return reset(asked, values)
+    return reset(load_ensemble(asked, experiment), values)

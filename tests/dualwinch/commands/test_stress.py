@@ -1,0 +1,166 @@
+"""``dualwinch stress`` as a user runs it, with half a second of simulated time."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import dualwinch as dw
+from dualwinch.cli import main
+from dualwinch.commands import tuning_stress
+from dualwinch.commands.stress_run import noted_constraints
+from dualwinch.config.ensemble_file import loads_ensemble
+from dualwinch.config.experiment_file import load
+from dualwinch.model.errors import ConfigurationError
+from tests.tuning.stress.ensembles import DRUMS, short
+
+SHORT = ("--set", "simulation.duration=0.5", "--scenarios", "2")
+
+
+@pytest.fixture
+def drums(tmp_path: Path) -> Path:
+    path = tmp_path / "drums.toml"
+    path.write_text(DRUMS + "[sensors]\nspeed_noise = 0.1\n[plant.creep_1]\nelongation = 1e-3\n")
+    return path
+
+
+@pytest.fixture
+def gains(tmp_path: Path) -> Path:
+    path = tmp_path / "best.toml"
+    path.write_text('[controller]\nestimator = "kalman"\nobserver.l0 = 9.0\n')
+    return path
+
+
+def study(folder: Path, settings: dict[str, float]) -> None:
+    constraints = [{"text": "worst.peak_tension<=5000"}, {"text": "mean.chatter<=1*paper"}]
+    (folder / "study.json").write_text(json.dumps({"best": {"settings": settings}, "constraints": constraints}))
+
+
+def test_stress_prints_a_table_and_writes_json_and_figure(
+    drums: Path, gains: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "stress"
+    main(["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT, "--seed", "4", "--out", str(out)])
+    said = capsys.readouterr()
+    assert "Stress: imperfections of 'drums' on top of 'none', 2 scenarios, seed 4" in said.out
+    assert "| winch drum radius | ±0.2 %" in said.out
+    assert "best.toml breaks at" in said.out
+    assert said.err.splitlines() == [f"wrote {out / 'stress.json'}", f"wrote {out / 'stress.svg'}"]
+    facts = json.loads((out / "stress.json").read_text())
+    assert (facts["ensemble"], facts["base"], facts["scenarios"], facts["seed"]) == ("drums", "none", 2, 4)
+    assert [each["name"] for each in facts["gains"]] == ["paper", "best.toml"]
+    assert facts["gains"][1]["controller"]["observer.l0"] == 9.0
+    assert {row["label"] for row in facts["imperfections"]} == {
+        "winch drum radius",
+        "speed noise",
+        "creep elongation",
+        "all together",
+    }
+    again = loads_ensemble(facts["configuration"])
+    assert "plant.winch_1.drum_radius" in again.distributions
+    assert (out / "stress.svg").read_text().startswith("<?xml")
+
+
+def test_the_papers_own_gains_stand_alone(drums: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["stress", "--case", "2", "--ensemble", str(drums), "--base", "none", *SHORT, "--constraint", "none"])
+    said = capsys.readouterr().out
+    assert "case 2 breaks at" not in said
+    assert "paper breaks at" in said
+    assert "Must hold: every run completed\n" in said
+
+
+def test_python_gives_what_the_command_prints(drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT])
+    printed = capsys.readouterr().out
+    found = dw.stress(
+        load(gains, settings={"simulation.duration": 0.5}), ensemble=drums, base=None, scenarios=2, name="best.toml"
+    )
+    assert printed == f"{found!r}\n"
+    drawn = dw.load_ensemble(drums, short())
+    with pytest.raises(ConfigurationError, match="name = paper: stands for the paper's gains"):
+        dw.stress(load(gains), ensemble=drawn, base=None, name="paper")
+
+
+def test_constraints_come_from_the_study_beside_its_best_gains(gains: Path, tmp_path: Path) -> None:
+    assert noted_constraints(gains, load(gains)) == []
+    study(tmp_path, {"controller.observer.l0": 9.0})
+    assert noted_constraints(gains, load(gains)) == ["worst.peak_tension<=5000", "mean.chatter<=1*paper"]
+    study(tmp_path, {"controller.observer.l0": 9.5})
+    assert noted_constraints(gains, load(gains)) == []
+    (tmp_path / "study.json").write_text("[]")
+    assert noted_constraints(gains, load(gains)) == []
+
+
+def test_a_report_beside_the_results_shows_them_once(drums: Path, gains: Path, tmp_path: Path) -> None:
+    report = tmp_path / "report.html"
+    report.write_text("<h1>Tuned</h1>\n<!-- stress: begin -->\n<!-- stress: end -->\n<h2>The gains</h2>\n")
+    words = ["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT, "--out", str(tmp_path)]
+    for seed in ("1", "2"):
+        main([*words, "--seed", seed])
+    page = report.read_text()
+    assert page.count("<h2>What breaks first") == 1
+    assert "seed 2</small>" in page
+    assert page.count("data:image/png;base64,") == 1
+    assert page.startswith("<h1>Tuned</h1>")
+    assert page.endswith("<!-- stress: end -->\n<h2>The gains</h2>\n")
+    report.write_text("<h1>Another report</h1>\n")
+    main(words)
+    assert report.read_text() == "<h1>Another report</h1>\n"
+
+
+def test_tune_finds_out_what_breaks_its_best_first(
+    drums: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning_stress, "ENSEMBLE", drums)
+    monkeypatch.setattr(tuning_stress, "SCENARIOS", 2)
+    out = tmp_path / "tuned"
+    main(["tune", "--case", "2", "--set", "simulation.duration=0.2", "--trials", "3", "--stress", "--out", str(out)])
+    said = capsys.readouterr()
+    assert "Stress: imperfections of 'drums' on top of 'none', 2 scenarios, seed 0" in said.out
+    assert "Must hold: every run completed; worst.min_tension >= 80 N; " in said.out
+    assert f"wrote stress.json, stress.svg, report.html in {out}" in said.err
+    assert "<h2>What breaks first" in (out / "report.html").read_text()
+    main(["tune", "--case", "2", "--set", "simulation.duration=0.2", "--trials", "3", "--out", str(tmp_path / "again")])
+    assert "<h2>What breaks first" not in (tmp_path / "again" / "report.html").read_text()
+
+
+def test_tune_says_at_once_that_there_is_nothing_to_break(
+    drums: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning_stress, "ENSEMBLE", drums)
+    with pytest.raises(SystemExit):
+        main(["tune", "--ensemble", str(drums), "--trials", "3", "--stress", "--out", str(tmp_path / "tuned")])
+    assert "--stress: ensemble 'drums': has no imperfection that its base 'drums' lacks" in capsys.readouterr().err
+    assert not (tmp_path / "tuned").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "give one of a file, such as best.toml of `dualwinch tune`, and --case"),
+        (("best.toml", "--case", "4"), "give one of a file"),
+        (("nowhere.toml",), "cannot read nowhere.toml"),
+        (("--case", "7"), "case 7: must be 1, 2, 3 or 4"),
+        (("--case", "4", "--ensemble", "rigg"), "did you mean 'rig'"),
+        (("--case", "4", "--base", "rig"), "has no imperfection that its base 'rig' lacks"),
+        (("--case", "4", "--scenarios", "0"), "scenarios = 0: must be a whole number >= 1"),
+        (("--case", "4", "--seed", "-1"), "seed = -1: must be a whole number >= 0"),
+        (("--case", "4", "--constraint", "worst.peak<=1"), "unknown metric 'peak'; did you mean 'peak_tension'"),
+        (("--case", "4", "--set", "plant.vehicle.mas=1"), "did you mean 'plant.vehicle.mass'"),
+        (("--case", "4", "--set", "disturbance.strouhal=0.1"), "disturbance.strouhal: is drawn in the ensemble 'sea'"),
+    ],
+)
+def test_wrong_input_is_one_line(
+    words: tuple[str, ...],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["stress", *words])
+    error = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert message in error
+    assert error.count("\n") == 1

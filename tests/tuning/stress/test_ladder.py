@@ -1,0 +1,49 @@
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dualwinch.tuning.stress.ladder import HIGHEST, LOWEST, STEPS, Search, ladder, size
+
+
+def finished(search: Search, breaks) -> Search:
+    for _ in range(100):
+        wanted = search.wanted()
+        if not wanted:
+            return search
+        assert not set(wanted) & set(search.tried)
+        search.tried |= {rung: breaks(rung) for rung in wanted}
+    raise AssertionError("the search never ends")
+
+
+def test_sizes() -> None:
+    assert [size(rung) for rung in (LOWEST, -STEPS, 0, HIGHEST)] == [1e-3, 0.1, 1.0, 100.0]
+    assert ladder(LOWEST, HIGHEST) == [-24, -16, -8, 0, 8, 16]
+    assert ladder(LOWEST, 3) == [-24, -16, -8, 0, 3]
+    assert ladder(0, 0) == [0]
+    assert ladder(LOWEST, LOWEST - 1) == []
+
+
+@given(threshold=st.integers(LOWEST, HIGHEST + 1), top=st.integers(LOWEST, HIGHEST))
+def test_a_monotone_break_is_found_to_a_rung(threshold: int, top: int) -> None:
+    search = finished(Search(LOWEST, top), lambda rung: rung >= threshold)
+    if threshold > top:
+        assert (search.broken, search.held) == (None, top)
+    else:
+        assert search.broken == threshold
+        assert search.held == (threshold - 1 if threshold > LOWEST else None)
+    assert search.monotone
+    assert len(search.tried) <= 6 + 3
+
+
+@given(broken=st.sets(st.integers(LOWEST, HIGHEST)))
+def test_of_other_breaks_the_smallest_that_was_tried_is_told(broken: set[int]) -> None:
+    search = finished(Search(LOWEST, HIGHEST), broken.__contains__)
+    tried = [rung for rung in search.tried if rung in broken]
+    assert search.broken == (min(tried) if tried else None)
+    if tried:
+        larger = [rung for rung in search.tried if rung > min(tried)]
+        assert search.monotone == all(rung in broken for rung in larger)
+
+
+def test_nothing_is_tried_where_nothing_is_allowed() -> None:
+    search = finished(Search(LOWEST, LOWEST - 1), lambda _: True)
+    assert (search.broken, search.held, search.tried) == (None, None, {})

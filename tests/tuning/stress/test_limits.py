@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.stress.limits import DEFAULTS, Reached, broken, constraints_of, limits_of
+
+EXPERIMENT = Experiment()
+
+
+def reached(*given: dict[str, tuple[float, float]], outcomes: tuple[str, ...] = ("completed", "completed")) -> Reached:
+    """What two scenarios came to; later values take the place of earlier ones."""
+    metrics = {name: np.array(values) for each in given for name, values in each.items()}
+    return Reached(np.array(outcomes), metrics)
+
+
+GOOD = {"slack_share": (0.0, 0.0), "peak_tension": (5000.0, 5500.0), "mse": (1e-8, 4e-8), "min_tension": (200.0, 90.0)}
+
+
+def test_defaults_stand_behind_what_a_study_has_noted() -> None:
+    assert [constraint.text for constraint in constraints_of(None, (), EXPERIMENT)] == list(DEFAULTS)
+    noted = ("worst.peak_tension<=5000", "mean.chatter<=0.25*paper")
+    found = [constraint.text for constraint in constraints_of(None, noted, EXPERIMENT)]
+    assert found == [*noted, *(text for text in DEFAULTS if "peak_tension" not in text)]
+    assert [constraint.text for constraint in constraints_of((), noted, EXPERIMENT)] == []
+    with pytest.raises(ConfigurationError, match="must be STATISTIC<=BOUND"):
+        constraints_of(("peak",), (), EXPERIMENT)
+
+
+def test_factors_are_on_what_the_papers_gains_reach_in_the_base() -> None:
+    constraints = constraints_of(None, (), EXPERIMENT)
+    limits = limits_of(constraints, reached(GOOD), reached(GOOD, {"mse": (1e-9, 1e-9)}))
+    assert [limit.constraint.bound for limit in limits] == [0.0, 6000.0, pytest.approx(1.6e-7)]
+    assert not any(limit.eased for limit in limits)
+
+
+def test_who_breaks_a_constraint_in_the_base_may_become_twice_as_bad() -> None:
+    constraints = constraints_of(("worst.min_tension>=100", "worst.peak_tension<=5000"), (), EXPERIMENT)
+    limits = limits_of(constraints, reached(GOOD), reached(GOOD))
+    assert [limit.constraint.bound for limit in limits] == [45.0, 11000.0]
+    assert [limit.asked.bound for limit in limits] == [100.0, 5000.0]
+    assert all(limit.eased for limit in limits)
+    assert broken(limits, reached(GOOD)) == ()
+    worse = {"min_tension": (44.0, 90.0), "peak_tension": (11500.0, 1.0)}
+    assert [each.what for each in broken(limits, reached(GOOD, worse))] == ["peak_tension", "min_tension"]
+
+
+def test_runs_that_end_early_come_first_then_the_largest_share() -> None:
+    constraints = constraints_of(("worst.peak_tension<=5000", "worst.min_tension>=100"), (), EXPERIMENT)
+    good = reached(GOOD, {"peak_tension": (4000.0, 4000.0), "min_tension": (150.0, 150.0)})
+    limits = limits_of(constraints, good, good)
+    bad = reached({"peak_tension": (np.nan, 6000.0), "min_tension": (np.nan, 20.0)}, outcomes=("diverged", "completed"))
+    assert [each.words for each in broken(limits, bad)] == [
+        "diverged in 1 scenario",
+        "min tension 20 N < 100 N",
+        "peak tension 6000 N > 5000 N",
+    ]
+    lost = reached(GOOD, outcomes=("left_track", "left_track"))
+    assert [each.words for each in broken(limits, lost)] == ["left track in 2 scenarios"]
+    assert [each.words for each in broken((), lost)] == ["left track in 2 scenarios"]
+
+
+def test_numbers_are_told_apart_from_their_bounds() -> None:
+    constraints = constraints_of(
+        ("worst.peak_tension<=6000", "worst.slack_share<=0", "worst.mse<=1e-6"), (), EXPERIMENT
+    )
+    good = reached(GOOD)
+    found = broken(
+        limits_of(constraints, good, good),
+        reached({"peak_tension": (6004.7, 1.0), "slack_share": (0.00486, 0.0), "mse": (2.5e-6, 0.0)}),
+    )
+    assert {each.words for each in found} == {
+        "peak tension 6005 N > 6000 N",
+        "slack share 0.486 % > 0 %",
+        "MSE 2.5 mm² > 1 mm²",
+    }

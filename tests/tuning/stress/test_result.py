@@ -1,0 +1,130 @@
+import json
+
+import numpy as np
+import pytest
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.estimators.kalman import Kalman
+from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.plots.files import encode
+from dualwinch.tuning.constraint import constraints_from
+from dualwinch.tuning.stress.amounts import Amount
+from dualwinch.tuning.stress.record import to_record
+from dualwinch.tuning.stress.result import Stress
+from dualwinch.tuning.stress.run import stress
+from dualwinch.tuning.stress.summary import stress_table
+from dualwinch.tuning.stress.words import SHARE, multiple, plain
+from tests.tuning.stress.ensembles import of, sea
+
+TEXT = """
+[distributions]
+plant.winch_1.radius_error = { uniform = [-2e-3, 2e-3] }
+plant.winch_2.radius_error = { uniform = [-1e-3, 1e-3] }
+sensors.position_bias = { uniform = [0, 2e-3] }
+[sensors]
+encoder_counts = 1024
+[plant.vehicle]
+added_mass = 4e3
+"""
+
+
+@pytest.fixture(scope="module")
+def found() -> Stress:
+    base = sea()
+    own = {"paper": paper_controller(), "a|b.toml": Controller(estimator=Kalman())}
+    constraints = constraints_from(["worst.peak_tension<=1", "worst.mse<=1.05*paper"], base.experiment)
+    return stress(own, base, of(TEXT, base), constraints, scenarios=3, seed=0)
+
+
+def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: Stress) -> None:
+    lines = [line for line in repr(found).splitlines() if line.startswith("|")]
+    assert len(lines) == 2 + len(found.rows)
+    assert len({len(line) for line in lines}) == 1
+    assert {line.replace("\\|", "").count("|") for line in lines} == {7}
+    assert "a\\|b.toml breaks at" in lines[0]
+    sizes = [row.breaks["a|b.toml"].order for row in found.ranking]
+    assert sizes == sorted(sizes)
+    html = found._repr_html_()
+    assert "winch radius error" in html
+    assert "&gt;" in html
+
+
+def test_amounts_are_those_of_the_value_that_goes_furthest(found: Stress) -> None:
+    _, rows = stress_table(found)
+    assert {row[0]: row[1] for row in rows} == {
+        "winch radius error": "±0.2 %",
+        "position bias": "0 to 2 mm",
+        "encoder counts": "1024",
+        "vehicle added mass": "4000 kg",
+        "all together": "",
+    }
+
+
+def test_who_breaks_a_limit_in_the_base_is_told(found: Stress) -> None:
+    """No rope is without tension: a peak of 1 N is exceeded by all."""
+    assert all(found.limits[name][0].eased for name in found.controllers)
+    assert "paper: does not keep to all of that even in the base; held to worst.peak_tension <= " in repr(found)
+
+
+def test_the_record_says_what_the_result_does(found: Stress) -> None:
+    record = json.loads(json.dumps(to_record(found), allow_nan=False))
+    assert [row["label"] for row in record["imperfections"]] == [row.imperfection.label for row in found.ranking]
+    assert [gains["name"] for gains in record["gains"]] == ["paper", "a|b.toml"]
+    by_label = {row["label"]: row for row in record["imperfections"]}
+    drums = by_label["winch radius error"]
+    assert drums["keys"] == ["plant.winch_1.radius_error", "plant.winch_2.radius_error"]
+    assert drums["in_ensemble"] == {
+        "low": -2e-3,
+        "high": 2e-3,
+        "unit": "1",
+        "drawn": True,
+        "text": "±0.2 %",
+    }
+    for row, kept in zip(found.ranking, record["imperfections"], strict=True):
+        for name, broken in row.breaks.items():
+            assert kept["breaks"][name]["size"] == broken.size
+            assert [each["what"] for each in kept["breaks"][name]["broken"]] == [each.what for each in broken.broken]
+            if broken.size and row.imperfection.label == "vehicle added mass":
+                assert kept["breaks"][name]["amount"]["high"] == pytest.approx(4e3 * broken.size)
+
+
+def test_the_figure_has_a_row_for_each_imperfection(found: Stress) -> None:
+    figure = found.plot()
+    (axes,) = figure.axes
+    labels = [text.get_text() for text in axes.get_yticklabels()]
+    assert labels == [
+        "  ".join(filter(None, (row.imperfection.label, str(found.amount(row, 1.0) or "")))) for row in found.ranking
+    ]
+    drawn = {round(float(np.asarray(line.get_xdata())[0]), 9) for line in axes.lines if line.get_marker() == "o"}
+    broken = {broken.size for row in found.rows for broken in row.breaks.values() if broken.size}
+    assert broken
+    assert drawn == {round(size, 9) for size in broken}
+    assert encode(figure, ".svg") == encode(found.plot(), ".svg")
+
+
+@pytest.mark.parametrize(
+    ("amount", "words"),
+    [
+        (Amount(-2e-3, 2e-3, "m", drawn=True), "±2 mm"),
+        (Amount(-2e-6, 2e-6, "m", drawn=True), "±2 µm"),
+        (Amount(-2.5, 2.5, "m", drawn=True), "±2.5 m"),
+        (Amount(-1.5e-5, 1.5e-5, SHARE, drawn=True), "±0.0015 %"),
+        (Amount(-0.1, 0.3, "N", drawn=True), "−0.1 to 0.3 N"),
+        (Amount(4096, 4096, "1", drawn=False), "4096"),
+        (Amount(5e-5, 5e-5, "s", drawn=False), "50 µs"),
+        (Amount(None, None, "", drawn=False, text="motor"), "motor"),
+    ],
+)
+def test_amounts_in_words(amount: Amount, words: str) -> None:
+    assert str(amount) == words
+
+
+def test_numbers_in_words() -> None:
+    assert [plain(value) for value in (6180.0, 12345678.0, 1.234e-5, -0.5, 0.0)] == [
+        "6180",
+        "1.23e+07",
+        "1.23e−05",
+        "−0.5",
+        "0",
+    ]
+    assert [multiple(value) for value in (0.00749894, 1.0, 1.3335, 100.0)] == ["0.0075×", "1×", "1.3×", "100×"]

@@ -1,0 +1,125 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dualwinch.config.ensemble_file import loads_ensemble
+from dualwinch.config.experiment_file import load
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.estimators.kalman import Kalman
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import NftsmGains
+from dualwinch.controllers.limits import Limits
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.constraint import constraints_from
+from dualwinch.tuning.stress import bench
+from dualwinch.tuning.stress.ladder import size
+from dualwinch.tuning.stress.result import Stress
+from dualwinch.tuning.stress.run import PAPER, stress
+from tests.tuning.stress.ensembles import DRUMS, bare, of, sea, short
+
+GAINS = Path(__file__).with_name("tuned_in_the_sea.toml")
+
+
+def test_a_break_is_where_ensembles_of_just_that_size_break() -> None:
+    """Against ensembles written out for the size that breaks and the rung below, run as users run theirs."""
+    experiment = short()
+    limit = 1.1 * run_ensemble(of(DRUMS, bare(experiment)), 4, 3, traces=False).statistic("worst.peak_tension")
+    base = bare(experiment)
+    constraints = constraints_from([f"worst.peak_tension<={limit}"], experiment)
+    own = {"paper": paper_controller()}
+    found = stress(own, base, of(DRUMS, base), constraints, scenarios=4, seed=3)
+    (row,) = found.rows
+    broken = row.breaks["paper"]
+    assert broken.size is not None
+    assert broken.size / broken.held == pytest.approx(size(1))
+
+    def worst(multiple: float) -> float:
+        low, high = 1 - 0.002 * multiple, 1 + 0.002 * multiple
+        text = DRUMS.replace("[0.998, 1.002]", f"[{low!r}, {high!r}]")
+        return run_ensemble(loads_ensemble(text, experiment), 4, 3, traces=False).statistic("worst.peak_tension")
+
+    assert worst(broken.held) <= limit < worst(broken.size)
+    assert broken.broken[0].value == pytest.approx(worst(broken.size), rel=1e-6)
+
+
+def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
+    base = sea()
+    text = DRUMS + "[sensors]\nspeed_noise = 4e-3\n"
+    own = {"paper": paper_controller(), "other": Controller(estimator=Kalman(), limits=Limits(preload=3e3))}
+
+    def found(seed: int, threads: int) -> Stress:
+        constraints = constraints_from(["worst.mse<=1.01*paper"], base.experiment)
+        return stress(own, base, of(text, base), constraints, scenarios=3, seed=seed, threads=threads)
+
+    first, again = found(2, 1), found(2, 2)
+    assert first.rows == again.rows
+    assert [row.imperfection.name for row in first.rows][-1] == "all together"
+    assert all(row.breaks.keys() == own.keys() for row in first.rows)
+    assert first.rows != found(4, 2).rows
+
+
+def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    base, told = bare(), []
+    words = ({"paper": paper_controller()}, base, of(DRUMS, base), constraints_from(["worst.mse<=4*paper"], short()))
+    stress(*words, scenarios=2, seed=0, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+    def interrupted(*_: object, **__: object):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bench, "run_grid", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        stress(*words, scenarios=2, seed=0)
+
+
+def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    wild = Controller(estimator=Kalman())
+    whole = bench.run_grid
+
+    def lost(scenarios: np.ndarray, **options: Any):
+        runs = whole(scenarios, **options)
+        if scenarios[0, 0].experiment.controller == wild:
+            assert scenarios.shape == (1, 2), "tried further"
+            runs.outcomes[:, 1] = "left_track"
+        return runs
+
+    monkeypatch.setattr(bench, "run_grid", lost)
+    base = bare()
+    found = stress({"paper": paper_controller(), "wild": wild}, base, of(DRUMS, base), (), scenarios=2, seed=0)
+    assert [each.words for each in found.lost["wild"]] == ["left track in 1 scenario"]
+    assert found.names == ("paper",)
+    assert set(found.rows[0].breaks) == {"paper"}
+    assert "wild: breaks without any imperfection, left track in 1 scenario" in repr(found)
+
+
+def test_what_cannot_be_asked_for_is_refused() -> None:
+    base = bare()
+    for scenarios, seed in ((0, 0), (1, -1)):
+        with pytest.raises(ConfigurationError, match="must be a whole number >= "):
+            stress({"paper": paper_controller()}, base, of(DRUMS, base), (), scenarios=scenarios, seed=seed)
+    wrong = Controller(law=FandoNftsm(nftsm=NftsmGains(p=4)))
+    with pytest.raises(ConfigurationError, match=r"wrong: controller\.nftsm\.p = 4: must be odd"):
+        stress({"paper": paper_controller(), "wrong": wrong}, base, of(DRUMS, base), (), scenarios=1, seed=0)
+
+
+def test_gains_tuned_in_the_sea_are_lost_on_a_drum_a_hundredth_of_a_per_cent_off() -> None:
+    experiment = load(GAINS)
+    base = sea(Experiment(controller=experiment.controller))
+    drums = of(DRUMS, base)
+    own = {PAPER: paper_controller(), "tuned": experiment.controller}
+    wanted = ["worst.peak_tension<=6000", "worst.slack_share<=0", "worst.mse<=4*paper"]
+    found = stress(own, base, drums, constraints_from(wanted, base.experiment), scenarios=6, seed=0)
+    (row,) = found.rows
+    tuned, paper = row.breaks["tuned"], row.breaks["paper"]
+    assert tuned.size is not None
+    amount = found.amount(row, tuned.size)
+    assert amount is not None
+    assert amount.high is not None
+    assert amount.high <= 1e-4
+    assert paper.size is None or paper.size >= 10

@@ -1,0 +1,53 @@
+"""Runs the scenarios of many sizes at once."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.simulation.batch.sweep import run_grid
+from dualwinch.tuning.stress.limits import Reached
+from dualwinch.tuning.stress.scaling import Scaling
+
+
+class Bench:
+    """Runs scenarios, and tells how much of what is expected has been done."""
+
+    def __init__(
+        self, scaling: Scaling, expected: int, threads: int | None, progress: Callable[[float], None] | None
+    ) -> None:
+        """Set the bench up.
+
+        Args:
+            scaling: gives the scenarios.
+            expected: number of sizes that will be run, at most.
+            threads: default: one a core.
+            progress: called now and then with the share that is done.
+        """
+        self._scaling, self._expected, self._threads, self._progress = scaling, expected, threads, progress
+        self._done = 0
+
+    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[Reached]:
+        """What the scenarios of each of some sizes come to.
+
+        Args:
+            controller: with the gains.
+            sizes: key → size of what is scaled; nothing: the base.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        scenarios = np.empty((len(sizes), self._scaling.count), dtype=object)
+        for row, each in enumerate(sizes):
+            scenarios[row] = self._scaling.scenarios(controller, each)
+
+        def report(share: float, before: int = self._done) -> None:
+            if self._progress:
+                self._progress((before + share * len(sizes)) / self._expected)
+
+        runs = run_grid(scenarios, threads=self._threads, progress=report)
+        if runs.interrupted:
+            raise KeyboardInterrupt
+        self._done += len(sizes)
+        metrics = [{name: values[row] for name, values in runs.metrics.items()} for row in range(len(sizes))]
+        return [Reached(*each) for each in zip(runs.outcomes, metrics, strict=True)]

@@ -1,0 +1,29 @@
+"""What a stress test has found, as a prompt and a notebook show it."""
+
+from matplotlib.figure import Figure
+
+from dualwinch.model.quantities.html import page, table
+from dualwinch.simulation.plots.page import GivenAxes
+from dualwinch.tuning.stress.found import Found
+from dualwinch.tuning.stress.summary import heading, markdown, notes, stress_table
+
+
+class Stress(Found):
+    """Which imperfections gains break at; fields are those of `Found`."""
+
+    def __repr__(self) -> str:
+        return "\n".join([f"Stress: {heading(self)}", "", markdown(self), "", *notes(self)])
+
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        return page("Stress", ". ".join([heading(self), *notes(self)]), table(*stress_table(self)))
+
+    def plot(self, *, ax: GivenAxes = None) -> Figure:
+        """Draw the sizes at which gains break, a row an imperfection.
+
+        Args:
+            ax: axes to draw into; default: a figure of its own.
+        """
+        from dualwinch.tuning.plots.stress import stress_figure
+
+        return stress_figure(self, ax=ax)
