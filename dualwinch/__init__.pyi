@@ -25,6 +25,7 @@ from .controllers.estimators.calibrating_kalman import CalibratingKalman as Cali
 from .controllers.estimators.estimator import Estimator as Estimator
 from .controllers.estimators.kalman import Kalman as Kalman
 from .controllers.estimators.low_pass import LowPass as LowPass
+from .controllers.estimators.self_calibrating_kalman import SelfCalibratingKalman as SelfCalibratingKalman
 from .controllers.estimators.unfiltered import Unfiltered as Unfiltered
 from .controllers.laws.adrc import Adrc as Adrc
 from .controllers.laws.fando_nftsm import FandoNftsm as FandoNftsm

@@ -1,8 +1,9 @@
 """Small matrices of scalars, as tuples of rows: for laws whose gains are the solution of a matrix equation."""
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
-from dualwinch.model.scalar import Scalar
+from dualwinch.model.scalar import Scalar, maximum
 
 Matrix: TypeAlias = tuple[tuple[Scalar, ...], ...]
 """Rows of scalars."""
@@ -47,3 +48,41 @@ def solve(a: Matrix, b: Matrix) -> Matrix:
                 factor = rows[i][k]
                 rows[i] = [value - factor * pivot for value, pivot in zip(rows[i], rows[k], strict=True)]
     return tuple(tuple(row[n:]) for row in rows)
+
+
+def factorised(a: Matrix) -> tuple[Matrix, tuple[Scalar, ...]]:
+    """Factors of ``a = L D Lᵀ``, for ``a - 1`` symmetric and positive semidefinite.
+
+    Such a matrix has no pivot below 1. Round-off could leave one there, in single precision above all, where large and
+    small elements stand side by side: such a pivot counts as 1.
+
+    Args:
+        a: rows of the lower triangle, with or without the elements above it.
+
+    Returns:
+        Rows of L (below its diagonal of ones), and the inverses of D's diagonal.
+    """
+    lower: list[list[Scalar]] = []
+    inverses: list[Scalar] = []
+    for i, row in enumerate(a):
+        factors: list[Scalar] = []
+        scaled: list[Scalar] = []
+        for j in range(i):
+            scaled.append(row[j] - sum(x * y for x, y in zip(scaled, lower[j], strict=True)))
+            factors.append(scaled[j] * inverses[j])
+        pivot = row[i] - sum(x * y for x, y in zip(scaled, factors, strict=True))
+        inverses.append(1 / maximum(pivot, 1.0))
+        lower.append(factors)
+    return tuple(map(tuple, lower)), tuple(inverses)
+
+
+def solved(factors: tuple[Matrix, tuple[Scalar, ...]], b: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    """Solution of ``a x = b`` for a matrix that has been `factorised`."""
+    lower, inverses = factors
+    x: list[Scalar] = []
+    for value, row in zip(b, lower, strict=True):
+        x.append(value - sum(factor * known for factor, known in zip(row, x, strict=True)))
+    x = [value * inverse for value, inverse in zip(x, inverses, strict=True)]
+    for i in reversed(range(len(x))):
+        x[i] = x[i] - sum(lower[k][i] * x[k] for k in range(i + 1, len(x)))
+    return tuple(x)

@@ -115,7 +115,7 @@ TAUT = 0.5
 """Share of tension_min above which a rope counts as taut."""
 
 
-def kalman_gain(gains: KalmanGains, sample_time: Scalar) -> Matrix:
+def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scalar | None = None) -> Matrix:
     """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed.
 
     Worked out in units of the sample time and of the combined position noise, where all numbers are of one size.
@@ -123,6 +123,7 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar) -> Matrix:
     Args:
         gains: noise levels and bandwidth.
         sample_time: in s.
+        position_variance: of the position that is measured, in m²; default: of all three together.
     """
     motion: Matrix = ((1.0, 1.0, 0.5), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))
     walk = (gains.bandwidth * sample_time) ** 6
@@ -130,7 +131,8 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar) -> Matrix:
         tuple(walk * share for share in row)
         for row in ((1 / 20, 1 / 8, 1 / 6), (1 / 8, 1 / 3, 1 / 2), (1 / 6, 1 / 2, 1.0))
     )
-    position_variance = 1 / sum(_information(gains))
+    if position_variance is None:
+        position_variance = 1 / sum(_information(gains))
     speed_variance = gains.speed_noise**2 * sample_time**2 / position_variance
     identity = diagonal(1.0, 1.0, 1.0)
     a, g, h = transpose(motion), diagonal(1.0, 1 / speed_variance, 0.0), covariance
@@ -173,7 +175,7 @@ def filter_motion(
         the disturbance to compensate.
     """
     sample_time = context.sample_time
-    (x_x, x_v), (v_x, v_v), (d_x, d_v) = kalman_gain(gains, sample_time)
+    gain = kalman_gain(gains, sample_time)
     position, encoder_1, encoder_2 = _information(gains)
     total = position + encoder_1 + encoder_2
     length_1, length_2 = rope_lengths(state.x, nominal.track)
@@ -185,6 +187,31 @@ def filter_motion(
     surprise_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
     surprise_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
     surprise_v = measurement.v - state.v
+    return corrected(state, measurement, (surprise_x, surprise_v), gain, gains, nominal, sample_time)
+
+
+def corrected(
+    state: KalmanState,
+    measurement: Measurement,
+    surprise: tuple[Scalar, Scalar],
+    gain: Matrix,
+    gains: KalmanGains,
+    nominal: Plant,
+    sample_time: Scalar,
+) -> tuple[KalmanState, KalmanEstimate]:
+    """The expectation of this sample corrected, and the next one.
+
+    Args:
+        state: what was expected of this sample.
+        measurement: what was measured.
+        surprise: what was not expected of the position in m, and of the speed in m/s.
+        gain: of `kalman_gain`.
+        gains: ramp and compensation.
+        nominal: gives the vehicle.
+        sample_time: in s.
+    """
+    (surprise_x, surprise_v), F1, F2 = surprise, measurement.F1, measurement.F2
+    (x_x, x_v), (v_x, v_v), (d_x, d_v) = gain
     x = state.x + x_x * surprise_x + x_v * surprise_v
     v = state.v + v_x * surprise_x + v_v * surprise_v
     learnt = d_x * surprise_x + d_v * surprise_v

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc"
-ESTIMATORS = "none, lowpass, kalman, calibrating-kalman"
+ESTIMATORS = "none, lowpass, kalman, calibrating-kalman, self-calibrating-kalman"
 OWN = "or the kind of a part of your own (see --plugin)"
 
 Law = Annotated[str | None, Parameter(name="--controller", help=f"Position law: {LAWS}, {OWN}.")]

@@ -98,8 +98,8 @@ def test_a_part_and_its_gains_may_be_set_at_once_in_any_order() -> None:
         (
             {"controller.kalman.bandwidth": 7},
             (
-                'controller.kalman.bandwidth: belongs to controller.estimator = "kalman" or "calibrating-kalman", '
-                'here it is "lowpass"'
+                'controller.kalman.bandwidth: belongs to controller.estimator = "kalman" or "calibrating-kalman" or '
+                '"self-calibrating-kalman", here it is "lowpass"'
             ),
         ),
         (

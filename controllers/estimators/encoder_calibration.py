@@ -1,0 +1,279 @@
+"""What a drum's encoder gets wrong of the vehicle's position, learnt from the position sensor under way.
+
+A taut rope ties drum and vehicle: ``R_1 theta_1 = x + stretch_1`` and ``R_2 theta_2 = stretch_2 - x``. What encoder,
+nominal radius and nominal rope say of the position is wrong by
+
+    R theta - stretch -+ x =
+        zero - scale R theta - layers theta²/(4 pi) + excess stretch + a sin theta + b (cos theta - 1)
+
+with the encoder's zero in m of rope, the share by which the drum is larger than the nominal one, the growth of its
+radius a turn beyond the nominal one, the share by which the rope is softer, and the drum's run-out: once a turn, for it
+is not quite round or sits beside its axis. All are constants, or nearly, and enter linearly: regularised least squares
+(`controllers.estimators.least_squares`) learns them from the readings of the position sensor.
+
+Neither side is believed blindly. A reading far from what is expected of it teaches nothing. If the readings stay away
+from what the encoder says, beyond what a reading may be wrong by, the encoder is doubted: its variance as a position
+sensor grows by the square of what is beyond, so that it fades out without a bump, and what was learnt of it is soon
+forgotten. An encoder that has jumped is learnt anew, and fades in again. A rope that slips stays in doubt.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import annotated_types as at
+
+from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances, vector
+from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
+from dualwinch.model.winding import TURN
+
+
+@dataclass(frozen=True)
+class DrumGains:
+    """What is believed of drums, ropes and encoders before the run, and how long a reading counts."""
+
+    zero: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of an encoder's zero, in m of rope", "assumption"),
+        Tunable(1e-4, 2e-2, standard=False),
+    ] = 2e-3
+    scale: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("1", "believed standard deviation of a drum's radius, as a share", "assumption"),
+        Tunable(1e-4, 2e-2, standard=False),
+    ] = 2e-3
+    layers: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of the growth of a drum's radius a turn", "assumption"),
+        Tunable(1e-7, 1e-4, standard=False),
+    ] = 5e-6
+    compliance: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("1", "believed standard deviation of a rope's compliance, as a share", "assumption"),
+        Tunable(5e-3, 0.5, standard=False),
+    ] = 0.06
+    run_out: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of a drum's run-out, in m of rope", "assumption"),
+        Tunable(1e-5, 2e-3, standard=False),
+    ] = 1e-4
+    memory: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("s", "age at which a reading counts 1/e of a fresh one", "assumption"),
+        Tunable(5, 500, standard=False),
+    ] = 15.0
+
+
+@dataclass(frozen=True)
+class TrustGains:
+    """When a reading or an encoder is believed."""
+
+    gate: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("1", "deviations from what is expected beyond which a reading is an outlier", "assumption"),
+        Tunable(3, 10, standard=False),
+    ] = 5.0
+    frozen_after: Annotated[
+        int,
+        at.Ge(1),
+        Quantity("1", "samples after which a reading that repeats itself exactly is none", "assumption"),
+    ] = 20
+    jump: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "an encoder's position further from what is expected counts the less, the further", "assumption"),
+        Tunable(1e-4, 1e-2, standard=False),
+    ] = 1e-3
+    doubt_time: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("s", "time constant of the low-pass on what readings and an encoder disagree by", "assumption"),
+        Tunable(0.05, 1, standard=False),
+    ] = 0.15
+    slide_time: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("s", "time constant with which the position law is told of a better calibration", "assumption"),
+        Tunable(0.05, 1, standard=False),
+    ] = 0.1
+    relearning_time: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("s", "age at which a reading counts 1/e while its encoder is doubted", "assumption"),
+        Tunable(0.1, 5, standard=False),
+    ] = 0.3
+
+
+NAMES = ("scale", "layers", "zero", "excess", "sine", "cosine")
+"""What is learnt of an encoder; what may be known best stands first, for round-off's sake."""
+
+
+@dataclass(frozen=True)
+class EncoderKnowledge:
+    """What is known of one encoder, its drum and its rope."""
+
+    errors: Knowledge = field(default_factory=lambda: ignorance(len(NAMES)))
+    residual: Annotated[Scalar, Quantity("1", "mean of what readings were off by, over their deviation")] = 0.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A reading of the position sensor.
+
+    Attributes:
+        x: in m; any number where there is none.
+        alive: whether there is one.
+        deviation: of its noise in m.
+    """
+
+    x: Scalar
+    alive: Scalar
+    deviation: Scalar
+
+
+@dataclass(frozen=True)
+class Drum:
+    """One drum with its encoder and rope, as they are now.
+
+    Attributes:
+        direction: 1 where it winds up rope as x grows, -1 where it pays out.
+        wound: rope wound up in m, as encoder and nominal radius say.
+        theta: angle in rad.
+        stretch: of the nominal rope under the measured tension, in m.
+        taut: whether the rope is; a slack one ties nothing.
+    """
+
+    direction: float
+    wound: Scalar
+    theta: Scalar
+    stretch: Scalar
+    taut: Scalar
+
+
+@dataclass(frozen=True)
+class EncoderPosition:
+    """The vehicle's position as an encoder gives it, with all that is known of it.
+
+    Attributes:
+        x: in m.
+        shift: by how much this sample's reading has moved it, in m.
+        odds: against the encoder.
+        used: whether the reading was believed.
+    """
+
+    x: Scalar
+    shift: Scalar
+    odds: Scalar
+    used: Scalar
+
+
+def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar, ...]:
+    """What an encoder's errors of a deviation each change, over the deviation of a reading; in the order of `NAMES`."""
+    sizes = deviations(gains)
+    turns = drum.theta / TURN
+    shapes = -drum.wound, -TURN / 2 * turns**2, 1.0, drum.stretch, sin(drum.theta), cos(drum.theta) - 1
+    return tuple(size / deviation * shape for size, shape in zip(sizes, shapes, strict=True))
+
+
+def deviations(gains: DrumGains) -> tuple[Scalar, ...]:
+    """Deviations that are believed before the run, in the order of `NAMES`."""
+    return gains.scale, gains.layers, gains.zero, gains.compliance, gains.run_out, gains.run_out
+
+
+HALF_DOUBTED = 0.3
+"""By how many deviations of a reading the smoothed residual is beyond what is believable where half the doubt is."""
+
+
+def doubt_odds(residual: Scalar, variance: Scalar) -> Scalar:
+    """Odds against an encoder: 0 where it is believed, 1 where it is as good as the position sensor is.
+
+    Args:
+        residual: what readings and encoder disagree by, smoothed, over the deviation of a reading.
+        variance: of what is expected of a reading, over that of its noise.
+    """
+    return (maximum(absolute(residual) - sqrt(1 + variance), 0.0) / HALF_DOUBTED) ** 2
+
+
+def calibrate(
+    known: EncoderKnowledge,
+    drum: Drum,
+    reading: Reading,
+    gains: DrumGains,
+    trusting: TrustGains,
+    sample_time: Scalar,
+) -> tuple[EncoderKnowledge, EncoderPosition]:
+    """One sample: learn of an encoder from a reading.
+
+    Args:
+        known: what is known of the encoder.
+        drum: it and its rope.
+        reading: of the position sensor.
+        gains: what is believed before, and how long.
+        trusting: when a reading is believed.
+        sample_time: in s.
+
+    Returns:
+        What is known then, and the position that the encoder gives.
+    """
+    deviation = reading.deviation
+    row = regressors(drum, gains, deviation)
+    says = drum.wound - drum.stretch
+    before = sum(h * known.errors.estimate[i] for i, h in enumerate(row))
+    counts = reading.alive * drum.taut
+    # judged by what was known before: the doubt of the last sample
+    odds = doubt_odds(known.residual, 0.0)
+    doubt = odds / (1 + odds)
+    fade = where(counts, exp(-sample_time / gains.memory) * (1 - doubt * sample_time / trusting.relearning_time), 1.0)
+    expectation = expected(known.errors, row, fade)
+    surprise = (says - drum.direction * reading.x) / deviation - expectation.value
+    bound = trusting.gate * sqrt(1 + expectation.variance)
+    within = absolute(surprise) <= bound
+    limited = clip(surprise, -bound, bound)
+    # in doubt the gate opens: what seems to be an outlier is what there is to learn
+    opened = bound * (1 + odds)
+    weight = where(counts, where(within, 1.0, doubt), 0.0)
+    errors = learnt(known.errors, row, expectation, clip(surprise, -opened, opened), weight, fade)
+    after = sum(h * errors.estimate[i] for i, h in enumerate(row))
+    share = where(counts, sample_time / trusting.doubt_time, 0.0)
+    following = EncoderKnowledge(errors, known.residual + share * (limited - known.residual))
+    position = EncoderPosition(
+        x=drum.direction * (says - after * deviation),
+        shift=-drum.direction * (after - before) * deviation,
+        odds=doubt_odds(following.residual, expectation.variance),
+        used=counts * within,
+    )
+    return following, position
+
+
+def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
+    """What is known of an encoder, its zero set where the vehicle is known to rest.
+
+    The zero stays as uncertain as it was: the position sensor may have another opinion of where that is.
+
+    Args:
+        known: what was known.
+        drum: it and its rope.
+        x: where the vehicle rests, in m.
+        gains: what is believed before.
+        resting: whether it does.
+    """
+    zero = (drum.wound - drum.stretch - drum.direction * x) / gains.zero
+    before = [known.errors.estimate[i] for i in range(len(NAMES))]
+    estimate = [where(resting, zero, old) if name == "zero" else old for name, old in zip(NAMES, before, strict=True)]
+    return replace(known, errors=replace(known.errors, estimate=vector(estimate)))
+
+
+def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> tuple[tuple[Scalar, Scalar], ...]:
+    """Estimate and standard deviation of each of an encoder's errors, in the order of `NAMES`."""
+    spread = variances(known.errors, len(NAMES))
+    return tuple(
+        (size * known.errors.estimate[i], size * sqrt(variance))
+        for i, (size, variance) in enumerate(zip(deviations(gains), spread, strict=True))
+    )

@@ -1,0 +1,260 @@
+"""Kalman filter that learns drums, ropes and encoder zeros under way, and knows whom to believe.
+
+Encoders are precise and wrong: a drum that is 0.2 % larger than believed is 9 cm off at the end of the track. The
+position sensor is coarse, may fall silent or give nonsense, and is right in the mean. The filter of
+`controllers.estimators.kalman` has the best of both once each encoder is calibrated
+(`controllers.estimators.encoder_calibration`): it lives on the encoders, in the frame of the position sensor.
+
+- A run starts at rest at x = 0: that sets the encoders' zeros. Where the position sensor has another opinion, it is
+  right in the end.
+- A better calibration moves the expected position along with it. It says that one was elsewhere all the time, not that
+  one has moved: speed and disturbance know nothing of it, and the position law is told softly.
+- While the sensor is silent (no number, or the same for many samples) the encoders go on alone.
+- Encoders that are slack or doubted are left out, smoothly. With none left the filter lives on position and speed
+  sensor, with the gain that belongs to these. Both gains depend on parameters alone.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar
+
+from dualwinch.controllers.context import Context
+from dualwinch.controllers.estimators.encoder_calibration import (
+    Drum,
+    DrumGains,
+    EncoderKnowledge,
+    EncoderPosition,
+    Reading,
+    TrustGains,
+    calibrate,
+    learnt_errors,
+    tared,
+)
+from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.estimators.kalman import (
+    TAUT,
+    KalmanEstimate,
+    KalmanGains,
+    KalmanState,
+    corrected,
+    kalman_gain,
+)
+from dualwinch.controllers.signals import Measurement
+from dualwinch.model.matrix import Matrix
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.ropes.kelvin_voigt import compliance, kelvin_voigt
+from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.scalar import Scalar, absolute, both, clip, either, maximum, where
+from dualwinch.model.winding import winding
+
+
+@dataclass(frozen=True)
+class SensorWatch:
+    """What tells whether the position sensor is alive."""
+
+    reading: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
+    repeats: Annotated[Scalar, Quantity("1", "samples since it last changed"), Mark.BOOKKEEPING] = 0.0
+    started: Annotated[Scalar, Quantity("1", "1 after the first sample"), Mark.BOOKKEEPING] = 0.0
+
+
+@dataclass(frozen=True)
+class SelfCalibratingState:
+    """State of the filter, of what is known of both encoders, and of the watch on the position sensor."""
+
+    motion: KalmanState = field(default_factory=KalmanState)
+    encoder_1: EncoderKnowledge = field(default_factory=EncoderKnowledge)
+    encoder_2: EncoderKnowledge = field(default_factory=EncoderKnowledge)
+    watch: SensorWatch = field(default_factory=SensorWatch)
+    pending: Annotated[Scalar, Quantity("m", "change of frame that the position law has not been told yet")] = 0.0
+
+
+@dataclass(frozen=True)
+class SelfCalibratingEstimate(KalmanEstimate):
+    """What the filter gives, what it has learnt, and whom it believes."""
+
+    zero_1: Annotated[Scalar, Quantity("m", "learnt zero of encoder 1, in m of rope")] = 0.0
+    zero_2: Annotated[Scalar, Quantity("m", "learnt zero of encoder 2, in m of rope")] = 0.0
+    scale_1: Annotated[Scalar, Quantity("1", "learnt radius of drum 1 above the nominal one, as a share")] = 0.0
+    scale_2: Annotated[Scalar, Quantity("1", "learnt radius of drum 2 above the nominal one, as a share")] = 0.0
+    excess_1: Annotated[Scalar, Quantity("1", "learnt compliance of rope 1 above the nominal one, as a share")] = 0.0
+    excess_2: Annotated[Scalar, Quantity("1", "learnt compliance of rope 2 above the nominal one, as a share")] = 0.0
+    zero_1_sd: Annotated[Scalar, Quantity("m", "standard deviation of zero_1")] = 0.0
+    zero_2_sd: Annotated[Scalar, Quantity("m", "standard deviation of zero_2")] = 0.0
+    scale_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of scale_1")] = 0.0
+    scale_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of scale_2")] = 0.0
+    excess_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_1")] = 0.0
+    excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_2")] = 0.0
+    doubt_1: Annotated[Scalar, Quantity("1", "doubt of encoder 1, from 0 to 1: left out")] = 0.0
+    doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 to 1: left out")] = 0.0
+    position_used: Annotated[Scalar, Quantity("1", "1 where the position sensor is believed")] = 1.0
+
+
+LARGEST_READING = 1e6
+"""Magnitude in m beyond which a reading is none; NaN is not below it either."""
+
+
+LEAST_INFORMATION = 1e-6
+"""Share of the position sensor's information that stands for none, where neither it nor an encoder says anything."""
+
+
+def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after: Scalar) -> tuple[SensorWatch, Scalar]:
+    """The watch after a reading, and whether the position sensor is alive.
+
+    Args:
+        watch: as the last sample left it.
+        reading: in m, maybe no number.
+        expected: position in m, for what the watch remembers of a reading that is none.
+        frozen_after: samples after which a reading that repeats itself is none.
+    """
+    finite = absolute(reading) <= LARGEST_READING
+    shown = where(finite, reading, expected)
+    repeats = where(shown == watch.reading, watch.repeats + 1, 0.0)
+    alive = both(finite, repeats <= frozen_after)
+    return SensorWatch(shown, repeats, 1.0), alive
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """What position sensor and encoders together say beyond what is expected.
+
+    Attributes:
+        shift: by how much better calibrations move the expected position, in m.
+        surprise: what was not expected of the position then, in m.
+        lead: from 0, without encoders, to 1, with both.
+    """
+
+    shift: Scalar
+    surprise: Scalar
+    lead: Scalar
+
+
+def innovation(
+    expected: Scalar,
+    reading: Reading,
+    drums: tuple[Drum, ...],
+    positions: tuple[EncoderPosition, ...],
+    gains: KalmanGains,
+    trust: TrustGains,
+) -> Innovation:
+    """Position sensor and encoders as one measurement, with the weights of their variances.
+
+    Args:
+        expected: position in m.
+        reading: of the position sensor.
+        drums: what encoders and tensions show.
+        positions: what follows of the position, for each.
+        gains: noise levels.
+        trust: how far a reading, and an encoder, may be off.
+    """
+    noise, encoder_noise = gains.position_noise, gains.encoder_noise
+    sensor, both_encoders = 1 / noise**2, 2 / encoder_noise**2
+    heard = where(reading.alive, sensor, 0.0)
+    shares = [
+        where(drum.taut, 1 / (encoder_noise**2 + noise**2 * position.odds), 0.0)
+        for drum, position in zip(drums, positions, strict=True)
+    ]
+    encoders = sum(shares)
+    total = maximum(heard + encoders, LEAST_INFORMATION * sensor)
+    # an encoder that is far off has not brought the expectation here, and does not take it along
+    shift = sum(
+        share / total * position.shift / _distance(position.x - position.shift - expected, trust.jump)
+        for share, position in zip(shares, positions, strict=True)
+    )
+    x, bound = expected + shift, trust.gate * noise
+    surprise = heard / total * clip(reading.x - x, -bound, bound)
+    for share, position in zip(shares, positions, strict=True):
+        surprise += share / total * (position.x - x) / _distance(position.x - x, trust.jump)
+    lead = encoders / (sensor + encoders) * (sensor + both_encoders) / both_encoders
+    return Innovation(shift, surprise, lead)
+
+
+def _distance(apart: Scalar, jump: Scalar) -> Scalar:
+    """1 nearby, and by how much less an encoder counts that is `apart` m from what is expected (Cauchy's weight)."""
+    return 1 + (apart / jump) ** 2
+
+
+def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matrix:
+    """Gain of the filter between that without encoders (`lead` 0) and that with both (1)."""
+    without = kalman_gain(gains, sample_time, gains.position_noise**2)
+    complete = kalman_gain(gains, sample_time)
+    return tuple(
+        tuple(least + lead * (most - least) for least, most in zip(*rows, strict=True))
+        for rows in zip(without, complete, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class SelfCalibratingKalman(Estimator):
+    """The filter, what it believes of drums and ropes before a run, and whom it trusts."""
+
+    kalman: KalmanGains = field(default_factory=KalmanGains)
+    drums: DrumGains = field(default_factory=DrumGains)
+    trust: TrustGains = field(default_factory=TrustGains)
+
+    kind: ClassVar = "self-calibrating-kalman"
+    label: ClassVar = "self-calibrating Kalman filter"
+
+    def initial_state(self) -> SelfCalibratingState:
+        """At rest at x = 0, with drums, ropes and encoders as they are believed to be."""
+        return SelfCalibratingState()
+
+    def step(
+        self,
+        state: SelfCalibratingState,
+        measurement: Measurement,
+        setpoint: Setpoint,
+        context: Context,
+    ) -> tuple[SelfCalibratingState, SelfCalibratingEstimate]:
+        """One sample: learn of the encoders, then filter the motion with what is known of them."""
+        gains, sample_time = self.kalman, context.sample_time
+        x = state.motion.x
+        watch, alive = watched(state.watch, measurement.x, x, self.trust.frozen_after)
+        reading = Reading(watch.reading, alive, gains.position_noise)
+        drums, resting = _drums(measurement, x, context), 1 - state.watch.started
+        encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, sample_time)
+        encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, sample_time)
+        told = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
+        motion, estimate = corrected(
+            replace(state.motion, x=x + told.shift),
+            measurement,
+            (told.surprise, measurement.v - state.motion.v),
+            blended_gain(gains, told.lead, sample_time),
+            gains,
+            context.nominal,
+            sample_time,
+        )
+        pending = (state.pending + told.shift) * (1 - sample_time / self.trust.slide_time)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, watch, pending)
+        passed_on = estimate.x_est - pending
+        learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
+        return following, SelfCalibratingEstimate(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
+
+    def _calibrated(
+        self, known: EncoderKnowledge, drum: Drum, x: Scalar, reading: Reading, resting: Scalar, sample_time: Scalar
+    ) -> tuple[EncoderKnowledge, EncoderPosition]:
+        known = tared(known, drum, x, self.drums, resting)
+        return calibrate(known, drum, reading, self.drums, self.trust, sample_time)
+
+    def _learnt(
+        self, knowledge: tuple[EncoderKnowledge, ...], positions: tuple[EncoderPosition, ...]
+    ) -> dict[str, Scalar]:
+        found: dict[str, Scalar] = {"position_used": either(positions[0].used, positions[1].used)}
+        for number, (known, position) in enumerate(zip(knowledge, positions, strict=True), start=1):
+            scale, _, zero, excess, *_ = learnt_errors(known, self.drums)
+            for name, (value, spread) in {"scale": scale, "zero": zero, "excess": excess}.items():
+                found |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
+            found[f"doubt_{number}"] = position.odds / (1 + position.odds)
+        return found
+
+
+def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum, Drum]:
+    """Both drums as this sample's measurement and nominal values show them, with the vehicle at about x in m."""
+    nominal, taut = context.nominal, TAUT * context.limits.tension_min
+    length_1, length_2 = rope_lengths(x, nominal.track)
+    F1, F2, theta_1, theta_2 = measurement.F1, measurement.F2, measurement.theta_1, measurement.theta_2
+    stretch_1 = F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
+    stretch_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2))
+    return (
+        Drum(1.0, winding(theta_1, nominal.winch_1).rope, theta_1, stretch_1, taut < F1),
+        Drum(-1.0, winding(theta_2, nominal.winch_2).rope, theta_2, stretch_2, taut < F2),
+    )

@@ -1,0 +1,120 @@
+"""What is learnt of an encoder: signs and sizes against drums wound by hand, and whom it believes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dualwinch.controllers.estimators.encoder_calibration import (
+    NAMES,
+    Drum,
+    DrumGains,
+    EncoderKnowledge,
+    EncoderPosition,
+    Reading,
+    TrustGains,
+    calibrate,
+    doubt_odds,
+    learnt_errors,
+    regressors,
+    tared,
+)
+
+T, SIGMA, RADIUS = 1e-3, 6e-4, 0.8
+GAINS, TRUST = DrumGains(), TrustGains()
+TRUE = {"scale": 1.5e-3, "layers": 4e-6, "zero": -1.2e-3, "excess": 0.07, "sine": 1.1e-4, "cosine": -0.8e-4}
+
+
+def drum(x: float, direction: float, stretch: float, errors: dict[str, float]) -> Drum:
+    """What a drum shows with the vehicle at x: rope in m is R(1 + scale) theta + layers theta²/(4 pi) + run-out."""
+    wanted, theta = direction * x + (1 + errors["excess"]) * stretch, direction * x / RADIUS
+    for _ in range(60):
+        across = errors["sine"] * math.sin(theta) + errors["cosine"] * (math.cos(theta) - 1)
+        theta = (wanted + across - errors["layers"] / (4 * math.pi) * theta**2) / (RADIUS * (1 + errors["scale"]))
+    shown = theta + errors["zero"] / RADIUS
+    return Drum(direction, RADIUS * shown, shown, stretch, 1.0)
+
+
+def stretch_at(number: int) -> float:
+    return 3e-3 + 1e-3 * math.sin(0.01 * number)
+
+
+def after(
+    readings: np.ndarray, positions: np.ndarray, direction: float, errors: dict[str, float]
+) -> tuple[EncoderKnowledge, EncoderPosition]:
+    known, position = EncoderKnowledge(), EncoderPosition(0.0, 0.0, 0.0, 0.0)
+    for number, (reading, x) in enumerate(zip(readings.tolist(), positions.tolist(), strict=True)):
+        shown = drum(x, direction, stretch_at(number), errors)
+        known = tared(known, shown, 0.0, GAINS, float(number == 0))
+        known, position = calibrate(known, shown, Reading(reading, 1.0, SIGMA), GAINS, TRUST, T)
+    return known, position
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_every_error_is_found_with_its_sign(direction: float) -> None:
+    positions = np.linspace(0, 40, 8000)
+    known, position = after(positions, positions, direction, TRUE)
+    for name, (value, spread) in zip(NAMES, learnt_errors(known, GAINS), strict=True):
+        assert abs(value - TRUE[name]) < spread, name
+    assert position.x == pytest.approx(positions[-1], abs=5e-6)
+    assert position.odds == 0
+
+
+def test_at_rest_the_scale_stays_as_uncertain_as_it_was() -> None:
+    random = np.random.default_rng(5)
+    known, position = after(SIGMA * random.standard_normal(3000), np.zeros(3000), 1.0, TRUE)
+    spread = dict(zip(NAMES, learnt_errors(known, GAINS), strict=True))
+    assert spread["scale"][1] == pytest.approx(GAINS.scale, rel=1e-3)
+    assert spread["zero"][1] < GAINS.zero / 5
+    assert position.x == pytest.approx(0, abs=4 * SIGMA / math.sqrt(3000))
+
+
+def test_the_start_sets_the_zero() -> None:
+    errors = dict.fromkeys(NAMES, 0.0) | {"zero": 0.1}
+    known = tared(EncoderKnowledge(), drum(0.0, 1.0, 3e-3, errors), 0.0, GAINS, 1.0)
+    values = dict(zip(NAMES, learnt_errors(known, GAINS), strict=True))
+    assert values["zero"] == (pytest.approx(0.1), pytest.approx(GAINS.zero))
+    assert tared(known, drum(0.0, 1.0, 3e-3, errors | {"zero": 0.2}), 0.0, GAINS, 0.0).errors.estimate[2] == 50
+
+
+def test_an_outlier_teaches_nothing_and_a_silent_sensor_takes_no_knowledge_away() -> None:
+    positions = np.linspace(0, 4, 2000)
+    known, _ = after(positions, positions, 1.0, TRUE)
+    shown = drum(4.0, 1.0, 3e-3, TRUE)
+    outlier, position = calibrate(known, shown, Reading(5.0, 1.0, SIGMA), GAINS, TRUST, T)
+    fading = math.exp(-T / GAINS.memory)
+    assert position.used == 0
+    assert np.array(outlier.errors.estimate) == pytest.approx(np.array(known.errors.estimate), rel=1e-3)
+    assert np.array(outlier.errors.information) == pytest.approx(fading * np.array(known.errors.information))
+    silent, position = calibrate(known, shown, Reading(4.0, 0.0, SIGMA), GAINS, TRUST, T)
+    assert np.array_equal(silent.errors.estimate, known.errors.estimate)
+    assert np.array_equal(silent.errors.information, known.errors.information)
+    assert (silent.residual, position.used) == (known.residual, 0)
+
+
+def test_readings_that_stay_away_raise_doubt_and_are_believed_in_the_end() -> None:
+    """The encoder has jumped by 10 mm: doubted within a tenth of a second, learnt anew within a second or so."""
+    positions = np.linspace(0, 4, 2000)
+    known, position = after(positions, positions, 1.0, TRUE)
+    jumped, odds = TRUE | {"zero": TRUE["zero"] + 0.01}, []
+    for _ in range(2000):
+        shown = drum(4.0, 1.0, 3e-3, jumped)
+        known, position = calibrate(known, shown, Reading(4.0, 1.0, SIGMA), GAINS, TRUST, T)
+        odds.append(float(position.odds))
+    assert odds[0] == 0
+    assert max(odds[:100]) > 5
+    assert odds[-1] == 0
+    assert position.x == pytest.approx(4.0, abs=SIGMA / 3)
+
+
+def test_doubt_begins_where_a_single_reading_could_not_be_so_far_off() -> None:
+    assert doubt_odds(0.99, 0.0) == doubt_odds(-1.9, 3.0) == 0
+    assert doubt_odds(-1.3, 0.0) == pytest.approx(1)
+    assert doubt_odds(2.6, 3.0) == pytest.approx(4)
+
+
+def test_regressors_are_in_deviations_of_a_reading() -> None:
+    row = regressors(Drum(1.0, 8.0, 10.0, 3e-3, 1.0), GAINS, SIGMA)
+    sizes = np.array([2e-3 * -8.0, 5e-6 * -(100 / (4 * np.pi)), 2e-3, 0.06 * 3e-3, 1e-4 * np.sin(10), -1e-4])
+    sizes[-1] *= 1 - np.cos(10)
+    assert np.array(row) == pytest.approx(sizes / SIGMA)
