@@ -1,0 +1,210 @@
+"""Many steady cruises of the sampled closed loop side by side: what `loop_cruise` solves for, for tuning.
+
+The same conditions in the same units, and the same measure of when they hold. What leaves the cuts of the open sample
+is solved for beside the states, and the derivatives that are left at the end are those of the loop cut open there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.linear.operating_point import cruise_law
+from dualwinch.model.quantities.quantity import Mark
+from dualwinch.simulation.analysis.loop_cruise import BOUNDLESS, LIMITS, PRESSED, RESIDUAL, STEP
+from dualwinch.simulation.analysis.open_sample import OpenSample, open_sample
+from dualwinch.simulation.loop.start import start_function
+from dualwinch.simulation.loop.structure import Structure
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ITERATIONS = 20
+"""Newton steps at most."""
+
+ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
+"""Changes of tension are counted in kN, those of position beyond ``v Ts`` in mm."""
+
+PLANT = tuple(f"motion.plant.{name}" for name in ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2"))
+"""States of the plant; a rope's tension has to repeat, and its drum's angle may go on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cruises:
+    """What was found at s points.
+
+    Attributes:
+        steady: (s,) whether every state repeats there, with taut ropes and the force command within its limits.
+        slopes: (s, n + 5, n + 4) derivatives of the open sample there (`OpenSample.evaluate`).
+    """
+
+    steady: Flags
+    slopes: Floats
+
+
+def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats) -> Cruises:
+    """Solve for steady cruise at many points.
+
+    Args:
+        structure: of the closed loop, with ropes that never go slack.
+        parameters: (s, parameters), as the closed loop takes them, of perfect sensors and a calm sea.
+        x: (s,) positions in m.
+        v: (s,) speeds in m/s.
+
+    Raises:
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+    sample = open_sample(structure)
+    state, outside, cut = _first_guesses(structure, sample, parameters, x, v)
+    found = _solved(sample, parameters, state, outside, cut, v)
+    again = np.flatnonzero(~found.repeats)
+    if len(again):
+        # a law whose integrals are far off starts at its limits, where it has no slope: first without limits
+        free = parameters[again]
+        for name, value in (("tension_min", -BOUNDLESS), ("tension_max", BOUNDLESS)):
+            free[:, sample.loop.parameters.index(LIMITS + name)] = value
+        loose = _solved(sample, free, state[again], outside[again], cut[again], v[again])
+        taken = [name.startswith(("controller.law.", "controller.estimator.")) for name in sample.loop.states]
+        retried = _solved(
+            sample,
+            parameters[again],
+            np.where(taken, loose.state, state[again]),
+            outside[again],
+            cut[again],
+            v[again],
+        )
+        for name, values in vars(found).items():
+            values[again] = getattr(retried, name)
+    force, left, *pulls = found.facts.T
+    return Cruises(found.repeats & (force == left) & (np.min(pulls, axis=0) > 0), found.slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Where Newton's method ended: whether everything repeats there, the states, facts and slopes."""
+
+    repeats: Flags
+    state: Floats
+    facts: Floats
+    slopes: Floats
+
+
+def _first_guesses(
+    structure: Structure, sample: OpenSample, parameters: Floats, x: Floats, v: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """States, signals and what leaves the cuts for a perfect controller: no errors, tensions as commanded."""
+    loop = sample.loop
+    limits = {name: parameters[:, loop.parameters.index(LIMITS + name)] for name in ("preload", "tension_min", "tension_max", "reserve")}
+    lower, upper = limits["tension_min"], limits["tension_max"] - limits["reserve"]
+    calm = np.zeros_like(x)
+    asked = np.array([x, v, limits["preload"], calm, calm, lower, upper])
+    plant = [index for index, name in enumerate(loop.parameters) if name.startswith("plant.")]
+    point = cruise_law(structure.plant)(asked, parameters[:, plant].T).full()
+    state = start_function(structure)(parameters.T).full().T
+    state[:, [loop.states.index(name) for name in PLANT]] = point[:6].T
+    state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
+    outside = np.zeros((len(x), len(loop.exogenous)))
+    outside[:, loop.exogenous.index("reference.x")], outside[:, loop.exogenous.index("reference.v")] = x, v
+    force = point[8] - point[9]
+    cut = np.array([force, point[6], point[7]]).T
+    # what remembers the last sample, or whether there was one, knows it after two
+    names = [loop.states[index] for index in sample.kept]
+    remembers = np.array([name.startswith(("controller.", "actuator_")) for name in names])
+    remembers &= ~loop.marked(Mark.POSITION, Mark.SPEED)[sample.kept]
+    taken = sample.kept[remembers]
+    for _ in range(2):
+        state[:, taken] = sample.evaluate(state, outside, parameters, cut)[0][:, remembers]
+    for winch, command in (("winch_1", limits["preload"] + force), ("winch_2", limits["preload"] - force)):
+        key = f"controller.coordination.{winch}.integral"
+        if key in loop.states:
+            at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
+            index = loop.states.index(key)
+            state[:, index] = np.where(at_limit, at_limit, state[:, index])
+    return state, outside, cut
+
+
+def _solved(sample: OpenSample, parameters: Floats, state: Floats, outside: Floats, cut: Floats, v: Floats) -> _Solution:
+    """Newton's method at all points; one that has come to its end is left alone."""
+    state, outside, cut = state.copy(), outside.copy(), cut.copy()
+    count, n = len(state), len(sample.kept)
+    facts, slopes = np.full((count, 4), np.nan), np.full((count, n + 5, n + 4), np.nan)
+    residual, left = np.full(count, np.inf), np.full(count, np.inf)
+    carried = v * parameters[:, sample.loop.parameters.index("simulation.sample_time")]
+    active = np.arange(count)
+    for _ in range(ITERATIONS):
+        given = state[active], outside[active], parameters[active], cut[active]
+        following, returned, facts[active], change, slopes[active] = sample.evaluate(*given)
+        values = np.hstack([state[np.ix_(active, sample.kept)], cut[active]])
+        rest = np.hstack([following, returned]) - values
+        matrix, counted, unknown = _equations(sample, rest, change, slopes[active], carried[active])
+        last, sizes = residual[active], np.maximum(np.abs(values), 1.0)
+        residual[active] = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
+        going = np.isfinite(residual[active])
+        going &= ~((last < RESIDUAL) & (residual[active] >= last / 2) & (left[active] < STEP))
+        active = active[going]
+        if not len(active):
+            break
+        step = _step(matrix[going], rest[going], unknown[going])
+        sizes, step_x = sizes[going], step[:, sample.x].copy()
+        sizes[:, sample.x] = np.maximum(np.abs(outside[active, sample.reference]), 1.0)
+        left[active] = (np.abs(step) / sizes).max(axis=1)
+        outside[active, sample.reference] += step_x
+        step[:, sample.x] = 0.0
+        state[np.ix_(active, sample.kept)] += step[:, :n]
+        cut[active] += step[:, n:]
+    return _Solution((residual < RESIDUAL) & (left < STEP), state, facts, slopes)
+
+
+def _equations(
+    sample: OpenSample, rest: Floats, change: Floats, slopes: Floats, carried: Floats
+) -> tuple[Floats, Flags, Flags]:
+    """What Newton's method solves for: the kept states, n of them, and what leaves the cuts.
+
+    `rest` is brought into the units of the equations. In the place of the vehicle's position, which is given, the
+    unknown is the reference's.
+
+    Returns:
+        Matrices (a, n + 3, n + 3), which values something depends on, and which are unknown.
+    """
+    n, ropes, moving = len(sample.kept), sample.ropes, sample.moving
+    units = np.ones(n + 3)
+    units[: len(moving)][moving] = POSITION_UNIT
+    rest[:, : len(moving)][:, moving] -= carried[:, None]
+    rest *= units
+    rest[:, ropes] = change * ROPE_UNIT
+    every = slopes[:, : n + 3].copy()
+    every[:, :n, :n] -= np.eye(n)
+    every[:, n:, n + 1 :] -= np.eye(3)
+    every *= units[:, None]
+    every[:, ropes] = slopes[:, n + 3 :] * ROPE_UNIT
+    matrix = np.delete(every, n, axis=2)
+    counted, moved = matrix.any(axis=1), matrix.any(axis=2)
+    counted[:, n:] = True
+    unknown = counted & moved
+    matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True
+    return matrix, counted, unknown
+
+
+def _step(matrix: Floats, rest: Floats, unknown: Flags) -> Floats:
+    """Newton steps in units in which rows and columns are of one size; zero for what is no unknown."""
+    held = ~unknown
+    matrix = np.where(unknown[:, :, None] & unknown[:, None, :], matrix, 0.0)
+    columns = np.abs(matrix).max(axis=1)
+    columns = np.where(columns > 0, columns, 1.0)
+    matrix /= columns[:, None, :]
+    rows = np.abs(matrix).max(axis=2)
+    rows = np.where(rows > 0, rows, 1.0)
+    matrix /= rows[:, :, None]
+    index = np.arange(matrix.shape[1])
+    matrix[:, index, index] += held
+    right = np.where(unknown, -rest / rows, 0.0)
+    return solved(matrix, right[..., None])[..., 0] / columns
+
+
+def solved(matrix: Floats, right: Floats) -> Floats:
+    """Solutions of many linear systems; of a singular one the shortest."""
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        pairs = zip(matrix, right, strict=True)
+        return np.array([np.linalg.lstsq(each, values, rcond=None)[0] for each, values in pairs])
