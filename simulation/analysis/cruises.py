@@ -19,8 +19,8 @@ from dualwinch.simulation.loop.structure import Structure
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-ITERATIONS = 20
-"""Newton steps at most."""
+ITERATIONS, LOOSE_ITERATIONS = 16, 6
+"""Newton steps at most: to the end, and without limits, to begin again from there."""
 
 ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
 """Changes of tension are counted in kN, those of position beyond ``v Ts`` in mm."""
@@ -35,14 +35,16 @@ class Cruises:
 
     Attributes:
         steady: (s,) whether every state repeats there, with taut ropes and the force command within its limits.
+        state: (s, states) of the closed loop there; NaN where there is no such cruise.
         slopes: (s, n + 5, n + 4) derivatives of the open sample there (`OpenSample.evaluate`).
     """
 
     steady: Flags
+    state: Floats
     slopes: Floats
 
 
-def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats) -> Cruises:
+def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats, near: Floats | None = None) -> Cruises:
     """Solve for steady cruise at many points.
 
     Args:
@@ -50,12 +52,13 @@ def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats) -> C
         parameters: (s, parameters), as the closed loop takes them, of perfect sensors and a calm sea.
         x: (s,) positions in m.
         v: (s,) speeds in m/s.
+        near: (s, states) cruises there with other gains, NaN where none is known: where law and estimator begin.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
     """
     sample = open_sample(structure)
-    state, outside, cut = _first_guesses(structure, sample, parameters, x, v)
+    state, outside, cut = _first_guesses(structure, sample, parameters, x, v, near)
     found = _solved(sample, parameters, state, outside, cut, v)
     again = np.flatnonzero(~found.repeats)
     if len(again):
@@ -63,12 +66,12 @@ def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats) -> C
         free = parameters[again]
         for name, value in (("tension_min", -BOUNDLESS), ("tension_max", BOUNDLESS)):
             free[:, sample.loop.parameters.index(LIMITS + name)] = value
-        loose = _solved(sample, free, state[again], outside[again], cut[again], v[again])
-        taken = [name.startswith(("controller.law.", "controller.estimator.")) for name in sample.loop.states]
+        loose = _solved(sample, free, state[again], outside[again], cut[again], v[again], LOOSE_ITERATIONS)
+        taken = _learnt(sample)
         retried = _solved(
             sample,
             parameters[again],
-            np.where(taken, loose.state, state[again]),
+            np.where(taken & np.isfinite(loose.state), loose.state, state[again]),
             outside[again],
             cut[again],
             v[again],
@@ -76,7 +79,13 @@ def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats) -> C
         for name, values in vars(found).items():
             values[again] = getattr(retried, name)
     force, left, *pulls = found.facts.T
-    return Cruises(found.repeats & (force == left) & (np.min(pulls, axis=0) > 0), found.slopes)
+    steady = found.repeats & (force == left) & (np.min(pulls, axis=0) > 0)
+    return Cruises(steady, np.where(steady[:, None], found.state, np.nan), found.slopes)
+
+
+def _learnt(sample: OpenSample) -> Flags:
+    """(states,) which are those of law and estimator."""
+    return np.array([name.startswith(("controller.law.", "controller.estimator.")) for name in sample.loop.states])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +99,7 @@ class _Solution:
 
 
 def _first_guesses(
-    structure: Structure, sample: OpenSample, parameters: Floats, x: Floats, v: Floats
+    structure: Structure, sample: OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
 ) -> tuple[Floats, Floats, Floats]:
     """States, signals and what leaves the cuts for a perfect controller: no errors, tensions as commanded."""
     loop = sample.loop
@@ -103,6 +112,8 @@ def _first_guesses(
     state = start_function(structure)(parameters.T).full().T
     state[:, [loop.states.index(name) for name in PLANT]] = point[:6].T
     state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
+    if near is not None:
+        state = np.where(_learnt(sample) & np.isfinite(near), near, state)
     outside = np.zeros((len(x), len(loop.exogenous)))
     outside[:, loop.exogenous.index("reference.x")], outside[:, loop.exogenous.index("reference.v")] = x, v
     force = point[8] - point[9]
@@ -123,7 +134,15 @@ def _first_guesses(
     return state, outside, cut
 
 
-def _solved(sample: OpenSample, parameters: Floats, state: Floats, outside: Floats, cut: Floats, v: Floats) -> _Solution:
+def _solved(
+    sample: OpenSample,
+    parameters: Floats,
+    state: Floats,
+    outside: Floats,
+    cut: Floats,
+    v: Floats,
+    iterations: int = ITERATIONS,
+) -> _Solution:
     """Newton's method at all points; one that has come to its end is left alone."""
     state, outside, cut = state.copy(), outside.copy(), cut.copy()
     count, n = len(state), len(sample.kept)
@@ -131,7 +150,7 @@ def _solved(sample: OpenSample, parameters: Floats, state: Floats, outside: Floa
     residual, left = np.full(count, np.inf), np.full(count, np.inf)
     carried = v * parameters[:, sample.loop.parameters.index("simulation.sample_time")]
     active = np.arange(count)
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         given = state[active], outside[active], parameters[active], cut[active]
         following, returned, facts[active], change, slopes[active] = sample.evaluate(*given)
         values = np.hstack([state[np.ix_(active, sample.kept)], cut[active]])
@@ -186,8 +205,7 @@ def _equations(
 
 
 def _step(matrix: Floats, rest: Floats, unknown: Flags) -> Floats:
-    """Newton steps in units in which rows and columns are of one size; zero for what is no unknown."""
-    held = ~unknown
+    """Newton steps in units in which rows and columns are of one size: zero for what is no unknown, NaN for no step."""
     matrix = np.where(unknown[:, :, None] & unknown[:, None, :], matrix, 0.0)
     columns = np.abs(matrix).max(axis=1)
     columns = np.where(columns > 0, columns, 1.0)
@@ -196,15 +214,13 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags) -> Floats:
     rows = np.where(rows > 0, rows, 1.0)
     matrix /= rows[:, :, None]
     index = np.arange(matrix.shape[1])
-    matrix[:, index, index] += held
+    matrix[:, index, index] += ~unknown
     right = np.where(unknown, -rest / rows, 0.0)
-    return solved(matrix, right[..., None])[..., 0] / columns
-
-
-def solved(matrix: Floats, right: Floats) -> Floats:
-    """Solutions of many linear systems; of a singular one the shortest."""
     try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        pairs = zip(matrix, right, strict=True)
-        return np.array([np.linalg.lstsq(each, values, rcond=None)[0] for each, values in pairs])
+        return np.linalg.solve(matrix, right[..., None])[..., 0] / columns
+    except np.linalg.LinAlgError:  # a law at its limits answers to nothing
+        singular = np.linalg.slogdet(matrix)[0] == 0
+        matrix[singular] = np.eye(matrix.shape[1])
+        step = np.linalg.solve(matrix, right[..., None])[..., 0] / columns
+        step[singular] = np.nan
+        return step

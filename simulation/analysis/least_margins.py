@@ -1,4 +1,4 @@
-"""The least margins of families of loops: found on a grid, refined where they may be least, exact in the end.
+"""Least margins of families of loops: found on a grid, refined where they may be least, exact in the end.
 
 What `margins` says of one loop after the other, to the last digits, at a hundredth of the cost.
 """
@@ -66,13 +66,16 @@ class _Found:
         return _Found(*(column[chosen] for column in vars(self).values()))
 
 
-def least_margins(loops: Complementary, family: Indices, kinds: Sequence[str]) -> list[dict[str, Least]]:
-    """The least of some margins of every family of loops, all of them stable.
+def least_margins(
+    loops: Complementary, family: Indices, kinds: Sequence[str], families: int
+) -> list[dict[str, Least]]:
+    """The least of some margins of every family of loops; those of one that is unstable mean nothing.
 
     Args:
         loops: s of them.
         family: (s,) to which each belongs, from 0.
         kinds: some of `KINDS`.
+        families: number of families.
 
     Returns:
         Kind → the least, for every family.
@@ -80,7 +83,7 @@ def least_margins(loops: Complementary, family: Indices, kinds: Sequence[str]) -
     omega = _grid(loops)
     every = np.arange(len(omega))
     response = loops.quick(omega, every)
-    found: list[dict[str, Least]] = [{} for _ in range(int(family.max(initial=-1)) + 1)]
+    found: list[dict[str, Least]] = [{} for _ in range(families)]
     for kind in kinds:
         places = _near_least(_read_off(kind, omega, response), family, NEAR)
         places = _near_least(_refined(kind, loops, loops.quick_with_slope, places), family, NEARER)
