@@ -124,7 +124,7 @@ def compile(  # noqa: A001
     """
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
-    call = ctypes.CDLL(str(library(_source(function), compiler or find_compiler(), NON_FINITE))).run
+    call = ctypes.CDLL(str(library(_source(function), compiler or find_compiler(), (*NON_FINITE, *flags)))).run
     call.restype = None
     call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
     return CompiledFunction(

@@ -68,10 +68,13 @@ class Complementary:
 
 
 def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Complementary:
-    """T of loops that are open at all c cuts: states (s, n, n), what leaves the cuts (s, n, c), what comes back.
+    """T of loops that are open at all c cuts.
 
     Args:
-        A, B, C, D: matrices of the open loops, (s, n, n), (s, n, c), (s, c, n), (s, c, c).
+        A: of the states, (s, n, n).
+        B: by what leaves the cuts, (s, n, c).
+        C: of what comes back to them, (s, c, n).
+        D: of the one by the other, (s, c, c).
         dt: sample time in s.
     """
     through = np.linalg.inv(np.eye(D.shape[1]) - D)
@@ -85,21 +88,21 @@ def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Comp
     size = _sizes(closed)
     poles, vectors = np.linalg.eig(closed / size[:, :, None] * size[:, None, :])
     weights = np.linalg.solve(vectors, (entered / size[:, :, None]).astype(complex))
-    residues = -(C * size[:, None, :] @ vectors) * np.swapaxes(weights, 1, 2)
+    residues = (-(C * size[:, None, :] @ vectors) * np.swapaxes(weights, 1, 2)).astype(complex)
     direct = -np.einsum("scc->sc", through @ D)
     return Complementary(closed, entered, -C, direct, poles, residues, dt)
 
 
 def _that_matter(A: Floats, B: Floats, C: Floats) -> Flags:
     """(s, n) states that something depends on and that move (`linear_loop.without_idle_states`)."""
-    depends, matters = A != 0, C.any(axis=1)
+    depends, matters = A != 0, (C != 0).any(axis=1)
     while True:
         grown = matters | (matters[:, :, None] & depends).any(axis=1)
         if (grown == matters).all():
             break
         matters = grown
-    moves = depends.any(axis=2) & (A != np.eye(A.shape[1])).any(axis=2)
-    return matters & (moves | B.any(axis=2))
+    moves = depends.any(axis=2) & (np.eye(A.shape[1]) != A).any(axis=2)
+    return matters & (moves | (B != 0).any(axis=2))
 
 
 def _sizes(A: Floats) -> Floats:

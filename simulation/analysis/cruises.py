@@ -103,7 +103,10 @@ def _first_guesses(
 ) -> tuple[Floats, Floats, Floats]:
     """States, signals and what leaves the cuts for a perfect controller: no errors, tensions as commanded."""
     loop = sample.loop
-    limits = {name: parameters[:, loop.parameters.index(LIMITS + name)] for name in ("preload", "tension_min", "tension_max", "reserve")}
+    limits = {
+        name: parameters[:, loop.parameters.index(LIMITS + name)]
+        for name in ("preload", "tension_min", "tension_max", "reserve")
+    }
     lower, upper = limits["tension_min"], limits["tension_max"] - limits["reserve"]
     calm = np.zeros_like(x)
     asked = np.array([x, v, limits["preload"], calm, calm, lower, upper])
@@ -197,7 +200,7 @@ def _equations(
     every *= units[:, None]
     every[:, ropes] = slopes[:, n + 3 :] * ROPE_UNIT
     matrix = np.delete(every, n, axis=2)
-    counted, moved = matrix.any(axis=1), matrix.any(axis=2)
+    counted, moved = (matrix != 0).any(axis=1), (matrix != 0).any(axis=2)
     counted[:, n:] = True
     unknown = counted & moved
     matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True

@@ -66,9 +66,7 @@ class _Found:
         return _Found(*(column[chosen] for column in vars(self).values()))
 
 
-def least_margins(
-    loops: Complementary, family: Indices, kinds: Sequence[str], families: int
-) -> list[dict[str, Least]]:
+def least_margins(loops: Complementary, family: Indices, kinds: Sequence[str], families: int) -> list[dict[str, Least]]:
     """The least of some margins of every family of loops; those of one that is unstable mean nothing.
 
     Args:
@@ -86,8 +84,8 @@ def least_margins(
     found: list[dict[str, Least]] = [{} for _ in range(families)]
     for kind in kinds:
         places = _near_least(_read_off(kind, omega, response), family, NEAR)
-        places = _near_least(_refined(kind, loops, loops.quick_with_slope, places), family, NEARER)
-        exact = _refined(kind, loops, loops.exact_with_slope, places)
+        places = _near_least(_refined(kind, loops.quick_with_slope, places), family, NEARER)
+        exact = _refined(kind, loops.exact_with_slope, places)
         for number, of_family in enumerate(found):
             mine = np.flatnonzero(family[exact.loop] == number)
             of_family[kind] = _least(exact, mine)
@@ -106,7 +104,8 @@ def _least(places: _Found, mine: Indices) -> Least:
 def _grid(loops: Complementary) -> Floats:
     """Angular frequencies (s, k) up to half the sample rate, dense around lightly damped poles."""
     highest = math.pi / loops.dt
-    poles = np.where((np.abs(loops.poles) > 0) & (loops.poles.imag > 0), loops.poles, 1.0)
+    poles = loops.poles.copy()
+    poles[(np.abs(poles) == 0) | (poles.imag <= 0)] = 1.0
     number = int((poles.imag > 0).sum(axis=1).max(initial=0))
     order = np.argsort(-poles.imag, axis=1)[:, :number]
     rate = np.log(np.take_along_axis(poles, order, axis=1)) / loops.dt
@@ -162,7 +161,7 @@ def _near_least(places: _Found, family: Indices, factor: float) -> _Found:
 Evaluate = Callable[[Floats, Indices, Indices], tuple[NDArray[np.complex128], NDArray[np.complex128]]]
 
 
-def _refined(kind: str, loops: Complementary, evaluate: Evaluate, places: _Found) -> _Found:
+def _refined(kind: str, evaluate: Evaluate, places: _Found) -> _Found:
     """The places with their frequencies found, and the margins there."""
 
     def wanted(omega: Floats, chosen: Indices) -> Floats:

@@ -1,6 +1,6 @@
-"""One sample of the closed loop cut open at all joints at once, with its exact derivatives, compiled for many points.
+"""One sample of the loop cut open at all joints at once, with its exact derivatives, compiled for many points.
 
-What leaves the joints are inputs, what comes back to them are outputs: closing all of them but one gives the loop cut at
+What leaves the joints are inputs and what comes back to them are outputs: closing all of them but one gives the loop cut
 that one, closing all of them the closed loop. So a single evaluation serves Newton's method for the steady cruise and
 the margins of every cut.
 """
@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.native import CompiledFunction, compile
+from dualwinch.codegen import native
 from dualwinch.model.plant import PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import with_leaves
@@ -49,7 +49,7 @@ class OpenSample:
     ropes: list[int]
     moving: NDArray[np.bool_]
     reference: int
-    evaluate: CompiledFunction
+    evaluate: native.CompiledFunction
 
 
 @cache
@@ -70,7 +70,9 @@ def open_sample(structure: Structure) -> OpenSample:
 
     def forces(vector: ca.SX) -> ca.SX:
         named = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
-        return ca.vertcat(*tensions(PlantState(*(named[f"motion.plant.{key}"] for key in PlantState.__annotations__)), plant))
+        return ca.vertcat(
+            *tensions(PlantState(*(named[f"motion.plant.{key}"] for key in PlantState.__annotations__)), plant)
+        )
 
     change = forces(following) - forces(state)
     facts = row[[loop.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
@@ -91,6 +93,4 @@ def open_sample(structure: Structure) -> OpenSample:
     drums = [names.index(name) for name in DRUMS]
     moving = loop.marked(Mark.POSITION)[kept]
     moving[drums] = False
-    return OpenSample(
-        loop, kept, names.index(X), drums, moving, reference, compile(function, flags=QUICK_BUILD)
-    )
+    return OpenSample(loop, kept, names.index(X), drums, moving, reference, native.compile(function, flags=QUICK_BUILD))

@@ -114,9 +114,29 @@ class MarginSurvey:
             KeyboardInterrupt: interrupted.
             DualwinchError: no compiler, or no usable cache folder.
         """
+        kinds = tuple(kinds)
+        return [
+            {kind: min((of[kind] for of in row), key=lambda worst: worst.value) for kind in kinds}
+            for row in self.each(values, kinds)
+        ]
+
+    def each(
+        self, values: ArrayLike, kinds: Iterable[str] = KINDS, machines: Sequence[int] | None = None
+    ) -> list[list[dict[str, WorstMargin]]]:
+        """`worst` machine by machine.
+
+        Args:
+            values: (n, names).
+            kinds: which margins.
+            machines: indices of those that are looked at; default: all.
+
+        Returns:
+            Kind → its least for each of the machines, for each of the n.
+        """
         self._look_near()
         given, kinds = np.atleast_2d(np.asarray(values, float)), tuple(kinds)
-        pairs = [(row, machine) for row in range(len(given)) for machine in range(len(self.machines))]
+        chosen = range(len(self.machines)) if machines is None else machines
+        pairs = [(row, machine) for row in range(len(given)) for machine in chosen]
         chunks = [pairs[first : first + TOGETHER] for first in range(0, len(pairs), TOGETHER)]
         found: list[list[dict[str, WorstMargin]]] = [[] for _ in chunks]
 
@@ -126,9 +146,7 @@ class MarginSurvey:
         if not run_all([lambda index=index: work(index) for index in range(len(chunks))], self._threads):
             raise KeyboardInterrupt
         each = [worst for chunk in found for worst in chunk]
-        count = len(self.machines)
-        rows = [each[first : first + count] for first in range(0, len(each), count)]
-        return [{kind: min((of[kind] for of in row), key=lambda worst: worst.value) for kind in kinds} for row in rows]
+        return [each[first : first + len(chosen)] for first in range(0, len(each), len(chosen))]
 
     def _look_near(self) -> None:
         """Find the cruises with the machines' own gains, near which those with others begin to be looked for."""
@@ -148,7 +166,9 @@ class MarginSurvey:
         parameters = self._parameters[machines]
         parameters[:, self._columns] = values[rows]
         x, v = np.concatenate(points).T
-        cruise = cruises(self._structure, parameters, x, v, np.concatenate([self._near[machine] for _, machine in pairs]))
+        cruise = cruises(
+            self._structure, parameters, x, v, np.concatenate([self._near[machine] for _, machine in pairs])
+        )
         stable, cuts = cruise.steady.copy(), len(CUTS)
         n = cruise.slopes.shape[2] - cuts - 1
         steady = np.flatnonzero(stable)
@@ -170,8 +190,6 @@ class MarginSurvey:
             for kind, worst in least[number].items():
                 index = int(steady[worst.loop]) if worst.loop >= 0 else int(np.flatnonzero(family == number)[0])
                 cut = list(CUTS)[worst.cut] if worst.loop >= 0 else ""
-                words[kind] = WorstMargin(
-                    worst.value, machine, float(x[index]), float(v[index]), cut, worst.frequency
-                )
+                words[kind] = WorstMargin(worst.value, machine, float(x[index]), float(v[index]), cut, worst.frequency)
             found.append(words)
         return found
