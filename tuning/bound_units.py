@@ -27,7 +27,7 @@ def in_si(text: str, statistic: Statistic | MarginStatistic) -> float:
         ConfigurationError: a unit that the statistic does not come in.
     """
     parts = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z].*)", text.strip())
-    if not parts:
+    if not parts or re.fullmatch(r"[eE][-+]?\d+", parts[2]):
         return float(text)
     value, unit = float(parts[1]), parts[2]
     if unit == statistic.unit:

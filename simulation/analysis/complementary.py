@@ -1,8 +1,12 @@
-"""Complementary sensitivities T = L/(1 + L) of many loops, at every cut, as sums over their poles and as they are.
+"""Complementary sensitivities T = L/(1 + L) of many loops at every cut, as sums over their poles and as they are.
 
 Every margin is a distance of T from one half or from the real axis: the loop gain is 1 where Re T = 1/2, it is real
 where T is, and the largest disk has the radius 1 / max|T - 1/2|. T of a loop closed at all cuts but for what is added
 at one is stable where the loop is, so that its poles say where to look.
+
+A computer that is late, or a supply that is weak, changes both torques alike. For such a change the eigenvalues of the
+two torques' T, a matrix, are what T is at a cut (the characteristic loci of MacFarlane and Postlethwaite, Int. J.
+Control 25, 1977).
 """
 
 from dataclasses import dataclass
@@ -13,17 +17,30 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+BOTH = "torques"
+"""What a change of both torques alike is called, beside the cuts."""
+
+LOCI = ("u", "tau_1", "tau_2", BOTH, BOTH)
+"""Where each of the five loci of a loop is cut."""
+
+ROWS, COLUMNS = (0, 1, 1, 2, 2), (0, 1, 2, 1, 2)
+"""Cuts at which the five elements of T that are needed come out and go in."""
+
+DIAGONAL = np.array([0, 1, 4, 1, 1])
+"""Which of the elements a locus is; of the last two any."""
 
 
 @dataclass(frozen=True, eq=False)
 class Complementary:
-    """T at c cuts of s loops of one sample time.
+    """T of s loops of one sample time.
 
     Attributes:
-        A, B, C, D: closed loops, (s, n, n), (s, n, c), (s, c, n), (s, c): T = C (z - A)^-1 B + D, input and output of
-            the same cut. A state that does not matter in one of them has zeros there.
+        A, B, C, D: closed loops, (s, n, n), (s, n, 3), (s, 3, n), (s, 3, 3): T = C (z - A)^-1 B + D. A state that does
+            not matter in one of them has zeros there.
         poles: (s, n) eigenvalues of A.
-        residues: (s, c, n) of T at the poles.
+        residues: (s, 5, n) of the elements of T (`ROWS`, `COLUMNS`) at the poles.
         dt: sample time in s.
     """
 
@@ -40,41 +57,76 @@ class Complementary:
         """(s,) whether a loop is stable."""
         return np.abs(self.poles).max(axis=1, initial=0.0) < 1
 
-    def quick(self, omega: Floats, loop: NDArray[np.intp]) -> Complex:
-        """T as a sum over its poles at frequencies (a, k) in rad/s of loops (a,); (a, c, k)."""
+    def loci(self, omega: Floats) -> Complex:
+        """The loci (s, 5, k) of all loops at ascending frequencies (s, k) in rad/s, by sums over poles."""
         z = np.exp(1j * self.dt * omega)
-        poles, residues = self.poles[loop], self.residues[loop]
-        found = np.repeat(self.D[loop][:, :, None].astype(complex), omega.shape[1], axis=2)
-        for index in range(poles.shape[1]):
-            found += residues[:, :, index, None] / (z - poles[:, index, None])[:, None]
-        return found
+        elements = np.repeat(self.D[:, ROWS, COLUMNS][:, :, None].astype(complex), omega.shape[1], axis=2)
+        for index in range(self.poles.shape[1]):
+            elements += self.residues[:, :, index, None] / (z - self.poles[:, index, None])[:, None]
+        alone = elements[:, DIAGONAL[:3]]
+        half, root = _halves(elements)
+        first, second = half + root, half - root
+        kept = np.abs(np.diff(first)) + np.abs(np.diff(second))
+        crossed = np.abs(first[:, 1:] - second[:, :-1]) + np.abs(second[:, 1:] - first[:, :-1])
+        swapped = np.zeros(first.shape, bool)
+        swapped[:, 1:] = np.logical_xor.accumulate(crossed < kept, axis=1)
+        pair = np.where(swapped, second, first), np.where(swapped, first, second)
+        return np.concatenate([alone, np.stack(pair, axis=1)], axis=1)
 
-    def quick_with_slope(self, omega: Floats, loop: NDArray[np.intp], cut: NDArray[np.intp]) -> tuple[Complex, Complex]:
-        """T and dT/d omega as sums over poles at one frequency each, (a,)."""
+    def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
+        """Loci (a,) and their derivatives by the frequency, at a frequency each, by sums over poles.
+
+        Args:
+            omega: angular frequencies in rad/s.
+            loop: indices of the loops.
+            locus: indices of the loci.
+            near: about where they are, which tells the last two apart.
+        """
         z = np.exp(1j * self.dt * omega)
-        apart = z[:, None] - self.poles[loop]
-        terms = self.residues[loop, cut] / apart
-        return terms.sum(axis=1) + self.D[loop, cut], -1j * self.dt * z * (terms / apart).sum(axis=1)
+        apart = (z[:, None] - self.poles[loop])[:, None]
+        terms = self.residues[loop] / apart
+        values = terms.sum(axis=2) + self.D[loop][:, ROWS, COLUMNS]
+        return _locus(values, -1j * self.dt * z[:, None] * (terms / apart).sum(axis=2), locus, near)
 
-    def exact_with_slope(self, omega: Floats, loop: NDArray[np.intp], cut: NDArray[np.intp]) -> tuple[Complex, Complex]:
+    def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """The same from the matrices, as exact as they are."""
         z = np.exp(1j * self.dt * omega)
         pencil = z[:, None, None] * np.eye(self.A.shape[1]) - self.A[loop]
-        row, column = self.C[loop, cut], self.B[loop, :, cut]
-        right = np.linalg.solve(pencil, column[:, :, None].astype(complex))
-        again = np.linalg.solve(pencil, right)
-        value = np.einsum("an,an->a", row, right[..., 0]) + self.D[loop, cut]
-        return value, -1j * self.dt * z * np.einsum("an,an->a", row, again[..., 0])
+        right = np.linalg.solve(pencil, self.B[loop].astype(complex))
+        values = self.C[loop] @ right + self.D[loop]
+        slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ np.linalg.solve(pencil, right))
+        return _locus(values[:, ROWS, COLUMNS], slopes[:, ROWS, COLUMNS], locus, near)
+
+
+def _halves(elements: Complex) -> tuple[Complex, Complex]:
+    """Mean and half the distance of the eigenvalues of the torques' T, of its elements along the second axis."""
+    _, first, upper, lower, second = np.moveaxis(elements, 1, 0)
+    return (first + second) / 2, np.sqrt(((first - second) / 2) ** 2 + upper * lower)
+
+
+def _locus(values: Complex, slopes: Complex, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
+    """Loci and their slopes (a,) from the elements of T and theirs (a, 5)."""
+    row = np.arange(len(values))
+    alone = values[row, DIAGONAL[locus]], slopes[row, DIAGONAL[locus]]
+    half, root = _halves(values)
+    both = half + np.where(np.abs(half + root - near) <= np.abs(half - root - near), root, -root)
+    _, first, upper, lower, second = values.T
+    _, d_first, d_upper, d_lower, d_second = slopes.T
+    turned = d_first * (both - second) + d_second * (both - first) + d_upper * lower + upper * d_lower
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = turned / (2 * (both - half))
+    together = locus >= len(DIAGONAL) - 2
+    return np.where(together, both, alone[0]), np.where(together, rate, alone[1])
 
 
 def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Complementary:
-    """T of loops that are open at all c cuts.
+    """T of loops that are open at all three cuts.
 
     Args:
         A: of the states, (s, n, n).
-        B: by what leaves the cuts, (s, n, c).
-        C: of what comes back to them, (s, c, n).
-        D: of the one by the other, (s, c, c).
+        B: by what leaves the cuts, (s, n, 3).
+        C: of what comes back to them, (s, 3, n).
+        D: of the one by the other, (s, 3, 3).
         dt: sample time in s.
     """
     through = np.linalg.inv(np.eye(D.shape[1]) - D)
@@ -88,9 +140,9 @@ def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Comp
     size = _sizes(closed)
     poles, vectors = np.linalg.eig(closed / size[:, :, None] * size[:, None, :])
     weights = np.linalg.solve(vectors, (entered / size[:, :, None]).astype(complex))
-    residues = (-(C * size[:, None, :] @ vectors) * np.swapaxes(weights, 1, 2)).astype(complex)
-    direct = -np.einsum("scc->sc", through @ D)
-    return Complementary(closed, entered, -C, direct, poles, residues, dt)
+    seen = -(C * size[:, None, :] @ vectors)
+    residues = (seen[:, ROWS] * np.swapaxes(weights, 1, 2)[:, COLUMNS]).astype(complex)
+    return Complementary(closed, entered, -C, -through @ D, poles, residues, dt)
 
 
 def _that_matter(A: Floats, B: Floats, C: Floats) -> Flags:

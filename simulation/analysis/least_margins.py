@@ -4,16 +4,17 @@ What `margins` says of one loop after the other, to the last digits, at a hundre
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.analysis.complementary import Complementary
+from dualwinch.simulation.analysis.complementary import LOCI, Complementary
 from dualwinch.simulation.analysis.margins import LOWEST
 
 Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 
 KINDS = ("gain", "phase", "delay", "disk")
@@ -41,32 +42,46 @@ class Least:
 
     Attributes:
         value: as in `margins.Margins`; infinite where nothing makes any of the loops unstable.
-        loop, cut: indices of where it is attained; -1 where it is nowhere.
+        loop: index of the loop it is attained in; -1 where in none.
+        cut: where that is cut, of `complementary.LOCI`.
         frequency: at which, in rad/s.
     """
 
     value: float = math.inf
     loop: int = -1
-    cut: int = -1
+    cut: str = ""
     frequency: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Places where a margin may be least: loops, cuts, frequencies and their brackets, and the margins there; (a,)."""
+    """Places where a margin may be least: loops, loci, frequencies and their brackets, and the margins there; (a,).
+
+    `before` and `after` are the loci at the ends of the bracket, or about where they are between.
+    """
 
     loop: Indices
-    cut: Indices
+    locus: Indices
     lower: Floats
     upper: Floats
+    before: Complex
+    after: Complex
     frequency: Floats
     value: Floats
+
+    def near(self, omega: Floats, chosen: Indices) -> Complex:
+        """About where the loci of some places are at frequencies within their brackets."""
+        lower, width = self.lower[chosen], self.upper[chosen] - self.lower[chosen]
+        share = (omega - lower) / np.where(width > 0, width, 1.0)
+        return self.before[chosen] * (1 - share) + self.after[chosen] * share
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> "_Found":
         return _Found(*(column[chosen] for column in vars(self).values()))
 
 
-def least_margins(loops: Complementary, family: Indices, kinds: Sequence[str], families: int) -> list[dict[str, Least]]:
+def least_margins(
+    loops: Complementary, family: Indices, kinds: Sequence[str], families: int, cuts: Collection[str] = LOCI
+) -> list[dict[str, Least]]:
     """The least of some margins of every family of loops; those of one that is unstable mean nothing.
 
     Args:
@@ -74,18 +89,20 @@ def least_margins(loops: Complementary, family: Indices, kinds: Sequence[str], f
         family: (s,) to which each belongs, from 0.
         kinds: some of `KINDS`.
         families: number of families.
+        cuts: where the loops are cut, some of `complementary.LOCI`.
 
     Returns:
         Kind → the least, for every family.
     """
     omega = _grid(loops)
-    every = np.arange(len(omega))
-    response = loops.quick(omega, every)
+    response = loops.loci(omega)
     found: list[dict[str, Least]] = [{} for _ in range(families)]
+    wanted = np.array([cut in cuts for cut in LOCI])
     for kind in kinds:
-        places = _near_least(_read_off(kind, omega, response), family, NEAR)
-        places = _near_least(_refined(kind, loops.quick_with_slope, places), family, NEARER)
-        exact = _refined(kind, loops.exact_with_slope, places)
+        places = _read_off(kind, omega, response)
+        places = _near_least(places[wanted[places.locus]], family, NEAR)
+        places = _near_least(_refined(kind, loops.quick, places), family, NEARER)
+        exact = _refined(kind, loops.exact, places)
         for number, of_family in enumerate(found):
             mine = np.flatnonzero(family[exact.loop] == number)
             of_family[kind] = _least(exact, mine)
@@ -96,9 +113,9 @@ def _least(places: _Found, mine: Indices) -> Least:
     if not len(mine):
         return Least()
     index = mine[np.argmin(places.value[mine])]
-    columns = places.value, places.loop, places.cut, places.frequency
-    value, loop, cut, frequency = (column[index] for column in columns)
-    return Least(float(value), int(loop), int(cut), float(frequency))
+    columns = places.value, places.loop, places.locus, places.frequency
+    value, loop, locus, frequency = (column[index] for column in columns)
+    return Least(float(value), int(loop), LOCI[int(locus)], float(frequency))
 
 
 def _grid(loops: Complementary) -> Floats:
@@ -114,33 +131,35 @@ def _grid(loops: Complementary) -> Floats:
     return np.sort(np.clip(np.hstack([even, around]), LOWEST, highest), axis=1)
 
 
-def _read_off(kind: str, omega: Floats, response: NDArray[np.complex128]) -> _Found:
+def _read_off(kind: str, omega: Floats, response: Complex) -> _Found:
     """Every place on the grid where a margin of a kind may be, and about how large it is there."""
     if kind == "disk":
         away, last = np.abs(response - 0.5), omega.shape[1] - 1
         rises = np.diff(away, axis=2) > 0
         side = np.ones((*away.shape[:2], 1), bool)
-        loop, cut, at = np.nonzero(np.concatenate([side, rises], axis=2) & ~np.concatenate([rises, ~side], axis=2))
+        loop, locus, at = np.nonzero(np.concatenate([side, rises], axis=2) & ~np.concatenate([rises, ~side], axis=2))
         lower, upper = omega[loop, np.maximum(at - 1, 0)], omega[loop, np.minimum(at + 1, last)]
-        return _Found(loop, cut, lower, upper, omega[loop, at], 1 / away[loop, cut, at])
+        top = response[loop, locus, at]
+        return _Found(loop, locus, lower, upper, top, top, omega[loop, at], 1 / away[loop, locus, at])
     values = response.imag if kind == "gain" else response.real - 0.5
-    loop, cut, at = np.nonzero(values[:, :, :-1] * values[:, :, 1:] < 0)
-    before, after = values[loop, cut, at], values[loop, cut, at + 1]
-    share = before / (before - after)
-    between = response[loop, cut, at] * (1 - share) + response[loop, cut, at + 1] * share
+    loop, locus, at = np.nonzero(values[:, :, :-1] * values[:, :, 1:] < 0)
+    falling = values[loop, locus, at]
+    share = falling / (falling - values[loop, locus, at + 1])
+    before, after = response[loop, locus, at], response[loop, locus, at + 1]
     lower, upper = omega[loop, at], omega[loop, at + 1]
     if kind == "gain":
         ends = np.indices(response.shape[:2]).reshape(2, -1)  # at half the sample rate the response is real
-        end = omega[ends[0], -1]
-        loop, cut = np.append(loop, ends[0]), np.append(cut, ends[1])
-        lower, upper = np.append(lower, end), np.append(upper, end)
-        between = np.append(between, response[ends[0], ends[1], -1])
-    frequency = lower + (upper - lower) * np.append(share, np.zeros(len(lower) - len(share)))
-    value = _margin(kind, between, frequency)
-    return _Found(loop, cut, lower, upper, frequency, value)[np.isfinite(value)]
+        end, there = omega[ends[0], -1], response[ends[0], ends[1], -1]
+        loop, locus, share = np.append(loop, ends[0]), np.append(locus, ends[1]), np.append(share, np.zeros(len(end)))
+        lower, upper, before, after = (
+            np.append(*pair) for pair in ((lower, end), (upper, end), (before, there), (after, there))
+        )
+    frequency = lower + (upper - lower) * share
+    value = _margin(kind, before * (1 - share) + after * share, frequency)
+    return _Found(loop, locus, lower, upper, before, after, frequency, value)[np.isfinite(value)]
 
 
-def _margin(kind: str, response: NDArray[np.complex128], omega: Floats) -> Floats:
+def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
     """A margin from T where it is attained; infinite where that is none."""
     if kind == "disk":
         return 1 / np.abs(response - 0.5)
@@ -158,20 +177,22 @@ def _near_least(places: _Found, family: Indices, factor: float) -> _Found:
     return places[places.value <= factor * least[family[places.loop]]]
 
 
-Evaluate = Callable[[Floats, Indices, Indices], tuple[NDArray[np.complex128], NDArray[np.complex128]]]
+Evaluate = Callable[[Floats, Indices, Indices, Complex], tuple[Complex, Complex]]
 
 
 def _refined(kind: str, evaluate: Evaluate, places: _Found) -> _Found:
     """The places with their frequencies found, and the margins there."""
 
     def wanted(omega: Floats, chosen: Indices) -> Floats:
-        value, slope = evaluate(omega, places.loop[chosen], places.cut[chosen])
+        near = places.near(omega, chosen)
+        value, slope = evaluate(omega, places.loop[chosen], places.locus[chosen], near)
         if kind == "disk":
             return ((value - 0.5).conj() * slope).real
         return value.imag if kind == "gain" else value.real - 0.5
 
     omega = _root(wanted, places)
-    value = _margin(kind, evaluate(omega, places.loop, places.cut)[0], omega)
+    near = places.near(omega, np.arange(len(omega)))
+    value = _margin(kind, evaluate(omega, places.loop, places.locus, near)[0], omega)
     return replace(places, frequency=omega, value=value)
 
 

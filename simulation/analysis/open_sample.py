@@ -1,8 +1,8 @@
 """One sample of the loop cut open at all joints at once, with its exact derivatives, compiled for many points.
 
-What leaves the joints are inputs and what comes back to them are outputs: closing all of them but one gives the loop cut
-that one, closing all of them the closed loop. So a single evaluation serves Newton's method for the steady cruise and
-the margins of every cut.
+What leaves the joints are inputs and what comes back to them are outputs: closing all but one gives the loop cut at
+that one, closing all the closed loop. So a single evaluation serves Newton's method for the steady cruise and the
+margins of every cut.
 """
 
 from dataclasses import dataclass

@@ -1,14 +1,14 @@
 """The least stability margins of machines, wherever they are on the track, cut wherever the loop can be cut."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.reference import setpoint
-from dualwinch.simulation.analysis.complementary import complementary
+from dualwinch.simulation.analysis.complementary import BOTH, complementary
 from dualwinch.simulation.analysis.cruises import cruises
 from dualwinch.simulation.analysis.least_margins import KINDS, least_margins
 from dualwinch.simulation.analysis.loop_cruise import in_calm, resistance, with_taut_ropes
@@ -42,7 +42,7 @@ class WorstMargin:
             where nothing makes any of the loops unstable.
         machine: index of the machine.
         x, v: position in m and speed in m/s of the cruise.
-        cut: where the loop is cut, one of `CUTS`; empty where the value is 0 or infinite.
+        cut: where the loop is cut, one of `CUTS`, or `complementary.BOTH`; empty where the value is 0 or infinite.
         frequency: angular frequency in rad/s at which the loop would oscillate; NaN likewise.
         reason: why the value is 0 (`UNSTABLE`, `UNSTEADY`); else empty.
     """
@@ -79,7 +79,11 @@ class MarginSurvey:
     """
 
     def __init__(
-        self, machines: Sequence[Experiment | Scenario], names: Sequence[str] = (), threads: int | None = None
+        self,
+        machines: Sequence[Experiment | Scenario],
+        names: Sequence[str] = (),
+        threads: int | None = None,
+        cuts: Collection[str] = (*CUTS, BOTH),
     ) -> None:
         """A survey.
 
@@ -87,8 +91,9 @@ class MarginSurvey:
             machines: of one structure.
             names: keys of the numbers that vary, as in `rollout`.
             threads: default: one a core.
+            cuts: where the loops are cut, one at a time; `complementary.BOTH` torques change alike.
         """
-        self.machines, self._threads = tuple(machines), threads
+        self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
         believed = [given.nominal if isinstance(given, Scenario) else None for given in machines]
         self._structure = with_taut_ropes(structure_of(calm[0]))
@@ -176,7 +181,7 @@ class MarginSurvey:
         C, D = cruise.slopes[steady, n : n + cuts, :n], cruise.slopes[steady, n : n + cuts, n + 1 :]
         loops = complementary(A, B, C, D, self._dt)
         stable[steady] = loops.stable
-        least = least_margins(loops, family[steady], kinds, len(pairs))
+        least = least_margins(loops, family[steady], kinds, len(pairs), self._cuts)
         found = []
         for number, (_, machine) in enumerate(pairs):
             failed = np.flatnonzero((family == number) & ~stable)
@@ -189,7 +194,7 @@ class MarginSurvey:
             words = {}
             for kind, worst in least[number].items():
                 index = int(steady[worst.loop]) if worst.loop >= 0 else int(np.flatnonzero(family == number)[0])
-                cut = list(CUTS)[worst.cut] if worst.loop >= 0 else ""
-                words[kind] = WorstMargin(worst.value, machine, float(x[index]), float(v[index]), cut, worst.frequency)
+                point = float(x[index]), float(v[index])
+                words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency)
             found.append(words)
         return found
