@@ -28,6 +28,10 @@ LOCI = ("u", "tau_1", "tau_2", BOTH, BOTH)
 ROWS, COLUMNS = (0, 1, 1, 2, 2), (0, 1, 2, 1, 2)
 """Cuts at which the five elements of T that are needed come out and go in."""
 
+FORGOTTEN, SILENT = 0.05, 1e-14
+"""Magnitude of poles that are left out of sums over poles: those of delays are 0, and have too few eigenvectors. And
+the share of the largest echo of these at which the next ones are left out."""
+
 DIAGONAL = np.array([0, 1, 4, 1, 1])
 """Which of the elements a locus is; of the last two any."""
 
@@ -40,7 +44,9 @@ class Complementary:
         A, B, C, D: closed loops, (s, n, n), (s, n, 3), (s, 3, n), (s, 3, 3): T = C (z - A)^-1 B + D. A state that does
             not matter in one of them has zeros there.
         poles: (s, n) eigenvalues of A.
-        residues: (s, 5, n) of the elements of T (`ROWS`, `COLUMNS`) at the poles.
+        residues: (s, 5, n) of the elements of T (`ROWS`, `COLUMNS`) at the poles; 0 at those that are forgotten within
+            few samples (`FORGOTTEN`).
+        echoes: (j, s, 5) what those come to, j samples after an impulse.
         dt: sample time in s.
     """
 
@@ -50,6 +56,7 @@ class Complementary:
     D: Floats
     poles: Complex
     residues: Complex
+    echoes: Floats
     dt: float
 
     @property
@@ -62,7 +69,12 @@ class Complementary:
         z = np.exp(1j * self.dt * omega)
         elements = np.repeat(self.D[:, ROWS, COLUMNS][:, :, None].astype(complex), omega.shape[1], axis=2)
         for index in range(self.poles.shape[1]):
-            elements += self.residues[:, :, index, None] / (z - self.poles[:, index, None])[:, None]
+            if self.residues[:, :, index].any():
+                elements += self.residues[:, :, index, None] / (z - self.poles[:, index, None])[:, None]
+        late = 1 / z[:, None]
+        for echo in self.echoes:
+            elements += echo[:, :, None] * late
+            late = late / z[:, None]
         alone = elements[:, DIAGONAL[:3]]
         half, root = _halves(elements)
         first, second = half + root, half - root
@@ -86,7 +98,12 @@ class Complementary:
         apart = (z[:, None] - self.poles[loop])[:, None]
         terms = self.residues[loop] / apart
         values = terms.sum(axis=2) + self.D[loop][:, ROWS, COLUMNS]
-        return _locus(values, -1j * self.dt * z[:, None] * (terms / apart).sum(axis=2), locus, near)
+        slopes = -1j * self.dt * z[:, None] * (terms / apart).sum(axis=2)
+        for number, echo in enumerate(self.echoes[:, loop], start=1):
+            late = echo * z[:, None] ** -number
+            values += late
+            slopes -= 1j * self.dt * number * late
+        return _locus(values, slopes, locus, near)
 
     def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """The same from the matrices, as exact as they are."""
@@ -138,11 +155,39 @@ def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Comp
     kept = np.flatnonzero(matter.any(axis=0))
     closed, entered, C = closed[:, kept][:, :, kept], entered[:, kept], C[:, :, kept]
     size = _sizes(closed)
-    poles, vectors = np.linalg.eig(closed / size[:, :, None] * size[:, None, :])
-    weights = np.linalg.solve(vectors, (entered / size[:, :, None]).astype(complex))
-    seen = -(C * size[:, None, :] @ vectors)
-    residues = (seen[:, ROWS] * np.swapaxes(weights, 1, 2)[:, COLUMNS]).astype(complex)
-    return Complementary(closed, entered, -C, -through @ D, poles, residues, dt)
+    alike = closed / size[:, :, None] * size[:, None, :]
+    B, C = entered / size[:, :, None], -C * size[:, None, :]
+    poles, residues, echoes = _parts(alike, B, C)
+    return Complementary(alike, B, C, -through @ D, poles, residues, echoes, dt)
+
+
+def _parts(A: Floats, B: Floats, C: Floats) -> tuple[Complex, Complex, Floats]:
+    """Poles, residues and echoes (`Complementary`), by right and left eigenvectors of the poles that last."""
+    poles, right = _by_size(A)
+    _, left = _by_size(np.swapaxes(A, 1, 2))
+    lasting = np.abs(poles) > FORGOTTEN
+    right, left = np.where(lasting[:, None], right, 0.0), np.where(lasting[:, None], left, 0.0)
+    across = np.swapaxes(left, 1, 2) @ right
+    index = np.arange(A.shape[1])
+    across[:, index, index] += ~lasting
+    weights = np.linalg.solve(across, np.swapaxes(left, 1, 2) @ B)
+    shown = C @ right
+    residues = shown[:, ROWS] * np.swapaxes(weights, 1, 2)[:, COLUMNS]
+    echoes, rest = [], B - (right @ weights).real
+    for _ in range(A.shape[1] + 10):
+        echoes.append((C @ rest)[:, ROWS, COLUMNS])
+        if not np.abs(rest).max(initial=0.0) > SILENT * np.abs(B).max(initial=0.0):
+            break
+        rest = A @ rest
+    return poles, residues, np.array(echoes)
+
+
+def _by_size(A: Floats) -> tuple[Complex, Complex]:
+    """Eigenvalues and eigenvectors of matrices, the largest eigenvalues first."""
+    values, vectors = np.linalg.eig(A)
+    order = np.argsort(-np.abs(values), axis=1)
+    found = np.take_along_axis(values, order, axis=1), np.take_along_axis(vectors, order[:, None], axis=2)
+    return found[0].astype(complex), found[1].astype(complex)
 
 
 def _that_matter(A: Floats, B: Floats, C: Floats) -> Flags:
