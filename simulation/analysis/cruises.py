@@ -4,7 +4,7 @@ The same conditions in the same units, and the same measure of when they hold. W
 is solved for beside the states, and the derivatives that are left at the end are those of the loop cut open there.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,8 @@ from dualwinch.simulation.loop.structure import Structure
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-ITERATIONS, LOOSE_ITERATIONS = 16, 6
-"""Newton steps at most: to the end, and without limits, to begin again from there."""
+ITERATIONS, LOOSE_ITERATIONS, PATIENT_ITERATIONS = 16, 6, 24
+"""Newton steps at most: at first; without limits, to begin again from there; and then."""
 
 ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
 """Changes of tension are counted in kN, those of position beyond ``v Ts`` in mm."""
@@ -58,24 +58,14 @@ def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats, near
         DualwinchError: no compiler, or no usable cache folder.
     """
     sample = open_sample(structure)
-    state, outside, cut = _first_guesses(structure, sample, parameters, x, v, near)
-    found = _solved(sample, parameters, state, outside, cut, v)
-    again = np.flatnonzero(~found.repeats)
-    if len(again):
-        # a law whose integrals are far off starts at its limits, where it has no slope: first without limits
-        free = parameters[again]
-        for name, value in (("tension_min", -BOUNDLESS), ("tension_max", BOUNDLESS)):
-            free[:, sample.loop.parameters.index(LIMITS + name)] = value
-        loose = _solved(sample, free, state[again], outside[again], cut[again], v[again], LOOSE_ITERATIONS)
-        taken = _learnt(sample)
-        retried = _solved(
-            sample,
-            parameters[again],
-            np.where(taken & np.isfinite(loose.state), loose.state, state[again]),
-            outside[again],
-            cut[again],
-            v[again],
-        )
+    start = _first_guesses(structure, sample, parameters, x, v, near)
+    found = _solved(sample, start, ITERATIONS)
+    for limited in (True, False):
+        again = np.flatnonzero(~found.repeats)
+        if not len(again):
+            break
+        begun = start[again] if limited else _without_limits(sample, start[again])
+        retried = _solved(sample, begun, PATIENT_ITERATIONS, patient=True)
         for name, values in vars(found).items():
             values[again] = getattr(retried, name)
     force, left, *pulls = found.facts.T
@@ -86,6 +76,32 @@ def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats, near
 def _learnt(sample: OpenSample) -> Flags:
     """(states,) which are those of law and estimator."""
     return np.array([name.startswith(("controller.law.", "controller.estimator.")) for name in sample.loop.states])
+
+
+def _without_limits(sample: OpenSample, start: "_Start") -> "_Start":
+    """A start whose law and estimator are where they come to without limits of the tensions.
+
+    A law whose integrals are far off starts at its limits, where it has no slope.
+    """
+    free = start.parameters.copy()
+    for name, value in (("tension_min", -BOUNDLESS), ("tension_max", BOUNDLESS)):
+        free[:, sample.loop.parameters.index(LIMITS + name)] = value
+    loose = _solved(sample, replace(start, parameters=free), LOOSE_ITERATIONS).state
+    return replace(start, state=np.where(_learnt(sample) & np.isfinite(loose), loose, start.state))
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Where Newton's method begins at s points, and what is given there: (s, ...) each."""
+
+    parameters: Floats
+    state: Floats
+    outside: Floats
+    cut: Floats
+    v: Floats
+
+    def __getitem__(self, chosen: NDArray[np.intp]) -> "_Start":
+        return _Start(*(values[chosen] for values in vars(self).values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +116,7 @@ class _Solution:
 
 def _first_guesses(
     structure: Structure, sample: OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
-) -> tuple[Floats, Floats, Floats]:
+) -> _Start:
     """States, signals and what leaves the cuts for a perfect controller: no errors, tensions as commanded."""
     loop = sample.loop
     limits = {
@@ -134,24 +150,19 @@ def _first_guesses(
             at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
             index = loop.states.index(key)
             state[:, index] = np.where(at_limit, at_limit, state[:, index])
-    return state, outside, cut
+    return _Start(parameters, state, outside, cut, v)
 
 
-def _solved(
-    sample: OpenSample,
-    parameters: Floats,
-    state: Floats,
-    outside: Floats,
-    cut: Floats,
-    v: Floats,
-    iterations: int = ITERATIONS,
-) -> _Solution:
-    """Newton's method at all points; one that has come to its end is left alone."""
-    state, outside, cut = state.copy(), outside.copy(), cut.copy()
+def _solved(sample: OpenSample, start: _Start, iterations: int, *, patient: bool = False) -> _Solution:
+    """Newton's method at all points; one that has come to its end is left alone.
+
+    Patient, it takes the shortest step where there are many, as at rest with a law that leaves something free.
+    """
+    parameters, state, outside, cut = start.parameters, start.state.copy(), start.outside.copy(), start.cut.copy()
     count, n = len(state), len(sample.kept)
     facts, slopes = np.full((count, 4), np.nan), np.full((count, n + 5, n + 4), np.nan)
     residual, left = np.full(count, np.inf), np.full(count, np.inf)
-    carried = v * parameters[:, sample.loop.parameters.index("simulation.sample_time")]
+    carried = start.v * parameters[:, sample.loop.parameters.index("simulation.sample_time")]
     active = np.arange(count)
     for _ in range(iterations):
         given = state[active], outside[active], parameters[active], cut[active]
@@ -166,7 +177,7 @@ def _solved(
         active = active[going]
         if not len(active):
             break
-        step = _step(matrix[going], rest[going], unknown[going])
+        step = _step(matrix[going], rest[going], unknown[going], patient=patient)
         sizes, step_x = sizes[going], step[:, sample.x].copy()
         sizes[:, sample.x] = np.maximum(np.abs(outside[active, sample.reference]), 1.0)
         left[active] = (np.abs(step) / sizes).max(axis=1)
@@ -207,7 +218,7 @@ def _equations(
     return matrix, counted, unknown
 
 
-def _step(matrix: Floats, rest: Floats, unknown: Flags) -> Floats:
+def _step(matrix: Floats, rest: Floats, unknown: Flags, *, patient: bool) -> Floats:
     """Newton steps in units in which rows and columns are of one size: zero for what is no unknown, NaN for no step."""
     matrix = np.where(unknown[:, :, None] & unknown[:, None, :], matrix, 0.0)
     columns = np.abs(matrix).max(axis=1)
@@ -219,6 +230,9 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags) -> Floats:
     index = np.arange(matrix.shape[1])
     matrix[:, index, index] += ~unknown
     right = np.where(unknown, -rest / rows, 0.0)
+    if patient:
+        pairs = zip(matrix, right, strict=True)
+        return np.array([np.linalg.lstsq(*pair, rcond=1e-13)[0] for pair in pairs]) / columns
     try:
         return np.linalg.solve(matrix, right[..., None])[..., 0] / columns
     except np.linalg.LinAlgError:  # a law at its limits answers to nothing

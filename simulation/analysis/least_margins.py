@@ -94,6 +94,8 @@ def least_margins(
     Returns:
         Kind → the least, for every family.
     """
+    if not len(loops.poles):
+        return [dict.fromkeys(kinds, Least()) for _ in range(families)]
     omega = _grid(loops)
     response = loops.loci(omega)
     found: list[dict[str, Least]] = [{} for _ in range(families)]

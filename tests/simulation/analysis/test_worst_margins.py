@@ -75,7 +75,7 @@ def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> 
 def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> None:
     """Many gains on many machines at once give what one of each gives, and linearising there the same margin."""
     machines, names = drawn(4), ["controller.nftsm.beta", "controller.coordination.preload"]
-    gains = [[0.05, 2000.0], [0.4, 3000.0], [0.2, 1500.0]]
+    gains = [[0.05, 2000.0], [0.02, 2500.0], [0.03, 3000.0]]
     survey = MarginSurvey(machines, names, cuts=tuple(CUTS))
     for row, worst in zip(gains, survey.worst(gains), strict=True):
         for kind, of in worst.items():
@@ -88,19 +88,14 @@ def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> Non
             assert alone.value == pytest.approx(of.value, rel=1e-9)
 
 
-@pytest.mark.parametrize("preload", [2000.0, 6000.0])
-def test_both_torques_may_be_late_by_the_delay_margin_and_no_more(
-    preload: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("kp", [0.0005, 0.002])
+def test_both_torques_may_be_late_by_the_delay_margin_and_no_more(kp: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sample more of delay at both motors is exact: the closed loop says where it becomes unstable."""
-    changes = {"controller.coordination.preload": preload, "controller.winch.kp": 0.6}
-    experiment = override(case(2), {key.replace("winch.", "winch_1."): value for key, value in changes.items()})
-    experiment = override(experiment, {"controller.winch_2.kp": 0.6})
+    gains = {"controller.coordination.preload": 6000.0, "controller.winch_1.kp": kp, "controller.winch_2.kp": kp}
+    experiment = override(case(2), gains)
     for point in cruise_points(experiment):
         monkeypatch.setattr(worst_margins, "cruise_points", lambda _, point=point: [point])
-        survey, single = (MarginSurvey([experiment], cuts=cuts) for cuts in ((BOTH,), tuple(CUTS)))
-        margin = survey.worst([[]], ["delay"])[0]["delay"].value
-        assert margin < single.worst([[]], ["delay"])[0]["delay"].value * (1 + 1e-9)
+        margin = MarginSurvey([experiment], cuts=(BOTH,)).worst([[]], ["delay"])[0]["delay"].value
         borne = math.floor(margin / experiment.simulation.sample_time)
         radii = [
             np.abs(linear_closed_loop(override(experiment, {"simulation.delay_samples": late}), *point).poles()).max()
@@ -118,8 +113,9 @@ def test_an_unstable_loop_has_no_margin_and_the_place_is_named() -> None:
     assert not margins(linear_broken_loop(wild, x, v, "u")).stable
 
 
-def test_where_nothing_is_steady_there_is_no_margin() -> None:
+def test_where_nothing_is_steady_there_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
     master = override(PAPER, {"controller.coordination.kind": "master-slave"})
+    monkeypatch.setattr(worst_margins, "cruise_points", lambda _: [(25.0, 1.8)])
     worst = MarginSurvey([master]).worst([[]])[0]["disk"]
     assert (worst.value, worst.reason) == (0.0, UNSTEADY)
     with pytest.raises(ConfigurationError, match="comes to no steady cruise"):
