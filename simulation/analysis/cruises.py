@@ -22,6 +22,10 @@ Flags = NDArray[np.bool_]
 ITERATIONS, LOOSE_ITERATIONS, PATIENT_ITERATIONS = 16, 6, 24
 """Newton steps at most: at first; without limits, to begin again from there; and then."""
 
+REPEATS, SETTLED = 30 * RESIDUAL, 30 * STEP
+"""Largest change and step that are left, as `loop_cruise` counts them, where a winch's gains amplify round-off: what
+is no cruise leaves a thousand times more."""
+
 ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
 """Changes of tension are counted in kN, those of position beyond ``v Ts`` in mm."""
 
@@ -173,7 +177,7 @@ def _solved(sample: OpenSample, start: _Start, iterations: int, *, patient: bool
         last, sizes = residual[active], np.maximum(np.abs(values), 1.0)
         residual[active] = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
         going = np.isfinite(residual[active])
-        going &= ~((last < RESIDUAL) & (residual[active] >= last / 2) & (left[active] < STEP))
+        going &= ~((last < REPEATS) & (residual[active] >= last / 2) & (left[active] < SETTLED))
         active = active[going]
         if not len(active):
             break
@@ -185,7 +189,7 @@ def _solved(sample: OpenSample, start: _Start, iterations: int, *, patient: bool
         step[:, sample.x] = 0.0
         state[np.ix_(active, sample.kept)] += step[:, :n]
         cut[active] += step[:, n:]
-    return _Solution((residual < RESIDUAL) & (left < STEP), state, facts, slopes)
+    return _Solution((residual < REPEATS) & (left < SETTLED), state, facts, slopes)
 
 
 def _equations(

@@ -7,7 +7,7 @@ from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.problem import Problem
 
-HARDEST = 4
+HARDEST = 2
 """Drawn machines on which every candidate is looked at: those on which the start has the least margins."""
 
 MACHINES = 32
