@@ -104,7 +104,9 @@ def _unshaped(result: Floats, shape: tuple[int, int]) -> Floats:
     return np.swapaxes(result.reshape(*result.shape[:-1], shape[1], shape[0]), -1, -2)
 
 
-def compile(function: ca.Function, compiler: Compiler | None = None) -> CompiledFunction:  # noqa: A001
+def compile(  # noqa: A001
+    function: ca.Function, compiler: Compiler | None = None, *, flags: tuple[str, ...] = ()
+) -> CompiledFunction:
     """Compile a CasADi function to a NumPy function, vectorised over a batch; nothing is left to clean up.
 
     The library is kept in the cache folder and found again the next time.
@@ -112,6 +114,7 @@ def compile(function: ca.Function, compiler: Compiler | None = None) -> Compiled
     Args:
         function: of SX or MX expressions; sparse inputs and outputs become dense.
         compiler: by default the one `find_compiler` finds.
+        flags: for the compiler, beside its usual ones.
 
     Raises:
         CodegenError: the function has no inputs or outputs, or cannot be expressed as plain C.
@@ -121,7 +124,7 @@ def compile(function: ca.Function, compiler: Compiler | None = None) -> Compiled
     """
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
-    call = ctypes.CDLL(str(library(_source(function), compiler or find_compiler(), NON_FINITE))).run
+    call = ctypes.CDLL(str(library(_source(function), compiler or find_compiler(), (*NON_FINITE, *flags)))).run
     call.restype = None
     call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
     return CompiledFunction(

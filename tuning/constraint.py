@@ -1,7 +1,7 @@
-"""What a candidate must keep to: a statistic and its bound, ``worst.peak_tension<=6000``.
+"""What a candidate must keep to: a statistic and its bound, ``worst.peak_tension<=6000``, ``worst.delay_margin>=5ms``.
 
-A bound is a number, ``paper`` (what the paper's controller reaches in the same scenarios), a configuration key, or a
-factor on one of the latter: ``mean.chatter<=0.25*paper``,
+A bound is a number, maybe with its unit, ``paper`` (what the paper's controller reaches in the same scenarios), a
+configuration key, or a factor on one of the latter: ``mean.chatter<=0.25*paper``,
 ``worst.peak_tension<=0.95*controller.coordination.tension_max``.
 """
 
@@ -15,6 +15,8 @@ from dualwinch.model.quantities.quantity import behind_number, nearest
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.bound_units import in_si
+from dualwinch.tuning.margin_statistic import MarginStatistic, margin_statistic
 from dualwinch.tuning.scoring.measured import UNMEASURED
 
 NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
@@ -36,7 +38,7 @@ class Constraint:
     """
 
     text: str
-    statistic: Statistic
+    statistic: Statistic | MarginStatistic
     at_least: bool
     bound: float
     of_paper: bool = False
@@ -94,7 +96,8 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     if not parts:
         raise ConfigurationError(f"--constraint {text}: must be STATISTIC<=BOUND, e.g. worst.peak_tension<=6000")
     name, sign, factor, term = parts.groups()
-    statistic = statistic_from(name, experiment.metrics)
+    own = experiment.metrics
+    statistic = margin_statistic(name, own) or statistic_from(name, own)
     scale = 1.0 if factor is None else _number(factor, text)
     if term == "paper":
         return Constraint(text, statistic, sign == ">=", scale, of_paper=True)
@@ -105,14 +108,16 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
             hint = nearest(term, ["paper", *(key for key, known in values.items() if isinstance(known, float))])
             raise ConfigurationError(f"--constraint {text}: '{term}' names no number; did you mean '{hint}'?")
         return Constraint(text, statistic, sign == ">=", scale * float(value))
-    return Constraint(text, statistic, sign == ">=", scale * _number(term, text))
+    return Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic))
 
 
-def _number(word: str, text: str) -> float:
+def _number(word: str, text: str, statistic: Statistic | MarginStatistic | None = None) -> float:
     try:
-        value = float(word)
+        value = in_si(word, statistic) if statistic else float(word)
     except ValueError:
         value = math.nan
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--constraint {text}: {error}") from None
     if not math.isfinite(value):
         raise ConfigurationError(f"--constraint {text}: '{word.strip()}' must be a finite number")
     return value

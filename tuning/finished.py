@@ -20,6 +20,7 @@ class Cost:
         rollout_seconds: wall time in s they took.
         preparing, searching, judging: wall time in s of the parts.
         overhead: share of the search's time that was not spent in rollouts.
+        margin_seconds: wall time in s that stability margins took, in all parts.
     """
 
     rollouts: int
@@ -28,6 +29,7 @@ class Cost:
     searching: float
     judging: float
     overhead: float
+    margin_seconds: float = 0.0
 
     @property
     def seconds(self) -> float:

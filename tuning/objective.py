@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.tuning.margin_statistic import margin_statistic
 
 DEFAULT_OBJECTIVES = ("mean.mse",)
 
@@ -19,6 +20,9 @@ def objectives_from(texts: Sequence[str], own: Sequence[Metric] = ()) -> tuple[S
     Raises:
         ConfigurationError: an unknown name, one named twice, or one whose small values are the bad ones.
     """
+    for text in texts:
+        if margin := margin_statistic(text, own):
+            raise ConfigurationError(f"--objective {margin.name}: make it a constraint, {margin.name}>=...")
     found = tuple(statistic_from(text, own) for text in texts)
     for index, statistic in enumerate(found):
         if statistic in found[:index]:

@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.progress import DRAWING, REFERENCES, SILENT, Watch
+from dualwinch.tuning.scoring.machines import hardest_machines, survey
 from dualwinch.tuning.scoring.runs import over, run_pairs
 from dualwinch.tuning.scoring.scenarios import Pick, pick
 
@@ -28,6 +31,7 @@ class Prepared:
         constraints: the problem's, every bound a number.
         paper: the paper's controller in `scenarios`, one row.
         start: the start in `scenarios`, one row.
+        margins: the machines on which stability margins of every candidate are looked at; ``None``: none is bounded.
     """
 
     problem: Problem
@@ -36,6 +40,7 @@ class Prepared:
     constraints: tuple[Constraint, ...]
     paper: BatchResult
     start: BatchResult
+    margins: MarginSurvey | None = None
 
 
 def prepare(problem: Problem, threads: int | None = None, watch: Watch = SILENT) -> Prepared:
@@ -58,15 +63,27 @@ def prepare(problem: Problem, threads: int | None = None, watch: Watch = SILENT)
     watch.phase(REFERENCES)
     paper = run_pairs([], [[]], _drawn(problem, picks, problem.paper_experiment), threads)
     start = run_pairs(problem.space.keys, [problem.space.parameters(problem.start)], scenarios, threads)
+    stress = _drawn(problem, more, problem.experiment) if more else ()
+    hardest = hardest_machines(problem, [*scenarios, *stress], threads)
+    bounds = []
+    for constraint in problem.constraints:
+        reached = 0.0
+        if isinstance(constraint.statistic, Statistic):
+            reached = over(constraint.statistic, paper, 0, scenarios)
+        elif constraint.of_paper:
+            drawn = _drawn(problem, [*picks, *more], problem.paper_experiment)
+            machines = [problem.paper_experiment, *(drawn[index] for index in hardest)]
+            worst = MarginSurvey(machines if problem.ensemble else machines[:1], threads=threads).worst([[]])[0]
+            reached = constraint.statistic.of(worst)
+        bounds.append(constraint.given(reached))
     return Prepared(
         problem=problem,
         scenarios=scenarios,
-        stress=_drawn(problem, more, problem.experiment) if more else (),
-        constraints=tuple(
-            constraint.given(over(constraint.statistic, paper, 0, scenarios)) for constraint in problem.constraints
-        ),
+        stress=stress,
+        constraints=tuple(bounds),
         paper=paper,
         start=start,
+        margins=survey(problem, [[*scenarios, *stress][index] for index in hardest], threads),
     )
 
 

@@ -14,6 +14,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import Constraint
+from dualwinch.tuning.margin_statistic import MarginStatistic
 from dualwinch.tuning.space import Interval, Point, Space
 from dualwinch.tuning.yardstick import yardstick
 
@@ -114,15 +115,22 @@ class Problem:
 
     @property
     def reported(self) -> tuple[Statistic, ...]:
-        """Every statistic that is kept of a candidate, without repetition."""
-        used = (*self.objectives, *(constraint.statistic for constraint in self.constraints))
+        """Every statistic of runs that is kept of a candidate, without repetition."""
+        bounded = (constraint.statistic for constraint in self.constraints)
+        used = (*self.objectives, *(statistic for statistic in bounded if isinstance(statistic, Statistic)))
         own = [Statistic("mean", metric.table(), metric) for metric in self.experiment.metrics]
         return tuple(dict.fromkeys((*used, *map(statistic_from, REPORTED), *own)))
 
     @property
     def units(self) -> dict[str, str]:
         """Name of a reported statistic → its unit."""
-        return {statistic.name: statistic.unit for statistic in self.reported}
+        return {statistic.name: statistic.unit for statistic in (*self.reported, *self.margins)}
+
+    @property
+    def margins(self) -> tuple[MarginStatistic, ...]:
+        """The stability margins that are bounded."""
+        bounded = (constraint.statistic for constraint in self.constraints)
+        return tuple(dict.fromkeys(statistic for statistic in bounded if isinstance(statistic, MarginStatistic)))
 
     def margin(self, constraint: Constraint) -> float:
         """Distance that a constraint has to keep from its bound in tuning, as a share of the bound."""

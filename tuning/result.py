@@ -15,8 +15,9 @@ from dualwinch.simulation.metrics.metrics import metrics_with
 from dualwinch.tuning.problem import HELD_OUT, SELECTION
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import pareto_front
+from dualwinch.tuning.scoring.verdict import Score
 from dualwinch.tuning.space_record import space_to_record
-from dualwinch.tuning.summary import comparison, contenders, headline, where
+from dualwinch.tuning.summary import comparison, contenders, headline, margin_places, where
 from dualwinch.tuning.tuned import Tuned
 
 
@@ -49,6 +50,8 @@ def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, An
         f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
         for constraint in tuned.prepared.constraints
     ]
+    if places := margin_places(tuned):
+        lines += ["least stability margins:", *(f"    {words}" for words in places)]
     lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in tuned.gains.items())]
     with atomic(Path(path)) as unfinished:
         unfinished.write_text("".join(f"# {line}".rstrip() + "\n" for line in lines) + "\n" + toml, encoding="utf-8")
@@ -102,6 +105,7 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
             "selection": _scores(verdict.selection),
             "held_out": _scores(verdict.scored if verdict.held_out else None),
         },
+        "margins": {name: _attained(score) for name, score in verdict.scores.items()},
         "start": _scores(verdict.scores["start"].evaluation),
         "paper": _scores(verdict.scores["paper"].evaluation),
         "held_out": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.held_out},
@@ -131,9 +135,7 @@ def trial_columns(tuned: Tuned) -> dict[str, Any]:
             for index, objective in enumerate(problem.objectives)
         },
         "violations": {name: [trial.violations.get(name) for trial in trials] for name in trials[0].violations},
-        "statistics": {
-            statistic.name: [trial.statistics.get(statistic.name) for trial in trials] for statistic in problem.reported
-        },
+        "statistics": {name: [trial.statistics.get(name) for trial in trials] for name in problem.units},
     }
 
 
@@ -146,6 +148,26 @@ def _scores(evaluation: Evaluation | None) -> dict[str, Any] | None:
         "feasible": evaluation.feasible,
         "outcomes": evaluation.outcomes,
     }
+
+
+def _attained(score: Score) -> dict[str, Any]:
+    """Name of a stability margin that is bounded → its worst and where that is, null where it is nowhere."""
+    return {
+        name: {
+            "value": _finite(attained.worst.value),
+            "machine": attained.machine,
+            "x": attained.worst.x,
+            "v": attained.worst.v,
+            "cut": attained.worst.cut or None,
+            "frequency": _finite(attained.worst.frequency),
+            "reason": attained.worst.reason or None,
+        }
+        for name, attained in score.attained.items()
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _table(result: BatchResult) -> dict[str, Any]:

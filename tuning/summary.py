@@ -75,6 +75,17 @@ def contenders(tuned: Finished) -> list[str]:
     return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
 
 
+def margin_places(tuned: Finished) -> list[str]:
+    """Where each bounded stability margin is the worst: the best's, and the paper's."""
+    verdict, words = tuned.verdict, headings(tuned)
+    return [
+        f"{statistic.name} ({words[name]}): {attained.words}"
+        for statistic in tuned.problem.margins
+        for name in verdict.shown
+        if (attained := verdict.scores[name].attained.get(statistic.name))
+    ]
+
+
 def endings(tuned: Finished) -> str:
     """How the best's runs ended where it is scored."""
     scored = tuned.verdict.scored

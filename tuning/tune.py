@@ -92,5 +92,6 @@ def tune(
         searching=judged - searched,
         judging=clock.now() - judged,
         overhead=progress.overhead,
+        margin_seconds=evaluator.margin_seconds,
     )
     return Tuned(prepared, method, tuple(finished), verdict, progress, cost, interrupted)

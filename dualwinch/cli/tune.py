@@ -17,6 +17,7 @@ app = App(
     dualwinch tune --ensemble sea --objective mean.mse --objective mean.chatter --trials 2000 --out front
     dualwinch tune --ensemble sea --constraint "worst.peak_tension<=5500" --constraint "mean.chatter<=0.25*paper"
     dualwinch tune --ensemble sea --time 60s --stress --out tuned
+    dualwinch tune --ensemble sea --constraint "worst.delay_margin>=5ms" --constraint "worst.gain_margin>=6dB"
     dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
 """,
 )
@@ -51,7 +52,8 @@ def tune(
     constraint: Annotated[
         list[str] | None,
         Parameter(
-            help="e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper; may be repeated; none: no constraint. "
+            help="e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper, worst.delay_margin>=5ms (gain, phase, disk "
+            "likewise); may be repeated; none: no constraint. "
             "Default: no slack, no peak near tension_max, chatter below the paper's.",
             negative="",
         ),

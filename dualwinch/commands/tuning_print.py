@@ -6,7 +6,16 @@ from rich.text import Text
 
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.tuning.scoring.ranking import pareto_front
-from dualwinch.tuning.summary import advice, authority, comparison, contenders, endings, headline, statistics_table
+from dualwinch.tuning.summary import (
+    advice,
+    authority,
+    comparison,
+    contenders,
+    endings,
+    headline,
+    margin_places,
+    statistics_table,
+)
 from dualwinch.tuning.tuned import Tuned
 
 
@@ -24,6 +33,8 @@ def print_study(tuned: Tuned) -> None:
     for constraint in tuned.prepared.constraints:
         kept = verdict.scored.violations[constraint.label] <= 0
         say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
+    for place in margin_places(tuned):
+        say(place)
     say(endings(tuned) + (f"; {comparison(tuned)}" if verdict.improved else ""))
     if beyond := authority(tuned):
         say(beyond)
@@ -32,9 +43,10 @@ def print_study(tuned: Tuned) -> None:
     if len(tuned.problem.objectives) > 1:
         say(f"Pareto front: {len(pareto_front(tuned.trials))} trials, in study.json")
     cost = tuned.cost
+    margins = f"; {cost.margin_seconds:.1f} s of these for stability margins" if cost.margin_seconds else ""
     say(
         f"{cost.rollouts} rollouts; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
-        f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring"
+        f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring{margins}"
     )
 
 

@@ -14,7 +14,16 @@ from dualwinch.simulation.plots.files import encode
 from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, parallel_coordinates
-from dualwinch.tuning.summary import advice, authority, comparison, contenders, headings, headline, where
+from dualwinch.tuning.summary import (
+    advice,
+    authority,
+    comparison,
+    contenders,
+    headings,
+    headline,
+    margin_places,
+    where,
+)
 from dualwinch.tuning.tuned import Tuned
 
 CAPTIONS = {
@@ -54,6 +63,7 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
         headings=list(headings(tuned).values()),
         scores=_scores(tuned),
         bounds=_bounds(tuned),
+        margins=margin_places(tuned),
         pictures=_pictures(tuned),
         gains=_gains(tuned),
         facts={**facts, **_cost(tuned)},

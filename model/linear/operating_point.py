@@ -142,7 +142,7 @@ def operating_points(
     inputs = np.vstack([points, np.repeat(outside, points.shape[1], axis=1)])
     parameters = np.repeat(np.array([list(numbers(plant).values())]).T, points.shape[1], axis=1)
     structure = plant_structure(plant)
-    found = _cruise(structure)(inputs, parameters).full()
+    found = cruise_law(structure)(inputs, parameters).full()
     left = _left(structure)(found[:6], found[6:8], inputs[3:5], parameters).full()
     table = np.vstack([found, left])
     limits = (tension_min, tension_max)
@@ -160,7 +160,7 @@ def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
 
 
 @cache
-def _cruise(structure: Plant) -> ca.Function:
+def cruise_law(structure: Plant) -> ca.Function:
     """``(x, v, preload, force, current, tension_min, tension_max), p -> state, torques, tensions``."""
     plant, p = symbolic_plant(structure)
     point = ca.SX.sym("point", 7)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise, with_taut_ropes
@@ -67,7 +68,9 @@ def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) 
     return without_idle_states(_named(cruise, matrices, inputs, tuple(outputs), units))
 
 
-def linear_broken_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0, cut: str = "u") -> LinearSystem:
+def linear_broken_loop(
+    experiment: Experiment, x: float = 25.0, v: float = 0.0, cut: str = "u", nominal: Plant | None = None
+) -> LinearSystem:
     """The loop cut at one signal: from what leaves the cut to minus what comes back to it.
 
     The sign is that of negative feedback: closing the loop gives 1/(1 + L).
@@ -77,18 +80,21 @@ def linear_broken_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0, 
         x: position in m.
         v: speed in m/s.
         cut: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque.
+        nominal: the plant the controller was designed for; default: the experiment's.
 
     Raises:
         ConfigurationError: another cut, or no steady cruise there.
     """
-    return without_idle_states(whole_broken_loop(experiment, x, v, cut))
+    return without_idle_states(whole_broken_loop(experiment, x, v, cut, nominal))
 
 
-def whole_broken_loop(experiment: Experiment, x: float, v: float, cut: str) -> LinearSystem:
+def whole_broken_loop(
+    experiment: Experiment, x: float, v: float, cut: str, nominal: Plant | None = None
+) -> LinearSystem:
     """`linear_broken_loop` with all states, also those that move nothing: the same for all values of the gains."""
     if cut not in CUTS:
         raise ConfigurationError(f"unknown cut '{cut}'; did you mean '{nearest(cut, CUTS)}'?")
-    cruise = loop_cruise(experiment, x, v)
+    cruise = loop_cruise(experiment, x, v, nominal)
     column = CUTS[cut]
     steady = cruise.row[column]
     A, B, C, D = _jacobians(structure_of_cruise(cruise), cut)(cruise.state, cruise.exogenous, cruise.parameters, steady)

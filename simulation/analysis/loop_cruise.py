@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
-from dualwinch.model.plant import PlantState, tensions
+from dualwinch.model.plant import Plant, PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.vehicle import drag, friction
@@ -64,7 +64,7 @@ class LoopCruise:
     residual: float
 
 
-def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
+def loop_cruise(experiment: Experiment, x: float, v: float, nominal: Plant | None = None) -> LoopCruise:
     """Solve for steady cruise through a position; at v = 0 that is rest.
 
     Everything repeats but what the motion itself carries on: positions by ``v Ts``, drums by what keeps the tensions.
@@ -74,22 +74,23 @@ def loop_cruise(experiment: Experiment, x: float, v: float) -> LoopCruise:
         experiment: plant, gains and sample time.
         x: position in m, on the track.
         v: speed in m/s.
+        nominal: the plant the controller was designed for, as a `Scenario` has it; default: the simulated one.
 
     Raises:
         ConfigurationError: a position off the track, a speed whose resistance the ropes cannot overcome, or gains
             with which nothing is steady.
     """
-    calm = _calm(experiment)
+    calm = in_calm(experiment)
     _check(calm, v)
     structure = with_taut_ropes(structure_of(calm))
-    loop = closed_loop(structure)
-    parameters = loop.vector(parameters_of(calm))
-    start = _first_guess(calm, loop, x, v)
+    loop, values = closed_loop(structure), parameters_of(calm, nominal)
+    parameters = loop.vector(values)
+    start = _first_guess(calm, loop, parameters, x, v)
     state, exogenous, residual, left = _solved(structure, parameters, *start, v)
     if not (residual < RESIDUAL and left < STEP):
         # a law whose integrals are far off starts at its limits, where it has no slope: first without limits
         free = {f"{LIMITS}tension_min": -BOUNDLESS, f"{LIMITS}tension_max": BOUNDLESS}
-        solution = _solved(structure, loop.vector(parameters_of(calm) | free), *start, v)[0]
+        solution = _solved(structure, loop.vector(values | free), *start, v)[0]
         taken = [name.startswith(("controller.law.", "controller.estimator.")) for name in loop.states]
         state, exogenous, residual, left = _solved(
             structure, parameters, np.where(taken, solution, start[0]), start[1], v
@@ -153,7 +154,8 @@ def _least_step(matrix: Floats, change: Floats) -> Floats:
     return columns * np.linalg.lstsq(matrix / rows[:, None] * columns, -change / rows, rcond=1e-13)[0]
 
 
-def _calm(experiment: Experiment) -> Experiment:
+def in_calm(experiment: Experiment) -> Experiment:
+    """The experiment in calm water, with perfect sensors."""
     # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
     sensors = replace(
         experiment.sensors,
@@ -171,14 +173,18 @@ def _calm(experiment: Experiment) -> Experiment:
 
 def _check(experiment: Experiment, v: float) -> None:
     check(experiment)
-    vehicle = experiment.plant.vehicle
-    limit = experiment.controller.limits.force
-    needed = friction(v, vehicle) + drag(v, vehicle)
+    limit, needed = experiment.controller.limits.force, resistance(experiment, v)
     if not abs(needed) < limit:
         raise ConfigurationError(
             f"v = {v:g}: cruise needs a force of {needed:.4g} N, must be within ±{limit:g} N "
             "(tension_max - reserve - tension_min)"
         )
+
+
+def resistance(experiment: Experiment, v: float) -> float:
+    """Net force in N that the ropes have to give at a steady speed."""
+    vehicle = experiment.plant.vehicle
+    return float(friction(v, vehicle) + drag(v, vehicle))
 
 
 def _check_solution(experiment: Experiment, row: dict[str, float], excess: float, v: float) -> None:
@@ -192,7 +198,9 @@ def _check_solution(experiment: Experiment, row: dict[str, float], excess: float
         )
 
 
-def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -> tuple[Floats, Floats]:
+def _first_guess(
+    experiment: Experiment, loop: ClosedLoop, parameters: Floats, x: float, v: float
+) -> tuple[Floats, Floats]:
     """The steady cruise of a perfect controller: no errors, tensions as commanded."""
     plant, limits = experiment.plant, experiment.controller.limits
     point = operating_point(x, v, limits.preload, plant, tension_min=limits.tension_min, tension_max=limits.command_max)
@@ -204,7 +212,6 @@ def _first_guess(experiment: Experiment, loop: ClosedLoop, x: float, v: float) -
     # what remembers the last sample, or whether there was one, knows it after two
     remembers = np.array([name.startswith(("controller.", "actuator_")) for name in loop.states])
     remembers &= ~loop.marked(Mark.POSITION, Mark.SPEED)
-    parameters = loop.vector(parameters_of(experiment))
     for _ in range(2):
         state = np.where(remembers, np.array(loop.step(state, signals, parameters)[0]).ravel(), state)
     pressed = _pressed_integrals(guess, point.F1 - point.F2, experiment)

@@ -1,6 +1,6 @@
 """The local model of a tuning problem at a point, from exact sensitivities of its rollouts."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,9 @@ from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivitie
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.margin_statistic import MarginStatistic
 from dualwinch.tuning.optimisers.local_model import Model, closeness
+from dualwinch.tuning.optimisers.margin_slopes import margin_slopes
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.measured import measured
@@ -56,28 +58,42 @@ def linearise(prepared: Prepared, point: Point) -> Model:
     errors = run.slopes[0, counted(objective)].reshape(-1, len(keys)) @ scales
     errors = errors[np.isfinite(errors).all(axis=1)]
     square = float(np.nanmean(run.errors[0, counted(objective)] ** 2)) * max(len(errors), 1)
-    violations, slopes, belongs = [], [], []
-    for index, constraint in enumerate(prepared.constraints):
-        statistic = constraint.statistic
+
+    def rows(statistic: Statistic | MarginStatistic) -> list[tuple[float, Floats]]:
+        """Values of a statistic that may decide, and their slopes (d,)."""
+        if isinstance(statistic, MarginStatistic):
+            return margin_slopes(prepared, point, dimensions, statistic)
         metric, kept = statistic.metric, counted(statistic) & np.isfinite(run.metrics[statistic.metric][0])
-        share = (-1 if constraint.at_least else 1) / (abs(constraint.bound) or 1.0)
         if statistic.kind == "worst" and kept.any():
-            rows = zip(run.metrics[metric][0, kept], run.gradients[metric][0, kept], strict=True)
+            found = zip(run.metrics[metric][0, kept], run.gradients[metric][0, kept], strict=True)
         else:
-            rows = [(value(statistic), _slope(statistic, run, kept))]
-        for reached, slope in rows:
-            violation = constraint.violation(float(reached), problem.margin(constraint))
-            beyond, rate = closeness(constraint, violation)
-            violations.append(beyond)
-            slopes.append(_usable(rate * share * slope @ scales))
-            belongs.append(index)
+            found = [(value(statistic), _slope(statistic, run, kept))]
+        return [(float(reached), slope @ scales) for reached, slope in found]
+
+    violations, slopes, belongs = _bounded(prepared, rows)
     return Model(
         slope=_usable(_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0)),
         curvature=_usable(2 * errors.T @ errors / square, STEEPEST**2),
-        violations=np.array(violations),
-        slopes=np.array(slopes).reshape(-1, len(dimensions)),
-        belongs=np.array(belongs, dtype=np.intp),
+        violations=violations,
+        slopes=slopes.reshape(-1, len(dimensions)),
+        belongs=belongs,
     )
+
+
+def _bounded(
+    prepared: Prepared, rows: Callable[[Statistic | MarginStatistic], list[tuple[float, Floats]]]
+) -> tuple[Floats, Floats, NDArray[np.intp]]:
+    """Violations, slopes and constraints of a model, from values of a statistic and their slopes."""
+    violations, slopes, belongs = [], [], []
+    for index, constraint in enumerate(prepared.constraints):
+        share = (-1 if constraint.at_least else 1) / (abs(constraint.bound) or 1.0)
+        for reached, slope in rows(constraint.statistic):
+            violation = constraint.violation(reached, prepared.problem.margin(constraint))
+            beyond, rate = closeness(constraint, violation)
+            violations.append(beyond)
+            slopes.append(_usable(rate * share * slope))
+            belongs.append(index)
+    return np.array(violations), np.array(slopes), np.array(belongs, dtype=np.intp)
 
 
 def _usable(slopes: Floats, steepest: float = STEEPEST) -> Floats:

@@ -6,14 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dualwinch.simulation.analysis.worst_margins import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning import clock
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.machines import survey
 from dualwinch.tuning.scoring.ranking import best_first
 from dualwinch.tuning.scoring.runs import over, run_pairs
+
+Margins = dict[str, WorstMargin]
+"""Kind of a stability margin → the worst of some machines."""
 
 FAILED = "scenarios not completed <= 0"
 """Constraint that every scenario runs to its end; its violation is the share that does not."""
@@ -38,6 +43,7 @@ class Evaluator:
         prepared: the problem.
         rollouts: number of rollouts so far.
         seconds: wall time they took.
+        margin_seconds: wall time that stability margins took.
     """
 
     def __init__(self, prepared: Prepared, *, prune: bool = True, threads: int | None = None) -> None:
@@ -49,15 +55,15 @@ class Evaluator:
             threads: default: one a core.
         """
         self.prepared = prepared
-        self.rollouts, self.seconds = 0, 0.0
+        self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
         self._threads, problem = threads, prepared.problem
         self._units = problem.units
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
     @property
     def pace(self) -> float:
-        """Wall time in s that a rollout took in the mean; 0 before the first."""
-        return self.seconds / self.rollouts if self.rollouts else 0.0
+        """Wall time in s that a rollout took in the mean, margins included; 0 before the first."""
+        return (self.seconds + self.margin_seconds) / self.rollouts if self.rollouts else 0.0
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate candidates in the tuning scenarios.
@@ -68,20 +74,22 @@ class Evaluator:
         scenarios, stress = self.prepared.scenarios, self.prepared.stress
         if not self._first:
             return self.over(candidates, scenarios, tuning=True)
-        judged, whole = self._tried(candidates, scenarios)
+        judged, whole, margins = self._tried(candidates, scenarios)
         leaders = [index for index in best_first(judged)[:LEADERS] if judged[index].feasible]
         if leaders and stress:
             more = self.run([candidates[index] for index in leaders], stress)
             for row, index in enumerate(leaders):
                 result = _joined(whole[index], more, row)
-                judged[index] = self.judged(candidates[index], result, [*scenarios, *stress], tuning=True)
+                met = [*scenarios, *stress]
+                judged[index] = self.judged(candidates[index], result, met, tuning=True, margins=margins[index])
         return judged
 
     def start(self) -> Evaluation:
         """The start in the tuning scenarios, from the rollouts that preparing has made."""
         prepared = self.prepared
         candidate = Candidate(prepared.problem.start, "start")
-        return self.judged(candidate, prepared.start, prepared.scenarios, tuning=True)
+        margins = self.margins([candidate], prepared.margins)[0]
+        return self.judged(candidate, prepared.start, prepared.scenarios, tuning=True, margins=margins)
 
     def over(
         self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario], *, tuning: bool = False
@@ -90,9 +98,37 @@ class Evaluator:
         if not candidates:
             return []
         result = self.run(candidates, scenarios)
+        margins = self.margins(candidates, self.prepared.margins if tuning else self.survey(scenarios))
         return [
-            self.judged(candidate, result, scenarios, row, tuning=tuning) for row, candidate in enumerate(candidates)
+            self.judged(candidate, result, scenarios, row, tuning=tuning, margins=margins[row])
+            for row, candidate in enumerate(candidates)
         ]
+
+    def survey(
+        self, scenarios: Sequence[Experiment | Scenario], experiment: Experiment | None = None
+    ) -> MarginSurvey | None:
+        """The machines of some scenarios beside the nominal one (`tuning.scoring.machines.survey`)."""
+        return survey(self.prepared.problem, scenarios, self._threads, experiment=experiment)
+
+    def margins(
+        self, candidates: Sequence[Candidate], machines: MarginSurvey | None, looked_at: Sequence[bool] | None = None
+    ) -> list[Margins | None]:
+        """The worst margins of candidates on some machines; ``None`` for those not looked at.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        problem, found = self.prepared.problem, list[Margins | None]([None] * len(candidates))
+        chosen = [row for row in range(len(candidates)) if looked_at is None or looked_at[row]]
+        if machines and chosen:
+            began = clock.now()
+            kinds = [statistic.margin for statistic in problem.margins]
+            given = [candidates[row].point for row in chosen]
+            values = [problem.space.parameters(point) if point else () for point in given]
+            for row, worst in zip(chosen, machines.worst(values, kinds), strict=True):
+                found[row] = worst
+            self.margin_seconds += clock.now() - began
+        return found
 
     def run(self, candidates: Sequence[Candidate] | None, scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
         """The rollouts of candidates, a row each, in some scenarios; without candidates, those of the scenarios' own.
@@ -120,20 +156,27 @@ class Evaluator:
         *,
         tuning: bool = False,
         pruned: bool = False,
+        margins: Margins | None = None,
     ) -> Evaluation:
-        """What a row of a result comes to for a candidate; in tuning with a margin (`Problem.margin`)."""
+        """What a row of a result comes to for a candidate; in tuning with a margin (`Problem.margin`).
+
+        Stability margins that nobody has looked at have no value and violate nothing: such a candidate was given up, or
+        failed a scenario.
+        """
         problem, outcomes = self.prepared.problem, result.outcomes[row]
         done = outcomes == "completed"
-        found = {statistic: over(statistic, result, row, scenarios) for statistic in problem.reported}
+        found = {statistic.name: over(statistic, result, row, scenarios) for statistic in problem.reported}
+        if margins is not None:
+            found |= {statistic.name: statistic.of(margins) for statistic in problem.margins}
         violations = {FAILED: float(1 - done.mean())}
         for constraint in self.prepared.constraints:
-            margin = problem.margin(constraint) if tuning else 0.0
-            violations[constraint.label] = constraint.violation(found[constraint.statistic], margin)
+            margin, value = problem.margin(constraint) if tuning else 0.0, found.get(constraint.statistic.name)
+            violations[constraint.label] = 0.0 if value is None else constraint.violation(value, margin)
         return Evaluation(
             candidate=candidate,
-            objectives=tuple(found[statistic] for statistic in problem.objectives),
+            objectives=tuple(found[statistic.name] for statistic in problem.objectives),
             violations=violations,
-            statistics={statistic.name: value for statistic, value in found.items()},
+            statistics=found,
             outcomes=dict(Counter(outcomes.tolist())),
             scenarios=len(outcomes),
             pruned=pruned,
@@ -142,14 +185,17 @@ class Evaluator:
 
     def _tried(
         self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
-    ) -> tuple[list[Evaluation], dict[int, BatchResult]]:
-        """Evaluations, hopeless candidates given up after the first scenarios; and the results of the others."""
+    ) -> tuple[list[Evaluation], dict[int, BatchResult], list[Margins | None]]:
+        """Evaluations, hopeless candidates given up after the first scenarios; results and margins of the others."""
         if len(candidates) <= FEW:
             result = self.run(candidates, scenarios)
+            whole = {row: _row(result, row) for row in range(len(candidates))}
+            margins = self._margins_of(candidates, whole)
             judged = [
-                self.judged(candidate, result, scenarios, row, tuning=True) for row, candidate in enumerate(candidates)
+                self.judged(candidate, whole[row], scenarios, tuning=True, margins=margins[row])
+                for row, candidate in enumerate(candidates)
             ]
-            return judged, {row: _row(result, row) for row in range(len(candidates))}
+            return judged, whole, margins
         first = scenarios[: self._first]
         early = self.run(candidates, first)
         judged = [
@@ -160,11 +206,18 @@ class Evaluator:
         kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
         kept |= {index for index, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
         late = self.run([candidates[index] for index in sorted(kept)], scenarios[self._first :])
-        whole: dict[int, BatchResult] = {}
-        for row, index in enumerate(sorted(kept)):
-            whole[index] = _joined(_row(early, index), late, row)
-            judged[index] = self.judged(candidates[index], whole[index], scenarios, tuning=True)
-        return judged, whole
+        whole = {index: _joined(_row(early, index), late, row) for row, index in enumerate(sorted(kept))}
+        margins = self._margins_of(candidates, whole)
+        for index, result in whole.items():
+            judged[index] = self.judged(candidates[index], result, scenarios, tuning=True, margins=margins[index])
+        return judged, whole, margins
+
+    def _margins_of(self, candidates: Sequence[Candidate], whole: dict[int, BatchResult]) -> list[Margins | None]:
+        """Margins of the candidates that ran to the end in all scenarios."""
+        completed = [
+            index in whole and bool((whole[index].outcomes == "completed").all()) for index in range(len(candidates))
+        ]
+        return self.margins(candidates, self.prepared.margins, completed)
 
 
 def _row(result: BatchResult, row: int) -> BatchResult:

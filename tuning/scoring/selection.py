@@ -10,16 +10,19 @@ from dataclasses import replace
 import numpy as np
 
 from dualwinch.simulation.analysis.required_force import within_authority
+from dualwinch.simulation.analysis.worst_margins import MarginSurvey
+from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.problem import HELD_OUT, SELECTION, Problem
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.machines import machine_name
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front
 from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, vertices
-from dualwinch.tuning.scoring.verdict import Score, Verdict
+from dualwinch.tuning.scoring.verdict import Attained, Score, Verdict
 
 RUNG, GROWTH = 0.02, 1.17
 """How much larger, as a share, the objective of the second finalist is than that of the first, where they were tuned;
@@ -86,8 +89,26 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
 
 
 def _score(evaluator: Evaluator, candidate: Candidate, scenarios: Sequence[Experiment | Scenario]) -> Score:
-    result = evaluator.run([candidate], scenarios)
-    return Score(evaluator.judged(candidate, result, scenarios), result)
+    result, machines = evaluator.run([candidate], scenarios), evaluator.survey(scenarios)
+    return _scored(evaluator, candidate, result, scenarios, machines)
+
+
+def _scored(
+    evaluator: Evaluator,
+    candidate: Candidate,
+    result: BatchResult,
+    scenarios: Sequence[Experiment | Scenario],
+    machines: MarginSurvey | None,
+) -> Score:
+    (margins,) = evaluator.margins([candidate], machines)
+    evaluation = evaluator.judged(candidate, result, scenarios, margins=margins)
+    if not (margins and machines):
+        return Score(evaluation, result)
+    names = {statistic.margin: statistic.name for statistic in evaluator.prepared.problem.margins}
+    attained = {
+        names[kind]: Attained(worst, machine_name(machines.machines[worst.machine])) for kind, worst in margins.items()
+    }
+    return Score(evaluation, result, attained)
 
 
 def _references(
@@ -97,7 +118,8 @@ def _references(
     problem = evaluator.prepared.problem
     drawn = problem.drawn(plan.held_out, problem.seed + HELD_OUT, problem.paper_experiment)
     result = evaluator.run(None, drawn)
-    paper = Score(evaluator.judged(Candidate({}, "paper"), result, drawn), result)
+    machines = evaluator.survey(drawn, problem.paper_experiment)
+    paper = _scored(evaluator, Candidate({}, "paper"), result, drawn, machines)
     return {"start": _score(evaluator, start.candidate, scenarios), "paper": paper}
 
 

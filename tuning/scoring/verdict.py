@@ -1,10 +1,13 @@
 """What a study comes to: the best, whether it is better than the start, and what it is worth."""
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.simulation.analysis.worst_margins import WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.plan import Plan
@@ -14,16 +17,42 @@ ALIKE = 1e-9
 
 
 @dataclass(frozen=True)
+class Attained:
+    """Where the worst of a stability margin is attained.
+
+    Attributes:
+        worst: value, point and cut.
+        machine: what the machine is called.
+    """
+
+    worst: WorstMargin
+    machine: str
+
+    @property
+    def words(self) -> str:
+        """In words, such as ``cut at u, x = 2.5 m, v = 1.8 m/s, 14.7 Hz, draw 12``."""
+        worst = self.worst
+        point = f"x = {worst.x:.4g} m, v = {worst.v:.4g} m/s"
+        if worst.reason:
+            return f"{worst.reason} at {point}, {self.machine}"
+        if not worst.cut:
+            return "nothing of the kind makes it unstable"
+        return f"cut at {worst.cut}, {point}, {worst.frequency / (2 * math.pi):.3g} Hz, {self.machine}"
+
+
+@dataclass(frozen=True)
 class Score:
     """What a controller came to where the best is scored.
 
     Attributes:
         evaluation: its statistics and violations there.
         result: figures of merit of every scenario, one row.
+        attained: name of a stability margin that is bounded → where its worst is.
     """
 
     evaluation: Evaluation
     result: BatchResult
+    attained: Mapping[str, Attained] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,47 @@
+"""What stability margins as constraints add to a candidate of tuning.
+
+``uv run --group benchmarks python -m benchmarks.margins`` evaluates the same candidates without such constraints and
+with one and two of them, in turns, and prints the processor's time that a candidate takes.
+"""
+
+import time
+
+import numpy as np
+
+from dualwinch.commands.tuning_setup import tuning_problem
+from dualwinch.tuning.constraint import default_constraints
+from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate
+from dualwinch.tuning.study import BATCH
+
+ROUNDS, SEED = 8, 1
+SPREAD = 0.08
+"""Standard deviation of the candidates about the start, in shares of each range."""
+
+MARGINS = ("worst.delay_margin>=5ms", "worst.disk_margin>=0.4")
+
+
+def main() -> None:
+    """Evaluate and print."""
+    evaluators = []
+    for count in range(len(MARGINS) + 1):
+        constraints = (*default_constraints(ensemble=True), *MARGINS[:count])
+        problem = tuning_problem(ensemble="sea", constraints=constraints, seed=SEED)
+        evaluators.append(Evaluator(prepare(problem)))
+    space, start = problem.space, problem.space.encoded(problem.start)
+    random, spent = np.random.default_rng(SEED), np.zeros(len(evaluators))
+    for number in range(ROUNDS + 1):
+        shares = np.clip(start + SPREAD * random.normal(size=(BATCH, len(start))), 0, 1)
+        candidates = [Candidate(space.decoded(row), "benchmark") for row in shares]
+        for index, evaluator in enumerate(evaluators):
+            began = time.process_time()
+            evaluator.evaluate(candidates)
+            spent[index] += (time.process_time() - began) if number else 0.0  # the first round warms up
+    for count, seconds in enumerate(spent):
+        each = 1e3 * seconds / (ROUNDS * BATCH)
+        print(f"{count} margins bounded: {each:.1f} ms of the processor a candidate")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,200 @@
+"""The least stability margins of machines, wherever they are on the track, cut wherever the loop can be cut."""
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualwinch.model.reference import setpoint
+from dualwinch.simulation.analysis.complementary import BOTH, complementary
+from dualwinch.simulation.analysis.cruises import cruises
+from dualwinch.simulation.analysis.least_margins import KINDS, least_margins
+from dualwinch.simulation.analysis.loop_cruise import in_calm, resistance, with_taut_ropes
+from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
+
+Floats = NDArray[np.float64]
+
+SHARES = (0.05, 0.5, 0.95)
+"""Positions as shares of the track: ropes are stiff where they are short, and alike in the middle."""
+
+INSTANTS = 1000
+"""Instants of a run at which its reference's speed is looked at."""
+
+TOGETHER = 16
+"""Pairs of gains and machine that are worked out at once: so many that what is in hand stays in a processor's cache."""
+
+UNSTABLE, UNSTEADY = "unstable", "no steady cruise"
+"""Why a machine has no margin at a point."""
+
+
+@dataclass(frozen=True)
+class WorstMargin:
+    """The least margin of some machines, and where it is attained.
+
+    Attributes:
+        value: as in `simulation.analysis.margins.Margins`; 0 where a loop is unstable or has no steady cruise, infinite
+            where nothing makes any of the loops unstable.
+        machine: index of the machine.
+        x, v: position in m and speed in m/s of the cruise.
+        cut: where the loop is cut, one of `CUTS`, or `complementary.BOTH`; empty where the value is 0 or infinite.
+        frequency: angular frequency in rad/s at which the loop would oscillate; NaN likewise.
+        reason: why the value is 0 (`UNSTABLE`, `UNSTEADY`); else empty.
+    """
+
+    value: float
+    machine: int
+    x: float
+    v: float
+    cut: str = ""
+    frequency: float = math.nan
+    reason: str = ""
+
+
+def cruise_points(experiment: Experiment) -> list[tuple[float, float]]:
+    """Positions in m and speeds in m/s that are looked at: `SHARES` of the track at rest and at cruise, either way.
+
+    Cruise is the largest speed of the reference. Where it takes more force than the machine has, rest is all there is.
+    """
+    t = np.linspace(0, experiment.duration, INSTANTS)
+    cruise = float(np.abs(setpoint(t, experiment.reference).v).max())
+    held = cruise > 0 and abs(resistance(experiment, cruise)) < experiment.controller.limits.force
+    speeds = (-cruise, 0.0, cruise) if held else (0.0,)
+    return [(share * experiment.plant.track.length, v) for share in SHARES for v in speeds]
+
+
+class MarginSurvey:
+    """The margins of some machines at all their points and cuts, for many sets of gains.
+
+    A machine is an experiment, or a scenario whose controller believes in another plant than the one drawn. Sensors are
+    taken as perfect and disturbances as absent, as in `linear_loop`.
+
+    Attributes:
+        machines: what was given.
+    """
+
+    def __init__(
+        self,
+        machines: Sequence[Experiment | Scenario],
+        names: Sequence[str] = (),
+        threads: int | None = None,
+        cuts: Collection[str] = (*CUTS, BOTH),
+    ) -> None:
+        """A survey.
+
+        Args:
+            machines: of one structure.
+            names: keys of the numbers that vary, as in `rollout`.
+            threads: default: one a core.
+            cuts: where the loops are cut, one at a time; `complementary.BOTH` torques change alike.
+        """
+        self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
+        calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
+        believed = [given.nominal if isinstance(given, Scenario) else None for given in machines]
+        self._structure = with_taut_ropes(structure_of(calm[0]))
+        self._dt = calm[0].simulation.sample_time
+        loop = closed_loop(self._structure)
+        pairs = zip(calm, believed, strict=True)
+        self._parameters = np.array([loop.vector(parameters_of(experiment, nominal)) for experiment, nominal in pairs])
+        self._columns = [loop.parameters.index(name) for name in names]
+        self._points = [np.array(cruise_points(experiment)) for experiment in calm]
+        self._near: list[Floats] = []
+
+    def worst(self, values: ArrayLike, kinds: Iterable[str] = KINDS) -> list[dict[str, WorstMargin]]:
+        """The least margins over all machines, for every set of numbers.
+
+        Args:
+            values: (n, names).
+            kinds: which margins, of `least_margins.KINDS`.
+
+        Returns:
+            Kind → its least, for each of the n.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+            DualwinchError: no compiler, or no usable cache folder.
+        """
+        kinds = tuple(kinds)
+        return [
+            {kind: min((of[kind] for of in row), key=lambda worst: worst.value) for kind in kinds}
+            for row in self.each(values, kinds)
+        ]
+
+    def each(
+        self, values: ArrayLike, kinds: Iterable[str] = KINDS, machines: Sequence[int] | None = None
+    ) -> list[list[dict[str, WorstMargin]]]:
+        """`worst` machine by machine.
+
+        Args:
+            values: (n, names).
+            kinds: which margins.
+            machines: indices of those that are looked at; default: all.
+
+        Returns:
+            Kind → its least for each of the machines, for each of the n.
+        """
+        self._look_near()
+        given, kinds = np.atleast_2d(np.asarray(values, float)), tuple(kinds)
+        chosen = range(len(self.machines)) if machines is None else machines
+        pairs = [(row, machine) for row in range(len(given)) for machine in chosen]
+        chunks = [pairs[first : first + TOGETHER] for first in range(0, len(pairs), TOGETHER)]
+        found: list[list[dict[str, WorstMargin]]] = [[] for _ in chunks]
+
+        def work(index: int) -> None:
+            found[index] = self._of_pairs(given, chunks[index], kinds)
+
+        if not run_all([lambda index=index: work(index) for index in range(len(chunks))], self._threads):
+            raise KeyboardInterrupt
+        each = [worst for chunk in found for worst in chunk]
+        return [each[first : first + len(chosen)] for first in range(0, len(each), len(chosen))]
+
+    def _look_near(self) -> None:
+        """Find the cruises with the machines' own gains, near which those with others begin to be looked for."""
+        if not self._near:
+            counts = [len(each) for each in self._points]
+            x, v = np.concatenate(self._points).T
+            state = cruises(self._structure, np.repeat(self._parameters, counts, axis=0), x, v).state
+            self._near = np.split(state, np.cumsum(counts)[:-1])
+
+    def _of_pairs(
+        self, values: Floats, pairs: Sequence[tuple[int, int]], kinds: Sequence[str]
+    ) -> list[dict[str, WorstMargin]]:
+        """The least margins of pairs of a row of values and a machine."""
+        points = [self._points[machine] for _, machine in pairs]
+        family = np.repeat(np.arange(len(pairs)), [len(each) for each in points])
+        rows, machines = np.array(pairs)[family].T
+        parameters = self._parameters[machines]
+        parameters[:, self._columns] = values[rows]
+        x, v = np.concatenate(points).T
+        cruise = cruises(
+            self._structure, parameters, x, v, np.concatenate([self._near[machine] for _, machine in pairs])
+        )
+        stable, cuts = cruise.steady.copy(), len(CUTS)
+        n = cruise.slopes.shape[2] - cuts - 1
+        steady = np.flatnonzero(stable)
+        A, B = cruise.slopes[steady, :n, :n], cruise.slopes[steady, :n, n + 1 :]
+        C, D = cruise.slopes[steady, n : n + cuts, :n], cruise.slopes[steady, n : n + cuts, n + 1 :]
+        loops = complementary(A, B, C, D, self._dt)
+        stable[steady] = loops.stable
+        least = least_margins(loops, family[steady], kinds, len(pairs), self._cuts)
+        found = []
+        for number, (_, machine) in enumerate(pairs):
+            failed = np.flatnonzero((family == number) & ~stable)
+            if len(failed):
+                index = int(failed[0])
+                reason = UNSTABLE if cruise.steady[index] else UNSTEADY
+                none = WorstMargin(0.0, machine, float(x[index]), float(v[index]), reason=reason)
+                found.append(dict.fromkeys(kinds, none))
+                continue
+            words = {}
+            for kind, worst in least[number].items():
+                index = int(steady[worst.loop]) if worst.loop >= 0 else int(np.flatnonzero(family == number)[0])
+                point = float(x[index]), float(v[index])
+                words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency)
+            found.append(words)
+        return found

@@ -1,0 +1,130 @@
+"""The least margins of machines against margins of one loop after the other, and against loops that are late."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.settings import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
+from dualwinch.simulation.analysis import worst_margins
+from dualwinch.simulation.analysis.complementary import BOTH
+from dualwinch.simulation.analysis.least_margins import KINDS
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.analysis.worst_margins import UNSTABLE, UNSTEADY, MarginSurvey, cruise_points
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import CUTS
+from dualwinch.simulation.paper import case
+
+PAPER = case(4)
+LAWS: tuple[dict[str, Any], ...] = (
+    {},
+    {"controller.kind": "adrc", "controller.estimator": "kalman"},
+    {"controller.kind": "pid-cascade", "simulation.delay_samples": 3},
+    {"actuator.kind": "motor", "controller.coordination.kind": "force-position"},
+)
+
+
+def one_after_the_other(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
+    """Kind → least margin over all points and cuts; 0 where a loop is unstable or has no cruise."""
+    least = dict.fromkeys(KINDS, math.inf)
+    for x, v in cruise_points(experiment):
+        for cut in CUTS:
+            try:
+                found = margins(linear_broken_loop(experiment, x, v, cut, nominal))
+            except ConfigurationError:
+                return dict.fromkeys(KINDS, 0.0)
+            if not found.stable:
+                return dict.fromkeys(KINDS, 0.0)
+            least = {kind: min(value, getattr(found, kind)) for kind, value in least.items()}
+    return least
+
+
+def drawn(count: int) -> list[Scenario]:
+    """Vertices of the sea with a Kalman filter, whose controller believes in the nominal machine."""
+    sea = load_ensemble("sea", PAPER)
+    sea = replace(sea, experiment=override(sea.experiment, {"controller.estimator": "kalman"}))
+    return [sea.scenario(index, 1, vertex=True) for index in range(count)]
+
+
+@pytest.mark.parametrize("changes", LAWS, ids=str)
+def test_margins_are_those_of_one_loop_after_the_other(changes: dict[str, Any]) -> None:
+    experiment = override(PAPER, changes)
+    (found,) = MarginSurvey([experiment], cuts=tuple(CUTS)).worst([[]])
+    wanted = one_after_the_other(experiment)
+    assert {kind: worst.value for kind, worst in found.items()} == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> None:
+    machines = drawn(3)
+    (found,) = MarginSurvey(machines, cuts=tuple(CUTS)).each([[]])
+    for machine, worst in zip(machines, found, strict=True):
+        wanted = one_after_the_other(machine.experiment, machine.nominal)
+        assert {kind: of.value for kind, of in worst.items()} == pytest.approx(wanted, rel=1e-9)
+    first = machines[0]
+    knowing = one_after_the_other(first.experiment)["delay"]
+    assert knowing != pytest.approx(found[0]["delay"].value, rel=1e-3)
+
+
+def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> None:
+    """Many gains on many machines at once give what one of each gives, and linearising there the same margin."""
+    machines, names = drawn(4), ["controller.nftsm.beta", "controller.coordination.preload"]
+    gains = [[0.05, 2000.0], [0.02, 2500.0], [0.03, 3000.0]]
+    survey = MarginSurvey(machines, names, cuts=tuple(CUTS))
+    for row, worst in zip(gains, survey.worst(gains), strict=True):
+        for kind, of in worst.items():
+            machine = machines[of.machine]
+            changed = override(machine.experiment, dict(zip(names, row, strict=True)))
+            there = margins(linear_broken_loop(changed, of.x, of.v, of.cut, machine.nominal))
+            assert getattr(there, kind) == pytest.approx(of.value, rel=1e-9)
+            assert getattr(there, f"{kind}_frequency") == pytest.approx(of.frequency, rel=1e-6)
+            alone = MarginSurvey([machine], names, cuts=tuple(CUTS)).worst([row])[0][kind]
+            assert alone.value == pytest.approx(of.value, rel=1e-9)
+
+
+@pytest.mark.parametrize("kp", [0.0005, 0.002])
+def test_both_torques_may_be_late_by_the_delay_margin_and_no_more(kp: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sample more of delay at both motors is exact: the closed loop says where it becomes unstable."""
+    gains = {"controller.coordination.preload": 6000.0, "controller.winch_1.kp": kp, "controller.winch_2.kp": kp}
+    experiment = override(case(2), gains)
+    for point in cruise_points(experiment):
+        monkeypatch.setattr(worst_margins, "cruise_points", lambda _, point=point: [point])
+        margin = MarginSurvey([experiment], cuts=(BOTH,)).worst([[]], ["delay"])[0]["delay"].value
+        borne = math.floor(margin / experiment.simulation.sample_time)
+        radii = [
+            np.abs(linear_closed_loop(override(experiment, {"simulation.delay_samples": late}), *point).poles()).max()
+            for late in (borne, borne + 1)
+        ]
+        assert radii[0] < 1 < radii[1]
+
+
+def test_an_unstable_loop_has_no_margin_and_the_place_is_named() -> None:
+    wild = override(PAPER, {"simulation.delay_samples": 40})
+    worst = MarginSurvey([wild]).worst([[]])[0]
+    assert {of.value for of in worst.values()} == {0.0}
+    assert {of.reason for of in worst.values()} == {UNSTABLE}
+    x, v = worst["delay"].x, worst["delay"].v
+    assert not margins(linear_broken_loop(wild, x, v, "u")).stable
+
+
+def test_where_nothing_is_steady_there_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+    master = override(PAPER, {"controller.coordination.kind": "master-slave"})
+    monkeypatch.setattr(worst_margins, "cruise_points", lambda _: [(25.0, 1.8)])
+    worst = MarginSurvey([master]).worst([[]])[0]["disk"]
+    assert (worst.value, worst.reason) == (0.0, UNSTEADY)
+    with pytest.raises(ConfigurationError, match="comes to no steady cruise"):
+        linear_broken_loop(master, worst.x, worst.v)
+
+
+def test_points_are_ends_and_middle_of_the_track_at_rest_and_at_cruise() -> None:
+    points = cruise_points(PAPER)
+    assert sorted({x for x, _ in points}) == [2.5, 25.0, 47.5]
+    assert sorted({v for _, v in points}) == pytest.approx([-1.8, 0.0, 1.8])
+    beyond = override(PAPER, {"reference.speed": 3.0})
+    assert {v for _, v in cruise_points(beyond)} == {0.0}, "it takes more force than there is"

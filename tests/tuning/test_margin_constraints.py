@@ -1,0 +1,189 @@
+"""Stability margins as constraints: their words, what candidates are measured by, and studies that keep them."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dualwinch.commands.tune import Options, write
+from dualwinch.commands.tuning_setup import tuning_problem
+from dualwinch.config.settings import override
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.analysis.worst_margins import MarginSurvey
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.paper import case
+from dualwinch.tuning.constraint import Constraint, constraints_from
+from dualwinch.tuning.objective import objectives_from
+from dualwinch.tuning.optimisers.linearise import linearise
+from dualwinch.tuning.optimisers.margin_slopes import margin_slopes
+from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.problem import MARGIN, Problem
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate
+from dualwinch.tuning.scoring.machines import HARDEST
+from dualwinch.tuning.space import Interval
+from dualwinch.tuning.summary import margin_places
+from dualwinch.tuning.tune import tune
+from dualwinch.tuning.tuned import Tuned
+from tests.simulation.inserted import run
+from tests.tuning.conftest import MakeProblem
+
+DELAY, DISK = "worst.delay_margin>=8ms", "worst.disk_margin>=0.4"
+BETA, KP = "controller.nftsm.beta", "controller.winch.kp"
+
+
+def bound(text: str) -> Constraint:
+    return constraints_from([text], case(4))[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "limit", "label"),
+    [
+        ("worst.delay_margin>=5ms", 5e-3, "worst.delay_margin >= 0.005 s"),
+        ("worst.delay_margin >= 0.005", 5e-3, "worst.delay_margin >= 0.005 s"),
+        ("worst.gain_margin>=6dB", 10**0.3, "worst.gain_margin >= 1.99526"),
+        ("worst.gain_margin>=2", 2, "worst.gain_margin >= 2"),
+        ("worst.phase_margin>=45deg", 45, "worst.phase_margin >= 45 deg"),
+        ("worst.phase_margin>=0.5 rad", math.degrees(0.5), "worst.phase_margin >= 28.6479 deg"),
+        ("worst.disk_margin>=4e-1", 0.4, "worst.disk_margin >= 0.4"),
+        ("worst.peak_tension<=5.5kN", 5500, "worst.peak_tension <= 5500 N"),
+        ("worst.delay_margin>=0.5*paper", 0.5, "worst.delay_margin >= 0.5 times the paper's"),
+    ],
+)
+def test_bounds_come_with_units(text: str, limit: float, label: str) -> None:
+    found = bound(text)
+    assert found.bound == pytest.approx(limit)
+    assert found.label == label
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("worst.dealy_margin>=5ms", "must be gain_margin, phase_margin, delay_margin, disk_margin"),
+        ("mean.delay_margin>=5ms", "a margin is the worst one, worst.delay_margin"),
+        ("delay_margin>=5ms", "a margin is the worst one, worst.delay_margin"),
+        ("worst.delay_margin>=5mm", 'unit "mm": must be one of s, ms, us, min, h'),
+        ("worst.gain_margin>=6deg", 'unit "deg": must be one of dB'),
+        ("worst.phase_margin>=1s", 'unit "s": must be one of deg, rad'),
+        ("worst.disk_margin>=1dB", 'unit "dB": must be a plain number'),
+    ],
+)
+def test_wrong_margins_are_one_line(text: str, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        bound(text)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_margin_is_no_objective() -> None:
+    with pytest.raises(ConfigurationError, match=r"make it a constraint, worst\.disk_margin>="):
+        objectives_from(["worst.disk_margin"])
+
+
+@pytest.fixture
+def bounded(make_problem: MakeProblem) -> Problem:
+    return make_problem(constraints=["worst.delay_margin>=5ms", DISK], space=[BETA, KP])
+
+
+def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(bounded: Problem) -> None:
+    prepared = prepare(bounded)
+    assert prepared.margins is not None
+    nominal, *machines = prepared.margins.machines
+    assert nominal == bounded.experiment
+    assert len(machines) == HARDEST
+    (start,) = Evaluator(prepared).evaluate([Candidate(bounded.start, "start")])
+    every = [scenario for scenario in (*prepared.scenarios, *prepared.stress) if isinstance(scenario, Scenario)]
+    least = MarginSurvey([bounded.experiment, *every]).worst([[]], ["delay", "disk"])[0]
+    assert start.statistics["worst.delay_margin"] == pytest.approx(least["delay"].value, rel=1e-9)
+    assert start.statistics["worst.disk_margin"] == pytest.approx(least["disk"].value, rel=1e-9)
+    label = "worst.delay_margin >= 0.005 s"
+    assert start.violations[label] == pytest.approx(1 - least["delay"].value / 5e-3 + MARGIN, rel=1e-6)
+
+
+def test_who_is_given_up_or_fails_is_not_looked_at(bounded: Problem) -> None:
+    prepared = prepare(bounded)
+    candidates = [Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 7)]
+    found = Evaluator(prepared).evaluate(candidates)
+    assert {trial.pruned for trial in found} == {False, True}
+    for trial in found:
+        assert ("worst.delay_margin" in trial.statistics) != trial.pruned
+        assert set(trial.violations) == set(found[0].violations)
+
+
+def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_problem: MakeProblem) -> None:
+    problem = make_problem(constraints=["worst.disk_margin>=0.5*paper"], ensemble=None, space=[BETA])
+    paper = MarginSurvey([problem.paper_experiment]).worst([[]])[0]["disk"].value
+    assert prepare(problem).constraints[0].bound == pytest.approx(paper / 2, rel=1e-9)
+
+
+def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: Problem) -> None:
+    prepared = prepare(bounded)
+    assert prepared.margins is not None
+    dimensions = [dimension for dimension in bounded.space.dimensions if isinstance(dimension, Interval)]
+    statistic = bounded.margins[0]
+    found = margin_slopes(prepared, bounded.start, dimensions, statistic)
+    value, slopes = min(found, key=lambda pair: pair[0])
+    for index, dimension in enumerate(dimensions):
+        share = dimension.encoded(bounded.start[dimension.name])
+        apart = [bounded.start | {dimension.name: dimension.decoded(share + step)} for step in (1e-4, -1e-4)]
+        rows = [bounded.space.parameters(point) for point in apart]
+        above, below = (worst["delay"].value for worst in prepared.margins.worst(rows, ["delay"]))
+        assert slopes[index] == pytest.approx((above - below) / 2e-4, rel=2e-2)
+    model = linearise(prepared, bounded.start)
+    assert model.violations.max() == pytest.approx(
+        max(prepared.constraints[0].violation(value, MARGIN), model.violations.max())
+    )
+    assert set(model.belongs.tolist()) == {0, 1}
+
+
+def study(*constraints: str) -> Tuned:
+    """Gains for two seconds of a smooth start, tuned for their error alone but for the constraints."""
+    problem = tuning_problem(
+        case=2, settings=["simulation.duration=2"], space=[BETA, KP], constraints=constraints, seed=1
+    )
+    return tune(problem, trials=48, method="cmaes")
+
+
+def test_tuned_gains_keep_the_delay_margin_that_error_alone_would_use_up(tmp_path: Path) -> None:
+    free, kept = study(), study(DELAY)
+    assert MarginSurvey([free.best]).worst([[]])[0]["delay"].value < 8e-3
+    assert free.verdict.scored.statistics["mean.mse"] < kept.verdict.scored.statistics["mean.mse"]
+    worst = MarginSurvey([kept.best]).worst([[]])[0]["delay"]
+    assert worst.value >= 8e-3
+    assert kept.verdict.scored.statistics["worst.delay_margin"] == pytest.approx(worst.value, rel=1e-9)
+    _stands_and_falls(kept, math.floor(1e3 * worst.value), math.ceil(1.5e3 * worst.value), (worst.x, worst.v))
+    (place,) = [words for words in margin_places(kept) if "(best)" in words]
+    assert f"x = {worst.x:g} m" in place
+    assert worst.cut in place
+    write(kept, "memory", Options(out=tmp_path))
+    assert place in (tmp_path / "best.toml").read_text()
+    assert worst.cut in (tmp_path / "report.html").read_text()
+    noted = json.loads((tmp_path / "study.json").read_text())["margins"]
+    assert noted["best"]["worst.delay_margin"]["value"] == pytest.approx(worst.value)
+    assert noted["paper"]["worst.delay_margin"]["machine"] == "the nominal machine"
+
+
+def _stands_and_falls(tuned: Tuned, borne: int, too_much: int, point: tuple[float, float]) -> None:
+    """Torques that are later by so many samples are borne in the nonlinear simulation, and more are not."""
+    kick = {"motion.plant.v": 1e-7}
+    late = [override(tuned.best, {"simulation.delay_samples": samples}) for samples in (borne, too_much)]
+    assert np.abs(linear_closed_loop(late[0], *point).poles()).max() < 1
+    stands = run(late[0], *point, kick, 2000)
+    falls = run(late[1], *point, kick, 2000)
+    assert stands.peaks[3] < stands.peaks[0] < 1e-6
+    assert falls.peaks[3] > 1e-5, "it has grown to an oscillation of its own"
+
+
+def test_an_unstable_start_is_a_violated_constraint_and_its_place_is_told(make_problem: MakeProblem) -> None:
+    late = ["simulation.duration=0.1", "simulation.delay_samples=40"]
+    problem = make_problem(ensemble=None, settings=late, constraints=[DELAY], space=[BETA])
+    assert not margins(linear_broken_loop(problem.experiment, 2.5, 0.0, "u")).stable
+    found = tune(replace(problem), trials=2, method="random")
+    assert found.verdict.scored.statistics["worst.delay_margin"] == 0
+    assert found.verdict.scored.violations["worst.delay_margin >= 0.008 s"] == 1
+    assert "unstable at x = 2.5 m" in margin_places(found)[0]
