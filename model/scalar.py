@@ -21,6 +21,8 @@ def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
         return np.where(condition, value, otherwise)
     if isinstance(condition, ca.SX) and condition.is_constant():
         return value if float(condition) else otherwise
+    if isinstance(condition, bool) and isinstance(value, (int, float)) and isinstance(otherwise, (int, float)):
+        return float(value if condition else otherwise)
     chosen = ca.if_else(condition, value, otherwise)
     return float(chosen) if isinstance(chosen, ca.DM) else chosen
 

@@ -103,12 +103,18 @@ def _check_reference(experiment: Experiment) -> None:
             )
     if reference.kind in {"uniform", "profile"}:
         _check_jerk(experiment)
-    end = float(setpoint(experiment.duration, reference).x)
+    end = _position_at(experiment.duration, reference)
     if end > track.length:
         raise ConfigurationError(
             f"reference.speed, simulation.duration: the reference ends at {end:g} m, "
             f"must be <= plant.track.length = {track.length:g} m"
         )
+
+
+@lru_cache(maxsize=KEPT)
+def _position_at(t: float, reference: Reference) -> float:
+    """In m; kept, as the scenarios of an ensemble share their reference."""
+    return float(setpoint(t, reference).x)
 
 
 def _check_jerk(experiment: Experiment) -> None:

@@ -8,14 +8,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.source.precision import Precision
+
 COMPILER, EMULATOR, SIZE = "arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size"
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fstack-usage", "-mthumb", "-mfloat-abi=hard")
-STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wfloat-conversion", "-Wstack-usage=512", "-Werror")
+STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Werror")
 
 CLOCK, SHIFT = 25e6, 10
 """The boards' clock in Hz; QEMU lets 2**SHIFT ns pass with every instruction."""
@@ -26,18 +29,21 @@ TICKS = 2**SHIFT * 1e-9 * CLOCK
 
 @dataclass(frozen=True)
 class Board:
-    """A processor, the board QEMU has it on, and where that has its large memory."""
+    """A processor, the board QEMU has it on, where that has its large memory, and what its FPU computes in."""
 
     name: str
     machine: str
     processor: tuple[str, ...]
     memory: int
+    precision: Precision = "float"
 
 
 BOARDS = (
     Board("Cortex-M4F", "mps2-an386", ("-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"), 0x21000000),
     Board("Cortex-M7", "mps2-an500", ("-mcpu=cortex-m7", "-mfpu=fpv5-sp-d16"), 0x60000000),
 )
+DOUBLE_BOARD = Board("Cortex-M7", "mps2-an500", ("-mcpu=cortex-m7", "-mfpu=fpv5-d16"), 0x60000000, "double")
+"""The Cortex-M7 with its other FPU."""
 
 
 @dataclass(frozen=True)
@@ -45,19 +51,19 @@ class Measurement:
     """What a run on a board gave.
 
     Attributes:
-        outputs: (samples, outputs) float32.
+        outputs: (samples, outputs) in the board's precision.
         instructions: (samples,) of every step, call included.
-        after_change: instructions of one more step, after a change of a parameter where there are any.
+        preparation: instructions of preparing the parameters, where there are any.
         code: bytes of the package's functions and constants.
         linked: the same with everything they call of the C library.
         stack: deepest stack in bytes that the run used in a step, C library included.
-        declared_stack: bytes on the stack by the package's own functions, as the compiler says.
+        declared_stack: bytes that the package's own functions take of it, as the compiler says.
         symbols: of everything that is linked.
     """
 
-    outputs: NDArray[np.float32]
+    outputs: NDArray[Any]
     instructions: NDArray[np.int64]
-    after_change: int
+    preparation: int
     code: int
     linked: int
     stack: int
@@ -71,9 +77,9 @@ def missing() -> list[str]:
 
 
 def measure(
-    board: Board, package: Mapping[str, str], name: str, inputs: NDArray[np.float32], outputs: int, *, freeze: bool
+    board: Board, package: Mapping[str, str], name: str, inputs: NDArray[Any], outputs: int, *, freeze: bool
 ) -> Measurement:
-    """Build a single-precision package for a board and step it once for every line of inputs.
+    """Build a package of the board's precision for it and step it once for every line of inputs.
 
     Args:
         board: where to run.
@@ -92,7 +98,8 @@ def measure(
             (folder / file).write_text(text)
         for file in ("firmware.c", "board.ld"):
             (folder / file).write_text((files("benchmarks.embedded") / file).read_text())
-        inputs.astype(np.float32).tofile(folder / "inputs.bin")
+        real = np.float32 if board.precision == "float" else np.float64
+        inputs.astype(real).tofile(folder / "inputs.bin")
         build = (COMPILER, *board.processor, *FLAGS)
         _call(folder, *build, *STRICT, "-c", f"{name}.c")
         facts = (f'-DHEADER="{name}.h"', f"-DNAME={name}", f"-DSAMPLES={len(inputs)}", f"-DFROZEN={int(freeze)}")
@@ -112,22 +119,20 @@ def measure(
             "-icount", f"shift={SHIFT},sleep=off", "-semihosting-config", "enable=on,target=native",
             "-kernel", "firmware.elf",
         )  # fmt: skip
-        raw = np.fromfile(folder / "outputs.bin", np.uint32)
-        table = raw[3:].reshape(len(inputs), outputs + 1)
-        used = re.findall(r":(\w+)\t(\d+)\t", (folder / f"{name}.su").read_text())
-        frames = {function: int(size) for function, size in used}
-        step, inner = (
-            frames[f"{name}_step"],
-            (size for function, size in frames.items() if not function.startswith(name)),
-        )
+        words = (folder / "outputs.bin").read_bytes()
+        empty_call, stack, preparation = np.frombuffer(words, np.uint32, 3).astype(float)
+        row = np.dtype([("outputs", real, outputs), ("ticks", np.uint32)], align=True)
+        table = np.frombuffer(words, row, offset=12)
+        frames = dict(re.findall(r":(\w+)\t(\d+)\t", (folder / f"{name}.su").read_text()))
+        inner = max(int(frames.get(called, 0)) for called in ("evaluate", "accept"))
         return Measurement(
-            outputs=table[:, :-1].copy().view(np.float32),
-            instructions=np.rint((table[:, -1].astype(float) - raw[0]) / TICKS).astype(np.int64),
-            after_change=round((float(raw[2]) - float(raw[0])) / TICKS),
+            outputs=table["outputs"],
+            instructions=np.rint((table["ticks"] - empty_call) / TICKS).astype(np.int64),
+            preparation=round(max(preparation - empty_call, 0) / TICKS),
             code=_size(folder, f"{name}.o"),
             linked=_size(folder, "alone.elf"),
-            stack=int(raw[1]),
-            declared_stack=step + max(inner, default=0),
+            stack=int(stack),
+            declared_stack=int(frames[f"{name}_step"]) + inner,
             symbols=tuple(_call(folder, "arm-none-eabi-nm", "--format=just-symbols", "alone.elf").split()),
         )
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.block import Block
-from dualwinch.codegen.export.package import kept_apart
+from dualwinch.codegen.export.prepared import prepared
+from dualwinch.codegen.source.precision import Precision
 
-STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror")
 PRECISE = ("-Wdouble-promotion", "-Wfloat-conversion")
 """Flags of a package in single precision: no operation in double, not by accident either."""
 
@@ -34,25 +35,31 @@ class Host:
 
     Attributes:
         state: the states, then the output that belongs to them; may be written to.
-        input, parameters, output: likewise, in the block's order.
+        input, output: likewise, in the block's order.
+        lost: what rounding took from states that are sums, in single precision.
+        parameters: in the block's order; what is written to them has its effect with `prepare`.
+        prepared: what a step needs of them.
     """
 
-    def __init__(self, library: Path, name: str, block: Block, precision: str = "double", *, freeze: bool = False):
+    def __init__(
+        self, library: Path, name: str, block: Block, precision: Precision = "double", *, freeze: bool = False
+    ) -> None:
         """Load and initialise an instance."""
         kind = np.float32 if precision == "float" else np.float64
-        numbers, apart = len(block.states) + len(block.outputs), None if freeze else kept_apart(block)
-        kept = apart[0].numel_out("derived") + len(block.parameters) if apart else 0
-        self._memory = np.zeros(numbers + kept, kind)
-        self.state = self._memory[:numbers]
         self.input, self.output = np.zeros(len(block.inputs), kind), np.zeros(len(block.outputs), kind)
         self.parameters = np.zeros(len(block.parameters), kind)
+        apart, states = prepared(block, precision), len(block.states) + len(block.outputs)
+        self._memory = np.zeros(states + apart.lost, kind)
+        self.state, self.lost = self._memory[:states], self._memory[states:]
+        numbers = 0 if freeze else len(apart.kept) + apart.derived + 1  # the last one has room for the mark
+        self.prepared = np.zeros(numbers, kind)
         self._library, self._name = ctypes.CDLL(str(library)), name
-        self._constants = () if freeze else (self._pointer(self.parameters),)
+        self._constants = () if freeze else (self._pointer(self.parameters), self._pointer(self.prepared))
         self._step: Any = self._function("step")
         self._step_arguments = (
             self._pointer(self.state),
             self._pointer(self.input),
-            *self._constants,
+            *self._constants[1:],
             self._pointer(self.output),
         )
         self.status = self._function("init")(self._pointer(self.state), *self._constants)
@@ -69,9 +76,13 @@ class Host:
         """One sample from `input` to `output`; its status."""
         return self._step(*self._step_arguments)
 
+    def prepare(self) -> int:
+        """Let the following calls know of changed `parameters`; the status."""
+        return self._function("prepare")(*self._constants)
+
     def reset(self) -> int:
         """The state before the first sample; its status."""
-        return self._function("reset")(self._pointer(self.state), *self._constants)
+        return self._function("reset")(self._pointer(self.state), *self._constants[1:])
 
     def run(self, inputs: NDArray[Any]) -> NDArray[Any]:
         """Outputs (samples, outputs) of a step for every line of inputs."""

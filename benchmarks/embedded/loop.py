@@ -10,16 +10,16 @@ from benchmarks.embedded.host import Host, build
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
+from dualwinch.codegen.source.precision import Precision
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.simulate import simulate
 
-SENSED = ("x", "v", "F1", "F2")
 
-
-def _instance(folder: str, made: Block, precision: str) -> Host:
+def _instance(folder: str, made: Block, precision: Precision) -> Host:
     name = f"{made.name}_{precision}"
     package = c_package(made, name, Provenance("dualwinch", "", ""), precision)
     return Host(build(Path(folder), package, name, find_compiler().command), name, made, precision)
@@ -28,20 +28,20 @@ def _instance(folder: str, made: Block, precision: str) -> Host:
 def float_controller(experiment: Experiment) -> NDArray[np.float64]:
     """Position and tensions (samples, 3) with the controller in single and the plant in double precision."""
     references = exogenous_signals(experiment)[:, :3]
-    made = block("plant", experiment)
+    made, pilot = block("plant", experiment), block("controller", experiment)
     names = [variable.name for variable in made.outputs]
-    sensed = [len(made.states) + names.index(name) for name in SENSED]
-    rows = np.empty((len(references), len(sensed)))
+    sensed = [len(made.states) + names.index(given.name) for given in pilot.inputs if given.name in names]
+    shown = [len(made.states) + names.index(name) for name in ("x", "F1", "F2")]
+    rows = np.empty((len(references), len(shown)))
     with tempfile.TemporaryDirectory() as folder:
-        plant = _instance(folder, made, "double")
-        controller = _instance(folder, block("controller", experiment), "float")
+        plant, controller = _instance(folder, made, "double"), _instance(folder, pilot, "float")
         for row, reference in zip(rows, references, strict=True):
-            row[:] = plant.state[sensed]
-            controller.input[:] = [*row, *reference]
+            row[:] = plant.state[shown]
+            controller.input[:] = [*plant.state[sensed], *reference]
             controller.step()
             plant.input[:2] = controller.output[:2]
             plant.step()
-    return rows[:, [0, 2, 3]]
+    return rows
 
 
 def float_loop(experiment: Experiment) -> NDArray[np.float64]:
@@ -57,17 +57,19 @@ def float_loop(experiment: Experiment) -> NDArray[np.float64]:
 
 def loop_table() -> list[str]:
     """Largest differences from `simulate` over each case of the paper, in Markdown."""
+    runs = ("controller in float", "with the Kalman filter", "plant in float too")
     lines = [
-        "| Case | position, controller in float | tension | position, plant in float too | tension |",
-        "|---|--:|--:|--:|--:|",
+        f"| Case | {' | '.join(f'position, {run} | tension' for run in runs)} |",
+        "|---|" + "--:|" * 2 * len(runs),
     ]
     for number in CASES:
         experiment = case(number)
-        columns = simulate(experiment).columns
-        exact = np.column_stack([columns[name] for name in ("x", "F1", "F2")])
+        filtered = with_leaves(experiment, {"controller.estimator": "kalman"})
         cells = []
-        for run in (float_controller, float_loop):
-            off = np.abs(run(experiment) - exact).max(axis=0)
+        for run, of in ((float_controller, experiment), (float_controller, filtered), (float_loop, experiment)):
+            columns = simulate(of).columns
+            exact = np.column_stack([columns[name] for name in ("x", "F1", "F2")])
+            off = np.abs(run(of) - exact).max(axis=0)
             cells += [f"{off[0]:.1g} m", f"{off[1:].max():.2g} N"]
         lines.append(f"| {number} | {' | '.join(cells)} |")
     return lines

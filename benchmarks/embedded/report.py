@@ -2,18 +2,22 @@
 
 import subprocess
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.embedded.board import BOARDS, COMPILER, EMULATOR, Measurement, measure
+from benchmarks.embedded.board import BOARDS, COMPILER, DOUBLE_BOARD, EMULATOR, Measurement, measure
 from benchmarks.embedded.host import Host, build
 from benchmarks.embedded.loop import loop_table
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.export.package import Provenance, c_package
+from dualwinch.codegen.export.package import Provenance, c_package, frozen
+from dualwinch.codegen.export.prepared import prepared
+from dualwinch.codegen.source.precision import Precision
 from dualwinch.controllers.controller import POSITION_LAWS
+from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
@@ -25,6 +29,9 @@ ABOUT = Provenance("dualwinch", "Case 4", "today")
 
 WILD = 20_000
 """Random samples after those of the run, to drive every branch of the mathematical functions."""
+
+PRECISE_BOARDS = (BOARDS[0], DOUBLE_BOARD, replace(BOARDS[0], precision="double"))
+"""Single precision, double precision, and double precision without an FPU for it."""
 
 VARIANTS = (("lowpass", False), ("kalman", False), ("kalman", True))
 """Estimator, and whether the parameters are constants, that the position laws are measured with."""
@@ -63,30 +70,47 @@ def report() -> str:
         "RAM an instance",
         "stack, deepest seen",
         "the package's own",
+        "preparing, once",
     ]
     lines = [f"| {' | '.join(headings)} |", "|---|---|" + "--:|" * (len(headings) - 2)]
     measurements: list[Measurement] = []
     for freeze in (False, True):
         package = c_package(controller, NAME, ABOUT, "float", freeze=freeze)
-        numbers = len(controller.states) + 2 * len(controller.outputs) + len(controller.inputs)
-        ram = 4 * (numbers + (0 if freeze else len(controller.parameters)))
+        ram = _ram(controller, "float", freeze=freeze)
         for board in BOARDS:
             got = measure(board, package, NAME, inputs, len(controller.outputs), freeze=freeze)
             measurements.append(got)
             inside, beyond = np.split(got.instructions, [len(run)])
-            lines.append(
-                f"| {board.name} | {'constants' if freeze else 'at run time'} | {inside.mean():.0f} | {inside.max()} "
-                f"| {beyond.max()} | {got.code} B | {got.linked} B | {ram} B | {got.stack} B | {got.declared_stack} B |"
-            )
+            cells = [
+                board.name,
+                "constants" if freeze else "at run time",
+                f"{inside.mean():.0f}",
+                inside.max(),
+                beyond.max(),
+                *(f"{size} B" for size in (got.code, got.linked, ram, got.stack, got.declared_stack)),
+                "–" if freeze else got.preparation,
+            ]
+            lines.append(f"| {' | '.join(map(str, cells))} |")
     compilers = [_version(COMPILER), _version(EMULATOR)]
     accuracy = _accuracy(controller, result, run, measurements)
-    return "\n".join([*lines, "", *_laws(), "", *accuracy, "", *loop_table(), "", f"*{' · '.join(compilers)}*"])
+    return "\n".join(
+        [*lines, "", *_laws(), "", *_estimators(), "", *accuracy, "", *loop_table(), "", f"*{' · '.join(compilers)}*"]
+    )
+
+
+def _ram(controller: Block, precision: Precision, *, freeze: bool) -> int:
+    """Bytes of state, input and output, and of what steps need of the parameters."""
+    apart = prepared(frozen(controller) if freeze else controller, precision)
+    numbers = len(controller.states) + apart.lost + 2 * len(controller.outputs) + len(controller.inputs)
+    if not freeze:
+        numbers += len(apart.kept) + apart.derived + 1
+    return numbers * (4 if precision == "float" else 8)
 
 
 def _laws() -> list[str]:
     """Worst instructions a step and stack of every position law over Case 4, on the first board."""
     headings = [
-        f"{name}, constants: worst | stack" if freeze else f"{name}: worst | after a change | stack"
+        f"{name}, constants: worst | stack" if freeze else f"{name}: worst | preparing, once | stack"
         for name, freeze in VARIANTS
     ]
     columns = " | ".join(headings)
@@ -102,8 +126,30 @@ def _laws() -> list[str]:
             inputs = recorded(simulate(experiment), controller)
             package = c_package(controller, NAME, ABOUT, "float", freeze=freeze)
             got = measure(BOARDS[0], package, NAME, inputs, len(controller.outputs), freeze=freeze)
-            cells += [str(got.instructions.max()), *([] if freeze else [str(got.after_change)]), f"{got.stack} B"]
+            cells += [str(got.instructions.max()), *([] if freeze else [str(got.preparation)]), f"{got.stack} B"]
         lines.append(f"| {kind} | {' | '.join(cells)} |")
+    return lines
+
+
+def _estimators() -> list[str]:
+    """What every estimator costs before the paper's law in Case 4, with parameters at run time."""
+    headings = ["instructions a step: mean", "worst", "preparing, once", "code", "RAM an instance", "stack"]
+    lines = [
+        f"| estimator | processor | precision | {' | '.join(headings)} |",
+        "|---|---|---|" + "--:|" * len(headings),
+    ]
+    for estimator in ESTIMATORS:
+        experiment = with_leaves(case(4), {"controller.estimator": estimator})
+        controller = block("controller", experiment)
+        inputs = recorded(simulate(experiment), controller)
+        for board in PRECISE_BOARDS:
+            package = c_package(controller, NAME, ABOUT, board.precision)
+            got = measure(board, package, NAME, inputs, len(controller.outputs), freeze=False)
+            ram = _ram(controller, board.precision, freeze=False)
+            lines.append(
+                f"| {estimator} | {board.name} | {board.precision} | {got.instructions.mean():.0f} "
+                f"| {got.instructions.max()} | {got.preparation} | {got.code} B | {ram} B | {got.stack} B |"
+            )
     return lines
 
 

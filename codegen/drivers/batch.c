@@ -1,11 +1,11 @@
 /* Runs a sampled system for many samples and LANES sets of parameters at once, one in each vector lane.
-   Comes after driver.h, elementary.h, the sizes and the functions of codegen/sampled.py, each with its
-   derive_NAME(parameters, derived), over arrays whose elements lie LANES apart. The work of two vectors is interleaved,
-   so that a processor has something to do while it waits for a result: where PAIRED, each call works on lanes l and
-   l + LANES/2, else the compiler is asked to. READ_EXOGENOUS lists the exogenous signals that are read at all.
+   Comes after driver.h, elementary.h, the sizes, the functions of codegen/sampled.py, each with its
+   derive_NAME(parameters, derived), over arrays whose elements lie LANES apart, and sampled_lanes.h. The work of two
+   vectors is interleaved, so that a processor has something to do while it waits for a result: where PAIRED, each call
+   works on lanes l and l + LANES/2, else the compiler is asked to. Of the exogenous signals there are only the READ that
+   are read at all.
 
-   What a lane gives depends on its own numbers alone: lanes never mix. Each loop over the lanes stands in a function
-   of its own with restrict pointers, or compilers do not see that lanes do not mix either. */
+   What a lane gives depends on its own numbers alone: lanes never mix. */
 
 #define LOOK_EVERY 64
 
@@ -18,90 +18,14 @@ IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, dou
   }
 }
 
-IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                       const double *restrict derived, double *restrict row) {
-  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
-}
-
-IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
-                    const double *restrict p, const double *restrict derived, double *restrict next,
-                    double *restrict margin) {
-  EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
-}
-
-/* All parts of the time until the next sample; `between` is room for another motion. */
-static void move_on(const double *now, const double *hold, const double *p, const double *derived, double *between,
-                    double *next, double *margin) {
-  const double *from = now;
-  for (int part = 0; part < PARTS; ++part) {
-    const double number = part;
-    double *to = (PARTS - part) % 2 ? next : between;
-    move_lanes(from, hold, &number, p, derived, to, margin);
-    from = to;
-  }
-}
-
-#if !HAS_ONE_STEP
-IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                      const double *restrict derived, double *restrict discrete, double *restrict hold) {
-  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
-}
-#else
+#if HAS_ONE_STEP
 IN_LANES derive_one_step_lanes(const double *restrict p, double *restrict for_one_step) {
   EACH_CALL derive_one_step(p + l, for_one_step + l);
 }
-
-/* A sample and the one-step update to the next, in one loop: the update need not wait for what only the next sample reads. */
-IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                               const double *restrict for_sample, const double *restrict for_one_step,
-                               double *restrict discrete, double *restrict hold, double *restrict next,
-                               double *restrict margin, double *restrict valid) {
-  EACH_CALL {
-    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, hold + l);
-    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
-  }
-}
-
-/* Takes the lanes over where the one-step update is not valid. */
-IN_LANES take_over(const double *restrict valid, double *restrict into, const double *restrict from, int count) {
-  for (int i = 0; i < count; ++i)
-    EACH_LANE into[i * LANES + l] = valid[l] > 0 ? into[i * LANES + l] : from[i * LANES + l];
-}
 #endif
 
-/* One sample's signals that are read, the same for all lanes. */
-IN_LANES share(const double *restrict line, double *restrict w) {
-  static const int read[] = READ_EXOGENOUS;
-  for (int i = 0; i < (int)(sizeof read / sizeof *read); ++i) EACH_LANE w[read[i] * LANES + l] = line[read[i]];
-}
-
-/* Fills a table (samples, signals) with signals from the sample `first` on: `fill` of signals.c. */
-typedef void (*Fill)(void *signals, int64_t count, int64_t first, int64_t samples, double *table);
-
-/* The signals of LOOK_EVERY samples; those that some lanes have in common stand in the table of the first of them. */
-typedef struct {
-  double table[LANES][LOOK_EVERY * EXOGENOUS];
-  int64_t first; /* sample they begin with, a multiple of LOOK_EVERY; -1: none yet */
-  int source[LANES]; /* the lane whose table each reads */
-  int shared; /* whether all have the same */
-} Ahead;
-
-static void look_ahead(Ahead *ahead, Fill fill, void *const *signals, int64_t k, int64_t samples) {
-  const int64_t first = k - k % LOOK_EVERY, left = samples - first;
-  if (first == ahead->first) return;
-  for (int l = 0; l < LANES; ++l)
-    if (ahead->source[l] == l)
-      fill(signals[l], EXOGENOUS, first, left < LOOK_EVERY ? left : LOOK_EVERY, ahead->table[l]);
-  ahead->first = first;
-}
-
-/* One sample's signals, lane by lane; `offset` is where the sample's line begins in their tables. */
-IN_LANES gather(const Ahead *ahead, int64_t offset, double *restrict w) {
-  EACH_LANE {
-    const double *line = ahead->table[ahead->source[l]] + offset;
-    for (int i = 0; i < EXOGENOUS; ++i) w[i * LANES + l] = line[i];
-  }
-}
+/* Fills a table (samples, READ, LANES) with signals from the sample `first` on: `fill` of fill.c. */
+typedef void (*Fill)(const void *sources, int64_t first, int64_t samples, double *table);
 
 static __attribute__((noinline)) int any_at_most_zero(const double *restrict values, const double *restrict others) {
   int64_t found = 0;
@@ -109,17 +33,10 @@ static __attribute__((noinline)) int any_at_most_zero(const double *restrict val
   return found != 0;
 }
 
-IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
-  uint64_t overflows[LANES] = {0};
-  for (int i = 0; i < STATES; ++i)
-    EACH_LANE overflows[l] |= overflow(state[i * LANES + l]);
-  EACH_LANE finite[l] = !(overflows[l] >> 63);
-}
-
 /* What is read and written at every sample, close together and at the same places of the cache in every call. */
 typedef struct {
   __attribute__((aligned(4096))) double first[STATES * LANES];
-  double second[STATES * LANES], hold[HOLD * LANES], w[(EXOGENOUS + 1) * LANES];
+  double second[STATES * LANES], hold[HOLD * LANES];
   double p[sizeof((int[])USED_PARAMETERS) / sizeof(int) * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];
   double margin[LANES];
 #if HAS_ONE_STEP
@@ -129,30 +46,28 @@ typedef struct {
 
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
-   `fill` fills tables from signals[l], lane l's, and changes them; lanes may have the same. They are drawn LOOK_EVERY samples ahead, so that
-   memory does not grow with the samples. Every stride-th sample writes a row of each lane to
-   rows (LANES, kept, COLUMNS); rows may be null; those from sample done[l] on mean nothing. outcome and done have
-   LANES elements.
+   `fill` fills tables with what the lanes receive from `sources`, which changes; LOOK_EVERY samples ahead, so that memory
+   does not grow with the samples. Every stride-th sample writes a row of each lane to rows (LANES, kept, COLUMNS); rows
+   may be null; those from sample done[l] on mean nothing. outcome and done have LANES elements.
 
    Whether all is finite is looked at every LOOK_EVERY samples. Where it is not, these samples are done again, looking
    at each. */
-EXPORT void batch(const double *parameters, Fill fill, void *const *signals, double *state, int64_t samples,
-                  int64_t stride, double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
+EXPORT void batch(const double *parameters, Fill fill, const void *sources, double *state, int64_t samples, int64_t stride,
+                  double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
   static const int used[] = USED_PARAMETERS;
   Often often;
   LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
   LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES];
 #if HAS_ONE_STEP
-  LANE_ARRAY moved[MOTION * LANES], moved_margin[LANES];
+  LANE_ARRAY moved[MOTION * LANES], moved_margin[LANES], missing[LANES];
 #endif
-  LANE_ARRAY kept_state[STATES * LANES], between[MOTION * LANES];
+  LANE_ARRAY kept_state[STATES * LANES];
   uint64_t finite[LANES];
   int64_t kept_at = 0, watch_until = 0;
   double *now = often.first, *next = often.second;
   int running = LANES;
-  Ahead ahead;
-  ahead.first = -1;
-  ahead.shared = 1;
+  LANE_ARRAY ahead[LOOK_EVERY * READ * LANES];
+  int64_t filled = 0;
   EACH_LANE {
     for (int i = 0; i < PARAMETERS; ++i) p[i * LANES + l] = parameters[l * PARAMETERS + i];
     for (int i = 0; i < (int)(sizeof used / sizeof *used); ++i)
@@ -160,9 +75,6 @@ EXPORT void batch(const double *parameters, Fill fill, void *const *signals, dou
     for (int i = 0; i < STATES; ++i) now[i * LANES + l] = state[l * STATES + i];
     outcome[l] = COMPLETED;
     done[l] = samples;
-    ahead.source[l] = 0;
-    while (signals[ahead.source[l]] != signals[l]) ++ahead.source[l];
-    ahead.shared = ahead.shared && ahead.source[l] == 0;
   }
   memcpy(kept_state, now, sizeof kept_state);
   derive_lanes(p, often.for_sample, for_observe, for_move);
@@ -170,31 +82,36 @@ EXPORT void batch(const double *parameters, Fill fill, void *const *signals, dou
   derive_one_step_lanes(p, often.for_one_step);
 #endif
   for (int64_t k = 0; k < samples && running > 0; ++k) {
-    look_ahead(&ahead, fill, signals, k, samples);
-    if (ahead.shared) share(ahead.table[0] + (k - ahead.first) * EXOGENOUS, often.w);
-    else gather(&ahead, (k - ahead.first) * EXOGENOUS, often.w);
+    if (k == filled) {
+      filled = k + LOOK_EVERY < samples ? k + LOOK_EVERY : samples;
+      fill(sources, k, filled - k, ahead);
+    }
+    const double *w = ahead + k % LOOK_EVERY * READ * LANES;
     if (rows && k % stride == 0) {
-      observe_lanes(now, often.w, p, for_observe, row);
+      observe_lanes(now, w, p, for_observe, row);
       EACH_LANE
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
     }
 #if HAS_ONE_STEP
-    sample_and_one_step_lanes(now, often.w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
-                          next, often.margin, often.valid);
+    sample_and_one_step_lanes(now, w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
+                              next, often.margin, often.valid);
     int doubtful = any_at_most_zero(often.valid, often.margin);
     if (doubtful) {
-      int missing = 0;
-      EACH_LANE missing += !(often.valid[l] > 0) && done[l] == samples;
-      if (missing) {
-        move_on(now, often.hold, p, for_move, between, moved, moved_margin);
-        take_over(often.valid, next, moved, MOTION);
-        take_over(often.valid, often.margin, moved_margin, 1);
+      int any = 0;
+      EACH_LANE {
+        missing[l] = often.valid[l] > 0 ? 0 : 1;
+        any += missing[l] > 0 && done[l] == samples;
+      }
+      if (any) {
+        move_on(now, often.hold, p, for_move, moved, moved_margin);
+        take_over(missing, next, moved, MOTION);
+        take_over(missing, often.margin, moved_margin, 1);
       }
     }
 #else
-    sample_lanes(now, often.w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
-    move_on(now, often.hold, p, for_move, between, next, often.margin);
+    sample_lanes(now, w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
+    move_on(now, often.hold, p, for_move, next, often.margin);
     int doubtful = any_at_most_zero(often.margin, often.margin);
 #endif
     int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.rollout import COMPLETED
-from dualwinch.codegen.drivers.signals import CompiledFill, Signals, compile_fill
+from dualwinch.codegen.drivers.signals.fill import CompiledFill, compile_fill
+from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
@@ -32,14 +33,16 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
     read, used = _read(functions, "exogenous"), _read(often, "parameters")
     lanes = {
         function.name(): Lanes(
-            paired=not compiler.is_clang, shared=("part",), packed={"parameters": used} if function in often else {}
+            paired=not compiler.is_clang,
+            shared=("part",),
+            packed={"exogenous": read} | ({"parameters": used} if function in often else {}),
         )
         for function in functions
     }
-    listed = f"#define READ_EXOGENOUS {{{', '.join(map(str, read))}}}\n"
-    listed += f"#define USED_PARAMETERS {{{', '.join(map(str, used))}}}\n"
+    sizes = system.sizes | lane_sizes(compiler) | {"READ": len(read)}
+    listed = f"#define USED_PARAMETERS {{{', '.join(map(str, used))}}}\n"
     source = c_source(functions, lanes=lanes)
-    return unit(system.sizes | lane_sizes(compiler), functions, "elementary.h", "lanes.h", source, listed, "batch.c")
+    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "sampled_lanes.h", "batch.c")
 
 
 def _read(functions: Iterable[ca.Function], name: str) -> list[int]:
@@ -49,9 +52,16 @@ def _read(functions: Iterable[ca.Function], name: str) -> list[int]:
 
 @dataclass(frozen=True)
 class Batch:
-    """A compiled batch rollout of LANES sets of parameters at a time."""
+    """A compiled batch rollout of LANES sets of parameters at a time.
+
+    Attributes:
+        columns: number of values in a row.
+        read: numbers of the exogenous signals that are read at all.
+        fill: draws them.
+    """
 
     columns: int
+    read: tuple[int, ...]
     fill: CompiledFill
     _call: "ctypes._NamedFuncPointer"
 
@@ -73,12 +83,13 @@ class Batch:
         kept = -(-samples // stride) if stride else 0
         rows = np.full((LANES, kept, self.columns), np.nan)
         outcome, done = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-        copies = {id(lane): lane.records.copy() for lane in signals}
-        addresses = (ctypes.c_void_p * LANES)(*(copies[id(lane)].ctypes.data for lane in signals))
+        distinct = list(dict.fromkeys(signals))
+        records = np.array([source.records[list(self.read)] for source in distinct])
+        sources = self.fill.prepared(records, np.array([distinct.index(lane) for lane in signals]))
         self._call(
             parameters.ctypes.data,
             self.fill.address,
-            addresses,
+            ctypes.byref(sources),
             state.ctypes.data,
             samples,
             max(stride, 1),
@@ -101,4 +112,5 @@ def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     call.restype = None
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer, pointer, pointer, pointer, count, count, pointer, count, pointer, pointer]
-    return Batch(system.observe.numel_out("row"), compile_fill(chosen), call)
+    read = tuple(_read(hoisted_all(system.functions), "exogenous"))
+    return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), call)

@@ -1,5 +1,5 @@
 /* Moves runs of a sampled system on by a few samples a call, under commands from outside; LANES of them make a block.
-   Comes after driver.h, lanes.h, the sizes and the functions of codegen/sampled.py, and of
+   Comes after driver.h, lanes.h, the sizes, the functions of codegen/sampled.py, sampled_lanes.h, and of
    sense(state, exogenous, parameters, derived, observation), each with its derive_NAME(parameters, derived), over arrays
    whose elements lie LANES apart. READ_EXOGENOUS lists the exogenous signals that are read at all. A command stands in
    the state: COMMAND_OF lists commands, COMMANDED_STATES the state that each of these is put into.
@@ -45,58 +45,10 @@ EXPORT void prepare(const double *parameters, Constants *constants) {
   }
 }
 
-IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                       const double *restrict derived, double *restrict row) {
-  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
-}
-
 IN_LANES sense_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
                      const double *restrict derived, double *restrict observation) {
   EACH_CALL sense(state + l, exogenous + l, p + l, derived + l, observation + l);
 }
-
-IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
-                    const double *restrict p, const double *restrict derived, double *restrict next,
-                    double *restrict margin) {
-  EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
-}
-
-/* All parts of the time until the next sample. */
-static void move_on(const double *now, const double *hold, const Constants *constants, double *next, double *margin) {
-  LANE_ARRAY between[MOTION * LANES];
-  const double *from = now;
-  for (int part = 0; part < PARTS; ++part) {
-    const double number = part;
-    double *to = (PARTS - part) % 2 ? next : between;
-    move_lanes(from, hold, &number, constants->p, constants->for_move, to, margin);
-    from = to;
-  }
-}
-
-/* Takes what is new where a lane's choice is positive. */
-IN_LANES take_over(const double *restrict choice, double *restrict into, const double *restrict from, int count) {
-  for (int i = 0; i < count; ++i)
-    EACH_LANE into[i * LANES + l] = choice[l] > 0 ? from[i * LANES + l] : into[i * LANES + l];
-}
-
-#if HAS_ONE_STEP
-/* A sample and the one-step update to the next, in one loop: the update need not wait for what only the next sample reads. */
-IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous,
-                                   const double *restrict p, const double *restrict for_sample,
-                                   const double *restrict for_one_step, double *restrict discrete,
-                                   double *restrict hold, double *restrict next, double *restrict margin,
-                                   double *restrict valid) {
-  EACH_CALL {
-    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, hold + l);
-    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
-  }
-}
-#else
-IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                      const double *restrict derived, double *restrict discrete, double *restrict hold) {
-  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
-}
-#endif
 
 /* The state at the next sample, as far as the one-step update or all parts of the time bring it. */
 static void advance(const double *now, const double *w, const double *live, const Constants *constants, double *next,
@@ -112,14 +64,14 @@ static void advance(const double *now, const double *w, const double *live, cons
     any += live[l] > 0 && missing[l] > 0;
   }
   if (any) {
-    move_on(now, hold, constants, moved, moved_margin);
+    move_on(now, hold, constants->p, constants->for_move, moved, moved_margin);
     take_over(missing, next, moved, MOTION);
     take_over(missing, margin, moved_margin, 1);
   }
 #else
   (void)live;
   sample_lanes(now, w, constants->p, constants->for_sample, next + MOTION * LANES, hold);
-  move_on(now, hold, constants, next, margin);
+  move_on(now, hold, constants->p, constants->for_move, next, margin);
 #endif
 }
 
@@ -138,13 +90,6 @@ static void gather(const double *const *lines, double *restrict w) {
       EACH_LANE to[l] = lines[l][read[i]];
     }
   }
-}
-
-IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
-  uint64_t overflows[LANES] = {0};
-  for (int i = 0; i < STATES; ++i)
-    EACH_LANE overflows[l] |= overflow(state[i * LANES + l]);
-  EACH_LANE finite[l] = !(overflows[l] >> 63);
 }
 
 static void command(const Runs *runs, int64_t block, double *now) {

@@ -18,6 +18,8 @@ from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 RUNNING = 3
 """Outcome of a run that is under way, beside those of `codegen.drivers.rollout`."""
 
+DRIVER = ("sampled_lanes.h", "stepping.c")
+
 
 @dataclass(frozen=True)
 class Commanded:
@@ -53,10 +55,10 @@ def stepping_source(commanded: Commanded, compiler: Compiler, *, exact: bool) ->
     }
     if exact:
         sizes |= {"LANES": 1, "PAIRED": 0}
-        return unit(sizes, functions, "lanes.h", c_source(functions), listed, "stepping.c")
+        return unit(sizes, functions, "lanes.h", c_source(functions), listed, *DRIVER)
     lanes = {function.name(): Lanes(paired=not compiler.is_clang, shared=("part",)) for function in functions}
     source = c_source(functions, lanes=lanes)
-    return unit(sizes | lane_sizes(compiler), functions, "elementary.h", "lanes.h", source, listed, "stepping.c")
+    return unit(sizes | lane_sizes(compiler), functions, "elementary.h", "lanes.h", source, listed, *DRIVER)
 
 
 class Pointers(ctypes.Structure):

@@ -12,16 +12,20 @@ def member(variable: Variable) -> str:
     return re.sub(r"\W", "_", variable.name)
 
 
-def of_structures(vectors: Mapping[str, tuple[str, tuple[Variable, ...]]]) -> Element:
+def of_structures(
+    vectors: Mapping[str, tuple[str, tuple[Variable, ...]]], arrays: Mapping[str, str] | None = None
+) -> Element:
     """Where elements stand that are members of structures.
 
     Args:
         vectors: name of an argument or result → what its members stand behind (e.g. ``state->``), and the variables;
-            of others they are arrays.
+            of others they are elements of arrays.
+        arrays: name of an argument or result → the array, where it has another name.
     """
+    named = arrays or {}
     members = {name: [before + member(variable) for variable in held] for name, (before, held) in vectors.items()}
 
     def element(name: str, index: int) -> str:
-        return members[name][index] if name in members else of_array(name, index)
+        return members[name][index] if name in members else of_array(named.get(name, name), index)
 
     return element

@@ -2,6 +2,7 @@
 
 import math
 import re
+import zlib
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
@@ -11,13 +12,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.export.members import member, of_structures
-from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.codegen.export.prepared import Prepared, prepared
 from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.precision import PRECISIONS, Precision, literal
+from dualwinch.codegen.source.rolled import rolled_statements
 from dualwinch.codegen.source.statements import Element, Strand, helpers, statements
-
-WORTHWHILE = 0.25
-"""Share of a step's operations that must depend on the parameters alone for a package to keep their results."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +59,6 @@ def frozen(block: Block, names: Collection[str] | None = None) -> Block:
     )
 
 
-def kept_apart(block: Block) -> tuple[ca.Function, ca.Function] | None:
-    """``derive_step(parameters) -> derived`` and the step that takes it last; None where that saves too little.
-
-    The steady-state gain of a Kalman filter is such work: it takes many times the operations of the rest of a step.
-    """
-    if not block.parameters:
-        return None
-    derive, step = hoisted(block.step, exact=True)
-    saved = 1 - step.n_instructions() / block.step.n_instructions()
-    return (derive, step) if saved > WORTHWHILE else None
-
-
 def c_package(
     block: Block, name: str, provenance: Provenance, precision: str = "double", *, freeze: bool = False
 ) -> dict[str, str]:
@@ -93,16 +80,20 @@ def c_package(
         raise CodegenError(f"{name!r}: must be a C identifier")
     environment = templates(precision)
     written = frozen(block) if freeze else block
-    apart = kept_apart(written)
+    apart = prepared(written, precision)
+    bodies = _bodies(written, apart, precision)
     facts = {
         "block": written,
-        "derived": apart[0].numel_out("derived") if apart else 0,
+        "kept": apart.kept,
+        "derived": apart.derived,
+        "lost": apart.lost,
+        "mark": _mark(apart, bodies["derive"]),
         "constants": block.parameters if freeze else (),
         "name": name,
         "precision": precision,
         "provenance": provenance,
-        "bodies": _bodies(written, apart, precision),
-        "helpers": helpers(_functions(written, apart), precision),
+        "bodies": bodies,
+        "helpers": helpers(apart.functions, precision),
         "comment": _comment,
     }
     files = {
@@ -133,31 +124,37 @@ def templates(precision: Precision) -> Environment:
     return environment
 
 
-def _bodies(block: Block, apart: tuple[ca.Function, ca.Function] | None, precision: Precision) -> dict[str, str]:
+def _bodies(block: Block, apart: Prepared, precision: Precision) -> dict[str, str]:
     """The statements of each of a package's functions."""
     vectors = {
         "state": ("state->", block.states),
         "input": ("input->", block.inputs),
-        "parameters": ("parameters->", block.parameters),
+        "parameters": ("prepared->", block.parameters),
         "next_state": ("next->", block.states),
         "output": ("next->output.", block.outputs),
     }
+    arrays = {"lost": "state->lost", "next_lost": "next->lost"}
+    elements = of_structures(vectors, arrays)
     at_start = of_structures(vectors | {"state": ("next->", block.states)})
-    elements = of_structures(vectors)
+    given = of_structures({"parameters": ("parameters->", block.parameters)})
 
-    def body(function: ca.Function, element: Element = elements) -> str:
-        style = Style(precision, compares=True)
-        return "\n".join(statements(function, style, [Strand(element)])) + "\n"
+    style = Style(precision, compares=True)
 
-    bodies = {"step": body(apart[1] if apart else block.step), "initial": body(block.initial, at_start)}
-    if apart:
-        bodies["derive"] = body(apart[0])
-    return bodies | ({"output": body(block.output)} if block.output else {})
+    def body(function: ca.Function, element: Element = elements) -> list[str]:
+        return statements(function, style, [Strand(element)])
+
+    bodies = {
+        "step": body(apart.step),
+        "initial": body(apart.initial, at_start),
+        "derive": rolled_statements(apart.derive, style, given),  # room counts there, time does not
+    } | ({"output": body(apart.output)} if apart.output else {})
+    return {name: "\n".join(lines) + "\n" for name, lines in bodies.items()}
 
 
-def _functions(block: Block, apart: tuple[ca.Function, ca.Function] | None) -> list[ca.Function]:
-    """What a package evaluates."""
-    return [*(apart or (block.step,)), block.initial, *([block.output] if block.output else [])]
+def _mark(apart: Prepared, derive: str) -> str:
+    """A number that stands for what is prepared and how, never zero, in C."""
+    text = "".join([*(variable.name for variable in apart.kept), derive])
+    return f"0x{zlib.crc32(text.encode()) | 1:08x}"
 
 
 def _comment(variable: Variable, *, value: bool = False) -> str:

@@ -29,7 +29,9 @@ typedef struct {
   int initialising; /* the state follows from the parameters */
   int stepped;      /* outputs that answer an input at once are those of the last sample */
   int stale;        /* derivatives and outputs have to be computed anew */
+  int unprepared;   /* so has what follows from the parameters alone */
   double value[VARIABLES];
+  double derived[DERIVED + 1];
 } Memory;
 
 typedef struct Instance {
@@ -44,7 +46,7 @@ static void report(Instance *instance, Status status, const char *message);
 static void clear(Memory *memory, double time) {
   memset(memory, 0, sizeof *memory);
   memcpy(memory->token, TOKEN, sizeof TOKEN);
-  memory->initialising = memory->stale = 1;
+  memory->initialising = memory->stale = memory->unprepared = 1;
   memcpy(memory->value, start_value, sizeof start_value);
   memory->value[TIME] = time;
 }
@@ -64,12 +66,20 @@ static Instance *create(const char *instance_name, const char *token, void *envi
   return instance;
 }
 
+/* Bring what follows from the parameters alone up to date: once after changes of parameters, not at every sample. */
+static void prepare(Memory *memory) {
+  if (memory->unprepared) derive_step(memory->value + FIRST_PARAMETER, memory->derived);
+  memory->unprepared = 0;
+}
+
 /* Bring what follows from other values up to date. */
 static void settle(Memory *memory) {
   double *value = memory->value, output[OUTPUTS + 1];
   if (!memory->stale) return;
-  if (memory->initialising) start(value + FIRST_PARAMETER, value + FIRST_STATE);
-  now(value + FIRST_STATE, value + FIRST_INPUT, value + FIRST_PARAMETER, value + FIRST_DERIVATIVE, output);
+  prepare(memory);
+  if (memory->initialising) start(value + FIRST_PARAMETER, memory->derived, value + FIRST_STATE);
+  now(value + FIRST_STATE, value + FIRST_INPUT, value + FIRST_PARAMETER, memory->derived, value + FIRST_DERIVATIVE,
+      output);
   for (int i = 0; i < OUTPUTS; i++)
     if (!memory->stepped || !held[i]) value[FIRST_OUTPUT + i] = output[i];
   memory->stale = 0;
@@ -90,7 +100,10 @@ static Status set_values(Instance *instance, const unsigned int reference[], siz
     if (!isfinite(given[i]) || given[i] < lower[reference[i]] || given[i] > upper[reference[i]])
       return complain(instance, STATUS_DISCARD, ": the value is out of range", name[reference[i]]);
   }
-  for (size_t i = 0; i < count; i++) instance->memory.value[reference[i]] = given[i];
+  for (size_t i = 0; i < count; i++) {
+    instance->memory.value[reference[i]] = given[i];
+    if (reference[i] >= FIRST_PARAMETER && reference[i] < FIRST_OUTPUT) instance->memory.unprepared = 1;
+  }
   if (count) instance->memory.stale = 1;
   return STATUS_OK;
 }
@@ -118,13 +131,14 @@ static Status advance(Instance *instance, double time, double duration) {
   const double samples = floor(duration / SAMPLE_TIME + 0.5);
   if (!(samples >= 1 && samples <= 1e9) || fabs(duration - samples * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME)
     return complain(instance, STATUS_DISCARD, "the step is no multiple of the sample time", "");
+  prepare(&next);
   for (double sample = 1; sample <= samples; sample++) {
     if (HAS_HELD && sample == samples) {
       next.stepped = 0;
       next.stale = 1;
       settle(&next);
     }
-    step(state, value + FIRST_INPUT, value + FIRST_PARAMETER, following);
+    step(state, value + FIRST_INPUT, value + FIRST_PARAMETER, next.derived, following);
     memcpy(state, following, STATES * sizeof *state);
     for (int i = 0; i < STATES; i++)
       if (!isfinite(state[i])) return complain(instance, STATUS_ERROR, " is not finite", name[FIRST_STATE + i]);

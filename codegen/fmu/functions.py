@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.block import Block
+from dualwinch.codegen.source.hoist import hoisted_together
 
 Bools = NDArray[np.bool_]
 
@@ -16,9 +17,11 @@ class Functions:
     """CasADi functions of an FMU, and what depends on what.
 
     Attributes:
-        start: ``start(parameters) -> state``.
-        now: ``now(state, input, parameters) -> (derivatives, output)``; no derivatives where the block has none.
-        step: ``step(state, input, parameters) -> next_state``.
+        derive: ``derive(parameters) -> derived``: what follows from the parameters alone.
+        start: ``start(parameters, derived) -> state``.
+        now: ``now(state, input, parameters, derived) -> (derivatives, output)``; no derivatives where the block has
+            none.
+        step: ``step(state, input, parameters, derived) -> next_state``.
         start_tangent: directional derivative of `start`, ``(parameters, parameters_seed) -> state_seed``.
         now_tangent: directional derivative of `now`, ``(state, input, parameters, state_seed, input_seed,
             parameters_seed) -> (derivatives_tangent, output_tangent)``. Both are None without a derivative.
@@ -26,6 +29,7 @@ class Functions:
         at_start: (states + derivatives + outputs, inputs + parameters), what start values depend on.
     """
 
+    derive: ca.Function
     start: ca.Function
     now: ca.Function
     step: ca.Function
@@ -70,10 +74,17 @@ def functions_of(block: Block) -> Functions:
             ["parameters", "parameters_seed"],
             ["state_seed"],
         )
+    whole = (
+        _function("step", point, [next_state], names, ["next_state"]),
+        _function("now", point, [slope, output], names, ["derivatives", "output"]),
+        _function("start", [parameters], [at_start], ["parameters"], ["state"]),
+    )
+    derive, (step, now_, start) = hoisted_together(whole, exact=True)
     return Functions(
-        start=_function("start", [parameters], [at_start], ["parameters"], ["state"]),
-        now=_function("now", point, [slope, output], names, ["derivatives", "output"]),
-        step=_function("step", point, [next_state], names, ["next_state"]),
+        derive=derive,
+        start=start,
+        now=now_,
+        step=step,
         start_tangent=start_tangent,
         now_tangent=now_tangent,
         on_state=_dependence(now, state),

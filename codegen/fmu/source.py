@@ -22,7 +22,7 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
     body = [
         *_sizes(model),
         *_tables(model),
-        c_source([functions.start, functions.now, functions.step, *tangents]),
+        c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
         *((files("dualwinch.codegen.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
     ]
     digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
@@ -38,6 +38,7 @@ def _sizes(model: FmuModel) -> list[str]:
         count = len(model.of(role))
         sizes |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": reference}
         reference += count
+    sizes["DERIVED"] = model.functions.derive.numel_out("derived")
     sizes |= {"TIME": reference, "VARIABLES": reference + 1, "HAS_DERIVATIVES": int(bool(model.of("derivative")))}
     sizes["HAS_HELD"] = int(model.functions.on_input[len(model.of("derivative")) :].any())
     return [

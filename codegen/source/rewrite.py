@@ -62,14 +62,13 @@ class Rewriting:
 
     Attributes:
         outputs: the new expressions.
-        reciprocals: what they take for known.
     """
 
-    def __init__(self, function: ca.Function, inputs: list[ca.SX]) -> None:
-        """Rewrite a function of dense SX expressions with an input ``parameters``; `inputs` are new symbols."""
-        self.reciprocals = Reciprocals()
+    def __init__(self, function: ca.Function, inputs: list[ca.SX], reciprocals: Reciprocals) -> None:
+        """Rewrite a function of dense SX expressions; `inputs` are new symbols, `reciprocals` is added to."""
+        self._reciprocals = reciprocals
         self._inputs = [ca.vertsplit(symbol) for symbol in inputs]
-        self._parameters = function.name_in().index("parameters")
+        self._fixed = [name == "parameters" for name in function.name_in()]
         self._operands = operands_of(function)
         self._uses = Counter(operand for made in self._operands.values() for operand in set(made))
         self._divided_by = Counter(
@@ -90,7 +89,7 @@ class Rewriting:
         operation = instruction.operation
         if operation == ca.OP_INPUT:
             vector, element = instruction.read
-            return _Value(self._inputs[vector][element], fixed=vector == self._parameters)
+            return _Value(self._inputs[vector][element], fixed=self._fixed[vector])
         if operation == ca.OP_CONST:
             return _Value(ca.SX(instruction.constant), fixed=True)
         made = [self._values[operand] for operand in self._operands[step]]
@@ -114,7 +113,7 @@ class Rewriting:
 
     def _quotient(self, step: int, left: _Value, right: _Value) -> _Value:
         if right.fixed:
-            return left.times(self.reciprocals.of(right.whole))
+            return left.times(self._reciprocals.of(right.whole))
         divisor = self._operands[step][1]
         if self._divided_by[divisor] > 1:
             return _Value(left.whole * self._inverses.setdefault(divisor, 1 / right.whole))

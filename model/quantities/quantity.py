@@ -227,6 +227,8 @@ class Leaf:
 
     def admits(self, value: Any) -> bool:
         """Whether a value is of the right type and within the bounds."""
+        if self.kind is float and type(value) is float:  # as most are
+            return math.isfinite(value) and all(_keeps(constraint, value) for constraint in self.constraints)
         if value is None:
             return self.optional
         if self.choices or Mark.PARTS in self.marks:
@@ -235,9 +237,8 @@ class Leaf:
             return self.kind in {bool, str} and isinstance(value, self.kind)
         if self.kind is tuple:
             return isinstance(value, (list, tuple)) and _all_kept(numbers_of(value), self.constraints)
-        if not isinstance(value, Integral if self.kind is int else Real):
-            return False
-        return _finite(value) and all(_keeps(constraint, value) for constraint in self.constraints)
+        right = isinstance(value, Integral if self.kind is int else Real) and _finite(value)
+        return right and all(_keeps(constraint, value) for constraint in self.constraints)
 
     def _is_chosen(self, value: Any) -> bool:
         if Mark.PARTS not in self.marks:

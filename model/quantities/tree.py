@@ -78,7 +78,9 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
             changes[slot.field] = with_leaves(value, values, slot.beside)
         elif slot.choices:
             chosen = _chosen(slot.choices, value, values.get(slot.key))
-            changes[slot.field] = tuple(with_leaves(part, values, slot.below) for part in chosen)
+            parts = tuple(with_leaves(part, values, slot.below) for part in chosen)
+            kept = len(parts) == len(value) and all(part is before for part, before in zip(parts, value, strict=True))
+            changes[slot.field] = value if kept else parts
         elif is_dataclass(value):
             changes[slot.field] = with_leaves(value, values, slot.below)
         elif is_array(value):
@@ -97,7 +99,9 @@ def _chosen(choices: Choices, parts: tuple[Part, ...], kinds: Sequence[str] | No
 
 
 def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
-    """A copy with some fields changed; what the group says of its own values, it says with its key."""
+    """A copy with some fields changed, or the group itself; what it says of its own values, it says with its key."""
+    if all(getattr(group, name) is value for name, value in changes.items()):
+        return group
     try:
         return replace(group, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
     except ConfigurationError as error:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.drivers.signals import Signals
+from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.request import check_batch
 from dualwinch.simulation.ensembles.ensemble import Scenario

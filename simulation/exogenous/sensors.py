@@ -38,12 +38,18 @@ class Sensors:
     position_drift: Annotated[
         float,
         at.Ge(0),
-        Quantity("m", "standard deviation of the position's drift (first-order Gauss–Markov)", "assumption"),
+        Quantity(
+            "m", "drift of the position since the run's beginning, standard deviation in the long run", "assumption"
+        ),
         Mark.OFF_AT_ZERO,
         Mark.SCALES_DRAWS,
     ] = 0.0
     position_drift_time: Annotated[
-        float, at.Gt(0), Quantity("s", "how long a drift lasts", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
+        float,
+        at.Gt(0),
+        Quantity("s", "how long a drift lasts (first-order Gauss–Markov)", "assumption"),
+        Mark.DRAWN_AHEAD,
+        Mark.COURSE,
     ] = 600.0
     outage_length: Annotated[
         float,

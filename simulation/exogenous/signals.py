@@ -8,7 +8,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.signals import NO_LIMIT, Drawn, OutageSignal, RandomSignal, Signals, UniformSignal
+from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
+from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
@@ -49,10 +50,10 @@ def random_signals(experiment: Experiment) -> dict[str, Drawn]:
     sea, sensors, simulation = experiment.disturbance, experiment.sensors, experiment.simulation
     found: dict[str, Drawn] = {}
 
-    def add(name: str, sigma: float, time: float = 0.0, limit: float = NO_LIMIT) -> None:
+    def add(name: str, sigma: float, time: float = 0.0, limit: float = NO_LIMIT, *, from_zero: bool = False) -> None:
         if sigma > 0:
             decay = float((Decimal(-simulation.sample_time) / Decimal(time)).exp()) if time else 0.0
-            found[name] = RandomSignal(simulation.seed, stream_number(name), sigma, decay, limit)
+            found[name] = RandomSignal(simulation.seed, stream_number(name), sigma, decay, limit, from_zero)
 
     add("current", sea.current_sigma, sea.current_time, sea.current_limit)
     load = sea.normal_force_sigma * experiment.plant.vehicle.normal_force
@@ -61,7 +62,7 @@ def random_signals(experiment: Experiment) -> dict[str, Drawn]:
     add("noise.speed", float(sensors.speed_noise > 0))
     add("noise.tension_1", float(sensors.tension_noise > 0))
     add("noise.tension_2", float(sensors.tension_noise > 0))
-    add("noise.drift", float(sensors.position_drift > 0), sensors.position_drift_time)
+    add("noise.drift", float(sensors.position_drift > 0), sensors.position_drift_time, from_zero=True)
     seed, sample_time = simulation.seed, simulation.sample_time
     if simulation.jitter > 0:
         found["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))

@@ -1,9 +1,9 @@
 """Random streams by name: where every random signal of a run and every draw of an ensemble comes from.
 
 What is drawn once, a value of a scenario, comes from a NumPy generator of its own (`stream`). What is drawn at every
-sample comes from Philox4x32-10 (`codegen/drivers/philox.h`): the key is ``simulation.seed``, the counter is the number
-of the sample's block beside the signal's number (`stream_number`), so that no two signals and no two seeds share a
-draw, and each can be drawn without those before it.
+sample comes from Philox4x32-10 (`codegen/drivers/signals/philox.h`): the key is ``simulation.seed``, the counter is the
+number of the sample's block beside the signal's number (`stream_number`), so that no two signals and no two seeds share
+a draw, and each can be drawn without those before it.
 """
 
 import hashlib

@@ -117,7 +117,7 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
 @lru_cache(maxsize=KEPT)
 def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
     controller = experiment.controller
-    gains = numbers(controller, "controller.")
+    gains = _gains(controller)
     believed = nominal_plant(controller.nominal, nominal or experiment.plant, controller.limits.preload)
     unknown = unknown_keys()
     values = (
@@ -131,6 +131,12 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
         | {key: value for metric in experiment.metrics for key, value in numbers(metric, "metrics.").items()}
     )
     return {key: float(value) for key, value in values.items()}
+
+
+@lru_cache(maxsize=KEPT)
+def _gains(controller: Controller) -> dict[str, float]:
+    """Not to be changed; kept, as the scenarios of an ensemble share their controller."""
+    return numbers(controller, "controller.")
 
 
 def zeros_of(structure: Structure, *parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:

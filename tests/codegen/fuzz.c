@@ -34,13 +34,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   controller_state state, before;
   controller_parameters parameters;
+  controller_prepared prepared, kept;
   controller_input input;
   controller_output output;
   double words[STATES + INPUTS], out[OUTPUTS];
   uint64_t bits;
   int rounds = 0;
 
-  controller_init(&state, &parameters);
+  controller_init(&state, &parameters, &prepared);
+  kept = prepared;
   for (; size >= (STATES + INPUTS) * sizeof bits && rounds < 8; ++rounds) {
     for (int k = 0; k < STATES + INPUTS; ++k, data += sizeof bits, size -= sizeof bits) {
       memcpy(&bits, data, sizeof bits);
@@ -50,10 +52,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     memcpy(&input, words + STATES, sizeof input);
     if (data[-2] % 16 == 0) {
       double spoiled = words[0];
-      if (!isfinite(spoiled)) memcpy((double *)(void *)&parameters + data[-3] % PARAMETERS, &spoiled, sizeof spoiled);
+      memcpy((double *)(void *)&parameters + data[-3] % PARAMETERS, &spoiled, sizeof spoiled);
+      if ((controller_prepare(&parameters, &prepared) == CONTROLLER_OK) != (isfinite(spoiled) != 0)) abort();
+      if (!isfinite(spoiled) && memcmp(&prepared, &kept, sizeof kept) != 0) abort();
+      prepared = kept; /* limits are judged below with the defaults */
     }
     before = state;
-    controller_status status = controller_step(&state, &input, &parameters, &output);
+    controller_status status = controller_step(&state, &input, &prepared, &output);
     memcpy(out, &output, sizeof out);
     for (int k = 0; k < OUTPUTS; ++k)
       if (!isfinite(out[k])) abort();

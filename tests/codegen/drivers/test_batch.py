@@ -6,16 +6,19 @@ import pytest
 
 from dualwinch.codegen.drivers.batch import LANES, Batch, compile_batch
 from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED
-from dualwinch.codegen.drivers.signals import RandomSignal, Signals
+from dualwinch.codegen.drivers.signals.kinds import OutageSignal, RandomSignal, UniformSignal
+from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.sampled import Sampled
 
 SAMPLES = 64 * 3 + 17
+COUNT = 7
+SHARED = np.arange(SAMPLES) / 7
 
 
 @pytest.fixture(scope="module")
 def recorder() -> Batch:
     """A system that writes down what it receives, while its motion grows by a factor at every sample."""
-    state, outside, factor = ca.SX.sym("state", 2), ca.SX.sym("exogenous", 3), ca.SX.sym("parameters", 1)
+    state, outside, factor = ca.SX.sym("state", 2), ca.SX.sym("exogenous", COUNT), ca.SX.sym("parameters", 1)
     motion, hold, part = ca.SX.sym("motion", 1), ca.SX.sym("hold", 1), ca.SX.sym("part", 1)
     at_sample = [state, outside, factor], ["state", "exogenous", "parameters"]
     (symbols, names), moved = at_sample, [factor * motion, ca.SX(1)]
@@ -32,13 +35,22 @@ def recorder() -> Batch:
 
 
 def source(seed: int) -> Signals:
-    signals = Signals([RandomSignal(seed, 1, 1.0), RandomSignal(seed, 2, 2.0, 0.97, 3.0), None])
-    signals.give([None, np.linspace(0, 1, SAMPLES), np.arange(SAMPLES) / 7])
+    """Signals of all kinds; what is random and what is given differs from seed to seed."""
+    odd = seed % 2 == 1
+    signals = Signals(
+        [
+            *(RandomSignal(seed, 1, 1.0), RandomSignal(seed, 2, 2.0, 0.97, 3.0), None),
+            *(UniformSignal(seed, 3), OutageSignal(seed, 4, 50, 9), None),
+            RandomSignal(seed, 5, 0.5) if odd else UniformSignal(seed, 5) if seed % 4 else None,
+        ]
+    )
+    ramp = np.linspace(0, seed, SAMPLES)
+    signals.give([None, ramp, SHARED, None, ramp if odd else None, ramp if odd else SHARED, None])
     return signals
 
 
 def filled(seed: int) -> np.ndarray:
-    table = np.empty((SAMPLES, 3))
+    table = np.empty((SAMPLES, COUNT))
     source(seed).fill(table, 0)
     return table
 
@@ -80,3 +92,12 @@ def test_a_scenario_in_some_lanes_receives_the_same_in_each(recorder: Batch) -> 
     rows = run(recorder, [first, second] * (LANES // 2), np.ones(LANES))[2]
     for lane in range(LANES):
         assert rows[lane].tobytes() == filled(1 + lane % 2).tobytes()
+
+
+@pytest.mark.parametrize("distinct", range(2, LANES, 3))
+def test_any_number_of_scenarios_shares_the_lanes(distinct: int, recorder: Batch) -> None:
+    made = [source(seed) for seed in range(distinct)]
+    of = np.random.default_rng(distinct).integers(distinct, size=LANES)
+    rows = run(recorder, [made[seed] for seed in of], np.ones(LANES))[2]
+    for lane in range(LANES):
+        assert rows[lane].tobytes() == filled(of[lane]).tobytes()

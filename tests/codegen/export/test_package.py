@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -16,7 +17,8 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.export.package import Provenance, c_package, frozen
-from dualwinch.codegen.source.precision import PRECISIONS
+from dualwinch.codegen.export.prepared import prepared
+from dualwinch.codegen.source.precision import PRECISIONS, Precision
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
@@ -45,7 +47,7 @@ def hosts(tmp_path_factory):
     """(what, precision, freeze) → a new instance of that package."""
     libraries = {}
 
-    def new(what: str, precision: str = "double", *, freeze: bool = False) -> Host:
+    def new(what: str, precision: Precision = "double", *, freeze: bool = False) -> Host:
         made, key = of(what), (what, precision, freeze)
         if key not in libraries:
             package = c_package(made, made.name, ABOUT, precision, freeze=freeze)
@@ -63,7 +65,7 @@ def test_whole_runs_are_those_of_simulate_and_every_step_is_the_interpreters(hos
     plant, controller = hosts("plant"), hosts("controller")
     blocks = {"plant": of("plant"), "controller": of("controller")}
     plant.parameters[position(blocks["plant"], "parameters", "disturbance.vortex")] = experiment.disturbance.vortex
-    assert plant.reset() == 0
+    assert (plant.prepare(), plant.reset()) == (0, 0)
     references = exogenous_signals(experiment)[:, :3]
     measured = [position(blocks["plant"], "outputs", name) for name in ("x", "v", "F1", "F2")]
     sensed = np.array(measured) + len(blocks["plant"].states)
@@ -113,23 +115,56 @@ def test_single_precision_stays_within_its_band_over_case_4(hosts) -> None:
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_the_kalman_gain_is_worked_out_when_parameters_change_and_only_then(tmp_path: Path, precision: str) -> None:
-    made = block("controller", with_leaves(case(4), {"controller.estimator": "kalman"}))
+@pytest.mark.parametrize("estimator", ["lowpass", "kalman"])
+def test_parameters_have_their_effect_when_prepared_and_only_then(
+    tmp_path: Path, estimator: str, precision: Precision
+) -> None:
+    made = block("controller", with_leaves(case(4), {"controller.estimator": estimator}))
     source = c_package(made, made.name, ABOUT, precision)
-    assert len(source["controller.c"].split("static void evaluate")[1].splitlines()) < 600
     library = build(tmp_path, source, made.name, find_compiler().command, *(PRECISE if precision == "float" else ()))
-    host = Host(library, made.name, made, precision)
-    noise = position(made, "parameters", "controller.kalman.speed_noise")
+    host, names = Host(library, made.name, made, precision), [variable.name for variable in made.parameters]
     states, inputs = plausible(made, 60)
-    tolerance = {"double": 1e-12, "float": 1e-3}[precision]
+    relative, absolute = {"double": (1e-12, 1e-12), "float": (1e-3, 0.1)}[precision]  # forces are sums of some 1e5 N
+    known = host.parameters.copy()
     for k, (state, given) in enumerate(zip(states, inputs, strict=True)):
-        host.parameters[noise] = 2e-3 * (1 + k // 20)
+        host.parameters[k % len(names)] *= 0.99
+        if k % 3 == 0:
+            assert host.prepare() == 0
+            known = host.parameters.copy()
         host.state[: len(state)], host.input[:] = state, given
         assert host.step() == 0
-        expected = interpreted(made, state[None], given[None], host.parameters.astype(float))[0]
-        np.testing.assert_allclose(host.state, expected, rtol=tolerance, atol=tolerance)
-    host.parameters.view(np.uint8)[:] = 255  # not a number; also the mark of parameters that are unknown
-    assert (host.step(), host.reset(), host.step()) == (2, 2, 2)
+        expected = interpreted(made, state[None], given[None], known.astype(float))[0]
+        np.testing.assert_allclose(host.state, expected, rtol=relative, atol=absolute)
+
+
+@pytest.mark.parametrize("estimator", [*ESTIMATORS])
+def test_a_sample_computes_only_what_changes_at_a_sample(estimator: str) -> None:
+    """Prepared parameters cost hardly more than constants: the Riccati equation of a filter is not there."""
+    made = block("controller", with_leaves(case(4), {"controller.estimator": estimator}))
+    apart, constant = prepared(made, "double"), frozen(made).step
+    parameters, derived = ca.SX.sym("parameters", len(made.parameters)), ca.SX.sym("derived", apart.derived)
+    step = apart.step.call([*(apart.step.sx_in(index) for index in range(2)), parameters, derived])
+    fixed = ca.vertcat(parameters, derived)
+    assert not ca.extract_parametric(ca.vertcat(*step), fixed)[1]  # nothing that depends on the parameters alone
+    assert apart.step.n_nodes() < 1.4 * constant.n_nodes()
+
+
+def test_steps_refuse_parameters_that_were_never_prepared(hosts) -> None:
+    host = hosts("controller")
+    host.step()
+    before = host.prepared.copy()
+    for wrong in (np.nan, np.inf, -np.inf):
+        host.parameters[7] = wrong
+        assert host.prepare() == 2
+        np.testing.assert_array_equal(host.prepared.view(np.uint64), before.view(np.uint64))
+        assert host.step() == 0  # goes on with what was good
+    good = host.state.copy()
+    for never in (0, 255, 90):
+        host.prepared.view(np.uint8)[:] = never
+        assert host.step() == 2
+        np.testing.assert_array_equal(host.state, good)
+    assert host.reset() == 2
+    assert np.isfinite(host.state).all()
 
 
 def test_what_is_not_finite_is_refused_and_changes_nothing(hosts) -> None:
@@ -138,19 +173,15 @@ def test_what_is_not_finite_is_refused_and_changes_nothing(hosts) -> None:
     assert host.step() == 0
     good, state = host.output.copy(), host.state.copy()
     assert not np.array_equal(good, values(of("controller").outputs))
-    for vector, status in ((host.input, 1), (host.parameters, 2)):
-        for wrong in (np.nan, np.inf, -np.inf):
-            kept, vector[2] = vector[2], wrong
-            assert host.step() == status
-            vector[2] = kept
-            np.testing.assert_array_equal(host.output, good)
-            np.testing.assert_array_equal(host.state, state)
+    for wrong in (np.nan, np.inf, -np.inf):
+        kept, host.input[2] = host.input[2], wrong
+        assert host.step() == 1
+        host.input[2] = kept
+        np.testing.assert_array_equal(host.output, good)
+        np.testing.assert_array_equal(host.state, state)
     host.input[1] = 1e300  # its square overflows
     assert host.step() == 3
     np.testing.assert_array_equal(host.output, good)
-    host.parameters[0] = np.nan
-    assert host.reset() == 2
-    assert np.isfinite(host.state).all()
 
 
 def test_instances_are_independent_in_threads(hosts) -> None:
@@ -185,10 +216,10 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
         listed = subprocess.run([lister, f"{made.name}.o"], cwd=folder, capture_output=True, text=True, check=True)
         found = re.findall(r" ([A-Za-z]) (\S+)$", listed.stdout, re.MULTILINE)
         shown = {symbol for kind, symbol in found if kind.isupper() and kind != "U"}
-        parts = ["init", "reset", "rest", "step"] + ([] if freeze else ["defaults"])
+        parts = ["init", "reset", "rest", "step"] + ([] if freeze else ["defaults", "prepare"])
         assert shown == {f"{made.name}_{part}" for part in parts}
         assert not {symbol for kind, symbol in found if kind in "bBdDC"}  # no variable outlives a call
-        needed = {symbol for kind, symbol in found if kind == "U"} - {"memcmp", "memcpy", "memset", "__stack_chk_fail"}
+        needed = {symbol for kind, symbol in found if kind == "U"} - {"memcpy", "memset", "__stack_chk_fail"}
         needed.discard("_GLOBAL_OFFSET_TABLE_")
         allowed = {"exp", "log", "sin", "sqrt", "tanh", "floor"}
         assert needed <= ({f"{function}f" for function in allowed} if precision == "float" else allowed)
@@ -276,7 +307,7 @@ def test_header_names_units_sources_and_provenance() -> None:
     assert re.search(r"controller_nftsm_k; +/\* \[m/s\^2\] gain .*; min 0; 0\.5 \(paper 4\.1\) \*/", header)
     assert "pilot_step" in header
     frozen_header = c_package(of("controller"), "pilot", ABOUT, freeze=True)["pilot.h"]
-    assert "pilot_parameters" not in frozen_header
+    assert not re.search("pilot_(parameters|prepared)", frozen_header)
     assert "controller.nftsm.k = [m/s^2] gain of the switching term; min 0; 0.5 (paper 4.1)" in frozen_header
 
 

@@ -56,8 +56,8 @@ build; run = closed_loop(2000); dlmwrite('run.csv', run, 'precision', 17);
 try; dualwinch_plant_mex('step', 1, 2, 3); catch problem; puts(problem.message); end
 names = dualwinch_plant_mex('names'); vortex = strcmp(names.parameters, 'disturbance.vortex');
 for number = 1:4
-  [plant, seen, constants] = dualwinch_plant_mex('init'); [pilot, said, gains] = dualwinch_controller_mex('init');
-  constants(vortex) = number > 2;
+  [plant, seen, constants] = dualwinch_plant_mex('init'); [pilot, said, ~, gains] = dualwinch_controller_mex('init');
+  constants(vortex) = number > 2; constants = dualwinch_plant_mex('prepare', constants);
   reference = dlmread(sprintf('reference%d.csv', number)); drive = zeros(numel(names.inputs), 1);
   run = zeros(rows(reference), 2);
   for k = 1:rows(reference)
@@ -69,7 +69,7 @@ for number = 1:4
   dlmwrite(sprintf('run%d.csv', number), run, 'precision', 17);
 end
 for what = {'plant', 'controller'}
-  call = str2func(['dualwinch_' what{1} '_mex']); [state, said, numbers] = call('init');
+  call = str2func(['dualwinch_' what{1} '_mex']); [state, said, ~, numbers] = call('init');
   given = dlmread([what{1} '.csv']); states = numel(call('names').states); found = zeros(rows(given), numel(state));
   for k = 1:rows(given)
     state(1:states) = given(k, 1:states);

@@ -15,8 +15,10 @@ from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.fmu import PLATFORMS
+from dualwinch.codegen.fmu import PLATFORMS, Version
 from dualwinch.codegen.fmu.platforms import compiler_for
+from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
@@ -134,6 +136,41 @@ def test_parameters_are_tuned_before_and_while_running(version: int, exported: E
         instance.set(tau_1=100.0)
         instance.step(200)
     assert heavy.get("x")[0] < 0.7 * light.get("x")[0]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_what_follows_from_parameters_follows_their_changes(version: Version, tmp_path: Path) -> None:
+    """The gain of the Kalman filter: before the start, under way, and back with a state that was kept."""
+    experiment = with_leaves(case(4), {"controller.estimator": "kalman"})
+    made, path = block("controller", experiment), tmp_path / "kalman.fmu"
+    export_fmu(experiment, path, what="controller", fmi=version)
+    names = [f"state.{state.name}" for state in made.states]
+    at, now = np.array([state.start for state in made.states]), np.array([given.start for given in made.inputs]) + 0.01
+    parameters = {parameter.name: parameter.start for parameter in made.parameters}
+
+    def expected(**changed: float) -> np.ndarray:
+        changes = {name.replace("__", "."): value for name, value in changed.items()}
+        return np.array(made.step(at, now, list((parameters | changes).values()))[0]).ravel()
+
+    def stepped() -> list[float]:
+        fmu.put(names, list(at))
+        fmu.put([given.name for given in made.inputs], list(now))
+        fmu.step()
+        return fmu.get(*names)
+
+    fmu = Instance(path, initialise=False)
+    fmu.enter()
+    fmu.set(controller__kalman__bandwidth=30.0)
+    fmu.fmu.exitInitializationMode()
+    before, after = expected(controller__kalman__bandwidth=30.0), expected(controller__kalman__bandwidth=90.0)
+    assert np.abs(after - before).max() > 1e-3
+    assert stepped() == pytest.approx(before, rel=1e-12, abs=1e-12)
+    kept = fmu.fmu.getFMUState()
+    fmu.set(controller__kalman__bandwidth=90.0)
+    assert stepped() == pytest.approx(after, rel=1e-12, abs=1e-12)
+    fmu.fmu.setFMUState(kept)
+    fmu.fmu.freeFMUState(kept)
+    assert stepped() == pytest.approx(before, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("version", [2, 3])

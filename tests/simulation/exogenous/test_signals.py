@@ -107,12 +107,12 @@ def test_what_a_seed_gives_is_pinned() -> None:
     """It is part of what a stored result means."""
     signals = drawn(EXPERIMENT)
     assert {name: float(signals[name][20_000]) for name in RANDOM} == {
-        "current": 0.021092549968341326,
-        "normal_force_variation": 548.4423604913596,
-        "noise.position": 1.0425434551511048,
-        "noise.speed": -1.4720027393442183,
-        "noise.tension_1": 0.5017402527799045,
-        "noise.tension_2": -0.08331250916335654,
+        "current": 0.0550163369849491,
+        "normal_force_variation": 216.08983351470147,
+        "noise.position": 1.2347227334976196,
+        "noise.speed": 0.8129938244819641,
+        "noise.tension_1": -0.6887212991714478,
+        "noise.tension_2": 0.6306052803993225,
     }
 
 

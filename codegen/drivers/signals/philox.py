@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 Words = NDArray[np.uint64]
 
-BLOCKS, GROUP = 16, 64
-"""Blocks and words of a group."""
+BLOCK = 4
+"""Words of a block."""
 
 WORD = np.uint64(0xFFFFFFFF)
 MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
@@ -32,26 +32,25 @@ def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> 
     return a, b, c, d
 
 
-def words(seed: int, stream: int, first: int, samples: int) -> Words:
-    """Words of 32 bits, one a sample, (samples,): those of a stream from the sample `first` on.
-
-    Sample ``64 g + 16 w + l`` is word w of block ``16 g + l``, so that vector lanes write next to each other.
+def blocks(seed: int, stream: int, first: int, count: int) -> Words:
+    """Blocks of a stream, (count, 4): those from block `first` on.
 
     Args:
         seed: the key, below 2^64.
         stream: higher half of the counter, below 2^64; the lower one is the number of the block.
-        first: number of a sample.
-        samples: how many.
+        first: number of a block.
+        count: how many.
     """
-    start = first // GROUP
-    groups = -(-(first + samples) // GROUP) - start
-    drawn = blocks(seed, stream, start * BLOCKS, groups * BLOCKS)
-    together = drawn.reshape(4, groups, BLOCKS).swapaxes(0, 1).ravel()
-    return together[first - start * GROUP :][:samples]
-
-
-def blocks(seed: int, stream: int, first: int, count: int) -> Words:
-    """Blocks of a stream as `words` takes them, (4, count): those from block `first` on."""
     numbers = np.arange(first, first + count, dtype=np.uint64)
     low, high = (np.full_like(numbers, part) for part in (stream % 2**32, stream >> 32))
-    return np.array(philox((numbers & WORD, numbers >> np.uint64(32), low, high), (seed % 2**32, seed >> 32)))
+    drawn = philox((numbers & WORD, numbers >> np.uint64(32), low, high), (seed % 2**32, seed >> 32))
+    return np.stack(drawn, axis=-1)
+
+
+def words(seed: int, stream: int, first: int, samples: int) -> Words:
+    """Words of 32 bits, one a sample, (samples,): those of a stream from the sample `first` on.
+
+    Sample k is word k % 4 of block k // 4.
+    """
+    start, end = first // BLOCK, -(-(first + samples) // BLOCK)
+    return blocks(seed, stream, start, end - start).ravel()[first - start * BLOCK :][:samples]

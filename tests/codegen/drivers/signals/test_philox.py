@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.drivers.philox import GROUP, philox, words
+from dualwinch.codegen.drivers.signals.philox import blocks, philox, words
 from dualwinch.codegen.drivers.unit import c_file
 
 KNOWN = [  # counter, key, block; lowest word first
@@ -22,23 +22,25 @@ KNOWN = [  # counter, key, block; lowest word first
     ),
 ]
 WORD = st.integers(0, 2**64 - 1)
+WIDTH = 16
 
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    source = c_file("driver.h") + c_file("philox.h")
-    source += "EXPORT void group(uint64_t s, uint64_t t, uint64_t g, uint32_t *w) { draw_words(s, t, g, w); }\n"
+    source = c_file("driver.h") + c_file("signals/philox.h")
+    source += "EXPORT void draw(uint64_t *s, uint64_t *t, uint64_t n, uint32_t *w) { draw_words(s, t, n, w); }\n"
     target: Path = tmp_path_factory.mktemp("philox") / "philox.so"
     find_compiler().build(source, target)
     loaded = ctypes.CDLL(str(target))
-    loaded.group.argtypes = [ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_void_p]
+    loaded.draw.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_void_p]
     return loaded
 
 
-def compiled_words(library: ctypes.CDLL, seed: int, stream: int, group: int) -> np.ndarray:
-    drawn = np.empty(GROUP, np.uint32)
-    library.group(seed, stream, group, drawn.ctypes.data)
-    return drawn
+def compiled_blocks(library: ctypes.CDLL, seeds: list[int], streams: list[int], number: int) -> np.ndarray:
+    """(16, 4): of 16 streams the block of a number."""
+    drawn, names = np.empty((4, WIDTH), np.uint32), np.array([seeds, streams], np.uint64)
+    library.draw(names[0].ctypes.data, names[1].ctypes.data, number, drawn.ctypes.data)
+    return drawn.T
 
 
 @pytest.mark.parametrize(("counter", "key", "block"), KNOWN)
@@ -52,15 +54,17 @@ def test_known_answers_of_the_compiled_code(
     counter: tuple[int, ...], key: tuple[int, int], block: tuple[int, ...], library: ctypes.CDLL
 ) -> None:
     number, stream = (low + (high << 32) for low, high in (counter[:2], counter[2:]))
-    group, lane = divmod(number, GROUP // 4)
-    drawn = compiled_words(library, key[0] + (key[1] << 32), stream, group)
-    assert tuple(drawn.reshape(4, -1)[:, lane].tolist()) == block
+    drawn = compiled_blocks(library, [key[0] + (key[1] << 32)] * WIDTH, [stream] * WIDTH, number)
+    assert {tuple(row) for row in drawn.tolist()} == {block}
 
 
-@given(seed=WORD, stream=WORD, group=st.integers(0, 2**50))
-def test_numpy_draws_the_words_of_the_compiled_code(seed: int, stream: int, group: int, library: ctypes.CDLL) -> None:
-    ours = words(seed, stream, group * GROUP, GROUP)
-    assert np.array_equal(ours, compiled_words(library, seed, stream, group))
+@given(seeds=st.lists(WORD, min_size=16, max_size=16), streams=st.lists(WORD, min_size=16, max_size=16), number=WORD)
+def test_numpy_draws_the_words_of_the_compiled_code(
+    seeds: list[int], streams: list[int], number: int, library: ctypes.CDLL
+) -> None:
+    number = min(number, 2**62)
+    ours = np.concatenate([blocks(seed, stream, number, 1) for seed, stream in zip(seeds, streams, strict=True)])
+    assert np.array_equal(ours, compiled_blocks(library, seeds, streams, number))
 
 
 @given(seed=WORD, stream=WORD, first=st.integers(0, 1000), samples=st.integers(1, 300))

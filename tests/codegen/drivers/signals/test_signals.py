@@ -2,38 +2,37 @@
 
 import os
 import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from scipy.signal import lfilter
+from scipy.signal import lfilter, welch
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.normal import normals
-from dualwinch.codegen.drivers.philox import words
-from dualwinch.codegen.drivers.signals import (
-    Drawn,
-    OutageSignal,
-    RandomSignal,
-    Signals,
-    UniformSignal,
-    compile_fill,
-    fill,
-)
+from dualwinch.codegen.drivers.signals.fill import compile_fill, fill_source
+from dualwinch.codegen.drivers.signals.in_numpy import fill
+from dualwinch.codegen.drivers.signals.kinds import Drawn, OutageSignal, RandomSignal, UniformSignal
+from dualwinch.codegen.drivers.signals.normal import normals, uniforms
+from dualwinch.codegen.drivers.signals.philox import words
+from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.errors import CompilerNotFoundError
+from tests.codegen.drivers.test_rollout import SANITISERS
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
 
 MIXED = (
     *(RandomSignal(1, 2, 0.7), RandomSignal(1, 3, 2.0, 0.99), None),
     *(RandomSignal(2**64 - 1, 2**64 - 1, 3.0, 0.9, 1.5), RandomSignal(1, 4, 1.0, 1e-300), None),
+    RandomSignal(1, 5, 2.0, 0.99, from_zero=True),
     *(UniformSignal(1, 5), UniformSignal(2**64 - 1, 2**64 - 1), OutageSignal(1, 6, 70, 9)),
     *(OutageSignal(2**64 - 1, 2**64 - 1, 3, 7), OutageSignal(1, 7, 1, 1), OutageSignal(1, 8, 2**32 - 1, 2**31 - 1)),
 )
 GIVEN = (
-    *(np.linspace(0, 1, 1000), None, np.sin(np.arange(1000)), np.full(1000, -2.0), None, None),
+    *(np.linspace(0, 1, 1000), None, np.sin(np.arange(1000)), np.full(1000, -2.0), None, None, None),
     *(None, np.arange(1000) / 3, None, np.arange(1000) / 7, None, None),
 )
 
@@ -126,15 +125,46 @@ def test_gauss_markov_is_stationary_from_its_first_sample() -> None:
     assert signals.std(axis=0) == pytest.approx(np.full(50, 3.0), rel=0.08)
 
 
+def test_gauss_markov_may_begin_at_zero() -> None:
+    signals = np.array([drawn(RandomSignal(seed, 0, 3.0, 0.99, from_zero=True), 400) for seed in range(4000)])
+    expected = 3 * np.sqrt(1 - 0.99 ** (2 * np.arange(1, 401)))
+    assert signals.std(axis=0) == pytest.approx(expected, rel=0.08)
+
+
+def test_gauss_markov_has_the_spectrum_of_its_decay() -> None:
+    decay, segments = 0.9, 2 * 400_000 / 512 * 0.53  # half-overlapping Hann windows
+    frequency, power = welch(drawn(RandomSignal(1, 0, 2.0, decay), 400_000), nperseg=512)
+    expected = 2 * 4 * (1 - decay**2) / (1 - 2 * decay * np.cos(2 * np.pi * frequency) + decay**2)
+    assert (power / expected)[8:-1] == pytest.approx(np.ones(248), abs=6 / segments**0.5)
+
+
 def test_a_decay_of_zero_is_white_noise() -> None:
     assert np.array_equal(drawn(RandomSignal(1, 4, 1.0, 1e-300), 500), drawn(RandomSignal(1, 4, 1.0), 500))
 
 
 def test_white_noise_may_be_uniform() -> None:
     signal = drawn(UniformSignal(1, 5), 100_000)
-    assert np.array_equal(signal, (words(1, 5, 0, 100_000).astype(np.uint32).view(np.int32) + 0.5) / 2**31)
+    exact = (words(1, 5, 0, 100_000).astype(np.uint32).view(np.int32) + 0.5) / 2**31
+    assert signal == pytest.approx(exact, rel=1e-7, abs=0)
     assert stats.kstest(signal, "uniform", (-1, 2)).pvalue > 1e-3
-    assert np.abs(signal).max() < 1
+    assert np.mean(signal**2) == pytest.approx(1 / 3, abs=5 * np.sqrt(4 / 45 / 100_000))
+
+
+def test_uniform_noise_stays_within_one() -> None:
+    ends = uniforms(np.array([0, 2**31 - 1, 2**31, 2**32 - 1], np.uint64))
+    assert ends.tolist() == [2.0**-32, 1.0, -1.0, -(2.0**-32)]
+
+
+@pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc")
+def test_sanitisers_find_nothing(tmp_path: Path) -> None:
+    source = fill_source() + Path(__file__).with_name("sanitised.c").read_text()
+    (tmp_path / "unit.c").write_text(source)
+    command = ["gcc", "-std=c99", "-O1", "-g", *SANITISERS, "unit.c", "-o", "unit", "-lm"]
+    built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr[:2000]
+    done = subprocess.run([str(tmp_path / "unit")], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert np.isfinite(float(done.stdout))
 
 
 def windows(period: int, length: int, count: int = 20_000) -> np.ndarray:

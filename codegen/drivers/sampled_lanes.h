@@ -1,0 +1,59 @@
+/* The functions of codegen/sampled.py over LANES lanes, elements LANES apart. Comes after lanes.h, the sizes and the
+   functions. Each loop over the lanes stands in a function of its own with restrict pointers, or compilers do not see that
+   lanes do not mix. */
+
+IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                       const double *restrict derived, double *restrict row) {
+  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
+}
+
+IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
+                    const double *restrict p, const double *restrict derived, double *restrict next,
+                    double *restrict margin) {
+  EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
+}
+
+/* All parts of the time until the next sample. */
+static void move_on(const double *now, const double *hold, const double *p, const double *derived, double *next,
+                    double *margin) {
+  LANE_ARRAY between[MOTION * LANES];
+  const double *from = now;
+  for (int part = 0; part < PARTS; ++part) {
+    const double number = part;
+    double *to = (PARTS - part) % 2 ? next : between;
+    move_lanes(from, hold, &number, p, derived, to, margin);
+    from = to;
+  }
+}
+
+#if HAS_ONE_STEP
+/* A sample and the one-step update to the next, in one loop: the update need not wait for what only the next sample reads. */
+IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous,
+                                   const double *restrict p, const double *restrict for_sample,
+                                   const double *restrict for_one_step, double *restrict discrete,
+                                   double *restrict hold, double *restrict next, double *restrict margin,
+                                   double *restrict valid) {
+  EACH_CALL {
+    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, hold + l);
+    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
+  }
+}
+#else
+IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                      const double *restrict derived, double *restrict discrete, double *restrict hold) {
+  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
+}
+#endif
+
+/* Takes what is new where a lane's choice is positive. */
+IN_LANES take_over(const double *restrict choice, double *restrict into, const double *restrict from, int count) {
+  for (int i = 0; i < count; ++i)
+    EACH_LANE into[i * LANES + l] = choice[l] > 0 ? from[i * LANES + l] : into[i * LANES + l];
+}
+
+IN_LANES find_finite(const double *restrict state, uint64_t *restrict finite) {
+  uint64_t overflows[LANES] = {0};
+  for (int i = 0; i < STATES; ++i)
+    EACH_LANE overflows[l] |= overflow(state[i * LANES + l]);
+  EACH_LANE finite[l] = !(overflows[l] >> 63);
+}

@@ -1,0 +1,84 @@
+"""Fills tables with signals in compiled C, for one run or for runs in vector lanes."""
+
+import ctypes
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.cache import library
+from dualwinch.codegen.compiler import Compiler
+from dualwinch.codegen.drivers.signals.normal import normal_source
+from dualwinch.codegen.drivers.unit import unit
+
+Floats = NDArray[np.float64]
+
+WIDE = ("-mprefer-vector-width=512",)
+"""Beside the flags of every build, none of which lets a compiler round otherwise: the same bits from every one."""
+
+ALONE = np.zeros(1, np.int64)
+"""The source of a single lane."""
+
+
+class Sources(ctypes.Structure):
+    """What runs in lanes receive; ``Sources`` of fill.c."""
+
+    _fields_ = (
+        ("signals", ctypes.c_void_p),
+        ("source", ctypes.c_void_p),
+        *((name, ctypes.c_int64) for name in ("sources", "count", "lanes")),
+        ("sides", ctypes.c_void_p),
+        ("drawn", ctypes.c_int64),
+    )
+
+
+def fill_source() -> str:
+    """C99 translation unit of fill.c."""
+    return unit({}, [], "elementary.h", "signals/philox.h", normal_source(), "signals/normal.h", "signals/fill.c")
+
+
+@dataclass(frozen=True)
+class CompiledFill:
+    """fill.c; called like `codegen.drivers.signals.signals.Fill`."""
+
+    _library: ctypes.CDLL
+
+    def __call__(self, signals: NDArray[np.void], first: int, table: Floats) -> None:
+        """Fill a table; Python's lock is released meanwhile."""
+        sources = self.prepared(signals[np.newaxis])
+        self._library.fill(ctypes.byref(sources), first, len(table), table.ctypes.data)
+
+    def prepared(self, records: NDArray[np.void], source: NDArray[np.int64] = ALONE) -> Sources:
+        """What lanes receive, for ``fill`` to fill tables (samples, signals, lanes) of it, piece after piece.
+
+        Args:
+            records: (sources, signals) of `SIGNAL`, C-contiguous; their states move on as samples are filled.
+            source: (lanes,) which of the sources each lane has; 16 lanes at most.
+        """
+        room = records.shape[1], ctypes.c_int64.in_dll(self._library, "side_size").value
+        sides = np.empty(room, np.uint8)
+        sources = Sources(records.ctypes.data, source.ctypes.data, *records.shape, len(source), sides.ctypes.data)
+        sources.held = records, source, sides
+        self._library.prepare(ctypes.byref(sources))
+        return sources
+
+    @property
+    def address(self) -> int | None:
+        """Of ``fill``, for other compiled code to call it."""
+        return ctypes.cast(self._library.fill, ctypes.c_void_p).value
+
+
+@cache
+def compile_fill(compiler: Compiler) -> CompiledFill:
+    """Compile (or find in the cache) and load fill.c.
+
+    Raises:
+        CompileError: the compiler fails.
+        CacheError: the cache folder cannot be used.
+    """
+    loaded = ctypes.CDLL(str(library(fill_source(), compiler, WIDE)))
+    pointer, count = ctypes.c_void_p, ctypes.c_int64
+    loaded.prepare.argtypes, loaded.prepare.restype = [pointer], None
+    loaded.fill.argtypes, loaded.fill.restype = [pointer, count, count, pointer], None
+    return CompiledFill(loaded)

@@ -1,0 +1,104 @@
+"""Standard normals of random words, as in normal.h: its polynomials, and the same bits in NumPy."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.signals.philox import Words
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Integers = NDArray[np.int32]
+
+LOG = (
+    *(1.0, -0.50000365, 0.33335059, -0.24969909, 0.19900164, -0.17250833, 0.16222596),
+    *(-0.10106905,),
+)
+"""log(1 + f)/f, for arguments of the logarithm between sqrt(1/2) and sqrt(2)."""
+
+CENTRE = (
+    *(2.6287105, 0.3229417, -0.010211866, -0.000287669, 0.00016799163, -2.2237188e-05, 7.115692e-07),
+    *(2.966972e-07, -4.949059e-08, -6.9319605e-10, 5.538613e-10),
+)
+"""The normal over x, a polynomial of least error in w - 4 where w = -log(1 - x^2), from 0 to 8."""
+
+TAIL = (
+    *(5.073497, 1.4264868, 0.0029138303, -0.0018335806, 0.00071712016, -0.00033072532, 0.0003326637),
+    *(-0.00018842452,),
+)
+"""The same in sqrt(w) - 3.75, from w = 8 to 21.5, where the last word lies."""
+
+CENTRE_MIDDLE, TAIL_MIDDLE, LN_2 = 4.0, 3.75, 0.6931472
+
+IN_TAIL = 0x58000
+"""Words beyond which, to the last of their sign, fewer than these lie are in the tails: 1 draw in 5958."""
+
+HALF_ROOT_BITS, MAGNITUDE, SIGN = np.uint32(0x3F3504F3), np.int32(0x7FFFFFFF), np.uint32(0x80000000)
+
+
+def uniforms(drawn: Words) -> Floats:
+    """Uniform in [-1, 1], one of each word; the bits of ``uniform`` in C."""
+    return _with_sign(_share(_inner(drawn)), drawn)
+
+
+def normals(drawn: Words) -> Floats:
+    """Standard normals, one of each word; the bits of ``draw_normals`` in C."""
+    outer = _inner(drawn) ^ MAGNITUDE
+    x, w = _share(_inner(drawn)), _depth(_share(outer))
+    magnitudes = x * _polynomial(CENTRE, w - np.float32(CENTRE_MIDDLE))
+    tails = outer < IN_TAIL
+    magnitudes[tails] = x[tails] * _polynomial(TAIL, np.sqrt(w[tails]) - np.float32(TAIL_MIDDLE))
+    return _with_sign(magnitudes, drawn)
+
+
+def _inner(drawn: Words) -> Integers:
+    signed = drawn.astype(np.uint32).view(np.int32)
+    return signed ^ (signed >> 31)
+
+
+def _share(count: Integers) -> Singles:
+    return (count.astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-31)
+
+
+def _with_sign(magnitudes: Singles, drawn: Words) -> Floats:
+    return (magnitudes.view(np.uint32) | (drawn.astype(np.uint32) & SIGN)).view(np.float32).astype(np.float64)
+
+
+def _depth(t: Singles) -> Singles:
+    y = t * (np.float32(2.0) - t)
+    n = (y.view(np.uint32) - HALF_ROOT_BITS).view(np.int32) >> 23
+    f: Singles = (y.view(np.uint32) - (n << 23).view(np.uint32)).view(np.float32) - np.float32(1.0)
+    log = f * _polynomial(LOG, f)
+    log += n.astype(np.float32) * np.float32(LN_2)
+    return -log
+
+
+def _polynomial(coefficients: Sequence[float], x: Singles) -> Singles:
+    """Even and odd powers apart, so that they need not wait for each other in C."""
+    q, parts = x * x, []
+    for terms in (coefficients[::2], coefficients[1::2]):
+        total = np.full_like(x, terms[-1])
+        for term in terms[-2::-1]:
+            total = total * q + np.float32(term)
+        parts.append(total)
+    return parts[0] + x * parts[1]
+
+
+def normal_source() -> str:
+    """The polynomials in C, for normal.h."""
+    numbers = {"LN_2F": LN_2, "CENTRE_MIDDLE": CENTRE_MIDDLE, "TAIL_MIDDLE": TAIL_MIDDLE}
+    lines = [f"#define {name} {number!r}f" for name, number in numbers.items()]
+    lines.append(f"#define IN_TAIL {IN_TAIL:#x}\n")
+    return "\n".join(lines) + _polynomial_source({"log": LOG, "centre": CENTRE, "tail": TAIL})
+
+
+def _polynomial_source(polynomials: Mapping[str, Sequence[float]]) -> str:
+    lines = []
+    for name, coefficients in polynomials.items():
+        lines += [f"static inline float {name}_polynomial(float x) {{", "  const float q = x * x;"]
+        for part, terms in (("even", coefficients[::2]), ("odd", coefficients[1::2])):
+            lines.append(f"  float {part} = {terms[-1]!r}f;")
+            lines += [f"  {part} = {part} * q + {term!r}f;" for term in terms[-2::-1]]
+        lines += ["  return even + x * odd;", "}"]
+    return "\n".join([*lines, ""])
