@@ -67,11 +67,17 @@ def stress(
     reaches = single | ({all_together(scaling.single): reach_together(scaling, single)} if len(single) > 1 else {})
     sizes = sum(len(reach.rungs) + HALVINGS for reach in reaches.values())
     bench = Bench(scaling, len(controllers) * (1 + sizes), threads, progress)
+
+    def sizes_of(imperfection: Imperfection, rung: int) -> dict[str, float]:
+        return sizes_at(rung, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
+
+    tried = [sizes_of(imperfection, rung) for imperfection, reach in reaches.items() for rung in reach.rungs]
+    bench.compile(controllers.values(), [{}, *tried])
     plain = {name: bench.run(controller, [{}])[0] for name, controller in controllers.items()}
     limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
     lost = {name: broken((), runs) for name, runs in plain.items()}
     found = {
-        name: _breaks(bench, controller, limits[name], reaches, single)
+        name: _breaks(bench, controller, limits[name], reaches, sizes_of)
         for name, controller in controllers.items()
         if not lost[name]
     }
@@ -96,16 +102,13 @@ def _breaks(
     controller: Controller,
     limits: Sequence[Limit],
     reaches: Mapping[Imperfection, Reach],
-    single: Mapping[Imperfection, Reach],
+    sizes_of: Callable[[Imperfection, int], dict[str, float]],
 ) -> dict[Imperfection, Break]:
     """Search under all imperfections at once: each round is one batch."""
     searches = {imperfection: Search(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
     found: dict[tuple[Imperfection, int], tuple[Broken, ...]] = {}
     while wanted := [(imperfection, rung) for imperfection, search in searches.items() for rung in search.wanted()]:
-        sizes = [
-            sizes_at(rung, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
-            for imperfection, rung in wanted
-        ]
+        sizes = [sizes_of(imperfection, rung) for imperfection, rung in wanted]
         for (imperfection, rung), runs in zip(wanted, bench.run(controller, sizes), strict=True):
             found[imperfection, rung] = broken(limits, runs)
             searches[imperfection].tried[rung] = bool(found[imperfection, rung])

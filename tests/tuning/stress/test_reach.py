@@ -11,7 +11,7 @@ plant.vehicle.mass = { uniform = [0.5, 1.5], of = "nominal" }
 delay_samples = 1
 jitter = 1e-4
 [sensors]
-position_bias = 0.2
+position_bias = 0.02
 [actuator]
 kind = "motor"
 [plant.vehicle]
@@ -34,7 +34,9 @@ def test_ranges_end_where_values_do() -> None:
     assert found["jitter"].top == 5  # 4.2 times 0.1 ms are less than half a sample
     assert "simulation.jitter = 0.000562341: must be < 0.0005 s" in found["jitter"].obstacle
     assert found["position bias"].top == 5
-    assert found["position bias"].obstacle.startswith("sensors.position_bias: must be a finite number >= -1 and <= 1")
+    assert found["position bias"].obstacle.startswith(
+        "sensors.position_bias: must be a finite number >= -0.1 and <= 0.1"
+    )
     assert 1.7 < size(found["vehicle mass"].top) < 2.5  # at 2 the least mass of the distribution is 0
 
 

@@ -78,6 +78,21 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
         stress(*words, scenarios=2, seed=0)
 
 
+def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Side by side: whatever of it is left over would be compiled while nothing else is done."""
+    base, compiled = sea(), []
+    whole = bench.run_grid
+
+    def counted(scenarios: np.ndarray, **options: Any):
+        compiled.append(bench.compile_batch.cache_info().misses)
+        return whole(scenarios, **options)
+
+    monkeypatch.setattr(bench, "run_grid", counted)
+    text = DRUMS + "[sensors]\nposition_drift = 1e-3\n[simulation]\njitter = 1e-4\n"
+    stress({"paper": paper_controller()}, base, of(text, base), (), scenarios=2, seed=0)
+    assert {*compiled, bench.compile_batch.cache_info().misses} == {compiled[0]}
+
+
 def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pytest.MonkeyPatch) -> None:
     wild = Controller(estimator=Kalman())
     whole = bench.run_grid
