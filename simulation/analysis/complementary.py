@@ -112,8 +112,8 @@ class Complementary:
         right = np.linalg.solve(pencil, self.B[loop].astype(complex))
         values = self.C[loop] @ right + self.D[loop]
         slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ np.linalg.solve(pencil, right))
-        picked = (np.asarray(matrix[:, ROWS, COLUMNS], complex) for matrix in (values, slopes))
-        return _locus(*picked, locus, near)
+        elements, rates = (np.asarray(matrix[:, ROWS, COLUMNS], complex) for matrix in (values, slopes))
+        return _locus(elements, rates, locus, near)
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
