@@ -112,7 +112,8 @@ class Complementary:
         right = np.linalg.solve(pencil, self.B[loop].astype(complex))
         values = self.C[loop] @ right + self.D[loop]
         slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ np.linalg.solve(pencil, right))
-        return _locus(values[:, ROWS, COLUMNS], slopes[:, ROWS, COLUMNS], locus, near)
+        elements, rates = (np.asarray(matrix[:, ROWS, COLUMNS], complex) for matrix in (values, slopes))
+        return _locus(elements, rates, locus, near)
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
@@ -179,7 +180,7 @@ def _parts(A: Floats, B: Floats, C: Floats) -> tuple[Complex, Complex, Floats]:
         if not np.abs(rest).max(initial=0.0) > SILENT * np.abs(B).max(initial=0.0):
             break
         rest = A @ rest
-    return poles, residues, np.array(echoes)
+    return poles, np.asarray(residues, complex), np.array(echoes)
 
 
 def _by_size(A: Floats) -> tuple[Complex, Complex]:

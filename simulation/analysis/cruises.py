@@ -1,7 +1,7 @@
 """Many steady cruises of the sampled closed loop side by side: what `loop_cruise` solves for, for tuning.
 
-The same conditions in the same units, and the same measure of when they hold. What leaves the cuts of the open sample
-is solved for beside the states, and the derivatives that are left at the end are those of the loop cut open there.
+The same conditions in the same units. What leaves the cuts of the open sample is solved for beside the states, and the
+derivatives that are left at the end are those of the loop cut open there.
 """
 
 from dataclasses import dataclass, replace

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 
-KINDS = ("gain", "phase", "delay", "disk")
+KINDS: tuple[str, ...] = ("gain", "phase", "delay", "disk")
 """Margins, as fields of `margins.Margins` are called."""
 
 POINTS = 160
@@ -153,9 +153,8 @@ def _read_off(kind: str, omega: Floats, response: Complex) -> _Found:
         ends = np.indices(response.shape[:2]).reshape(2, -1)  # at half the sample rate the response is real
         end, there = omega[ends[0], -1], response[ends[0], ends[1], -1]
         loop, locus, share = np.append(loop, ends[0]), np.append(locus, ends[1]), np.append(share, np.zeros(len(end)))
-        lower, upper, before, after = (
-            np.append(*pair) for pair in ((lower, end), (upper, end), (before, there), (after, there))
-        )
+        lower, upper = np.append(lower, end), np.append(upper, end)
+        before, after = np.append(before, there), np.append(after, there)
     frequency = lower + (upper - lower) * share
     value = _margin(kind, before * (1 - share) + after * share, frequency)
     return _Found(loop, locus, lower, upper, before, after, frequency, value)[np.isfinite(value)]

@@ -53,7 +53,11 @@ def hardest_machines(
     (found,) = looked_at.each([problem.space.parameters(problem.start)], kinds)
     least = {kind: min(of[kind].value for of in found) for kind in kinds}
     nearness = [min(of[kind].value / (least[kind] or 1.0) for kind in kinds) for of in found]
-    return [drawn[index] for index in sorted(range(len(drawn)), key=lambda index: nearness[index])[:HARDEST]]
+    order = sorted(range(len(drawn)), key=lambda index: nearness[index])
+    chosen: dict[tuple[str, ...], int] = {}
+    for index in order:  # vertices may differ in what no margin depends on: one of such twins is enough
+        chosen.setdefault(tuple(f"{found[index][kind].value:.9g}" for kind in kinds), drawn[index])
+    return list(chosen.values())[:HARDEST]
 
 
 def machine_name(machine: Experiment | Scenario) -> str:
