@@ -32,6 +32,10 @@ class Variable:
     exclusive: bool = False
 
 
+NO_READING = 1e6
+"""Magnitude beyond which an input that may be silent is no reading, in its unit."""
+
+
 @dataclass(frozen=True)
 class Block:
     """A sampled system. Every vector is dense, in the order of its variables.
@@ -47,6 +51,7 @@ class Block:
         output: ``output(state, parameters) -> output``, of a block whose output does not depend on its input.
         derivative: ``derivative(state, input, parameters) -> (dx, output)``, of a block that is sampled from a
             continuous one. The states come first that are continuous; what an integrator keeps for itself follows.
+        silent: names of inputs that may be no number: a sensor that is silent. What is beyond `NO_READING` is none.
     """
 
     name: str
@@ -60,6 +65,7 @@ class Block:
     sample_time: float
     output: ca.Function | None = None
     derivative: ca.Function | None = None
+    silent: frozenset[str] = frozenset()
 
     @property
     def continuous(self) -> tuple[Variable, ...]:

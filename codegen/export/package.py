@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from dualwinch.codegen.block import Block, Variable
+from dualwinch.codegen.block import NO_READING, Block, Variable
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.export.members import member, of_structures
 from dualwinch.codegen.export.prepared import Prepared, prepared
@@ -94,6 +94,7 @@ def c_package(
         "provenance": provenance,
         "bodies": bodies,
         "helpers": helpers(apart.functions, precision),
+        "silent": 2 * NO_READING,
         "comment": _comment,
     }
     files = {

@@ -1,7 +1,7 @@
 """What an estimator is."""
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.signals import Estimate, Measurement
@@ -10,7 +10,14 @@ from dualwinch.model.reference import Setpoint
 
 
 class Estimator(Part):
-    """From sensor values to what the position law takes for the motion: a frozen dataclass of its own gains."""
+    """From sensor values to what the position law takes for the motion: a frozen dataclass of its own gains.
+
+    One that does without a sensor while it is silent names it in `silent`: then the sensor's value may be no number
+    (NaN), or be beyond `codegen.block.NO_READING` in magnitude, in exported controllers too.
+    """
+
+    silent: ClassVar[frozenset[str]] = frozenset()
+    """Names of measurements that may be no number."""
 
     @abstractmethod
     def initial_state(self) -> Any:

@@ -17,6 +17,7 @@ position sensor is coarse, may fall silent or give nonsense, and is right in the
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
+from dualwinch.codegen.block import NO_READING
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.encoder_calibration import (
     Drum,
@@ -89,10 +90,6 @@ class SelfCalibratingEstimate(KalmanEstimate):
     position_used: Annotated[Scalar, Quantity("1", "1 where the position sensor is believed")] = 1.0
 
 
-LARGEST_READING = 1e6
-"""Magnitude in m beyond which a reading is none; NaN is not below it either."""
-
-
 LEAST_INFORMATION = 1e-6
 """Share of the position sensor's information that stands for none, where neither it nor an encoder says anything."""
 
@@ -106,7 +103,7 @@ def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after:
         expected: position in m, for what the watch remembers of a reading that is none.
         frozen_after: samples after which a reading that repeats itself is none.
     """
-    finite = absolute(reading) <= LARGEST_READING
+    finite = absolute(reading) <= NO_READING
     shown = where(finite, reading, expected)
     repeats = where(shown == watch.reading, watch.repeats + 1, 0.0)
     alive = both(finite, repeats <= frozen_after)
@@ -193,6 +190,7 @@ class SelfCalibratingKalman(Estimator):
 
     kind: ClassVar = "self-calibrating-kalman"
     label: ClassVar = "self-calibrating Kalman filter"
+    silent: ClassVar = frozenset({"x"})
 
     def initial_state(self) -> SelfCalibratingState:
         """At rest at x = 0, with drums, ropes and encoders as they are believed to be."""

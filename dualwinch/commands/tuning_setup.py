@@ -10,10 +10,12 @@ from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, load
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
+from dualwinch.model.actuators.ideal import is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import constraints_from, default_constraints
+from dualwinch.tuning.first_estimator import first_estimator
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space_entries import entry_from, space_of
@@ -42,7 +44,8 @@ def tuning_problem(
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
 
     With an ensemble the calibrating Kalman filter is used unless an experiment, a file or a setting says otherwise:
-    sensors there are noisy and ropes are not quite the nominal ones.
+    sensors there are noisy and ropes are not quite the nominal ones. Where drums, encoder zeros or the position sensor
+    are not what they should be, as in ``rig``, it is the self-calibrating one.
 
     Args:
         experiment: an experiment to start from, maybe with parts of your own.
@@ -70,8 +73,6 @@ def tuning_problem(
         if scenarios is not None:
             raise ConfigurationError("--scenarios: needs --ensemble")
     else:
-        if config is None and experiment is None and ESTIMATOR not in values:
-            values[ESTIMATOR] = "calibrating-kalman"
         if not isinstance(ensemble, Ensemble):
             drawn = load_ensemble(ensemble, base)
         elif experiment is case is config is None:
@@ -80,13 +81,17 @@ def tuning_problem(
             metrics = base.metrics or ensemble.experiment.metrics
             changed = replace(ensemble.experiment, controller=base.controller, metrics=metrics)
             drawn = replace(ensemble, experiment=changed)
+        if config is None and experiment is None and ESTIMATOR not in values:
+            values[ESTIMATOR] = first_estimator(drawn)
         drawn = reset(drawn, values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
-    wanted = default_constraints(drawn is not None) if constraints is None else constraints
+    wanted = (
+        default_constraints(drawn is not None, lag=not is_ideal(base.actuator)) if constraints is None else constraints
+    )
     problem = Problem(
         experiment=base,
         ensemble=drawn,

@@ -13,6 +13,7 @@ from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant, PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.ropes.creep import Creep
 from dualwinch.model.vehicle import drag, friction
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
@@ -155,7 +156,11 @@ def _least_step(matrix: Floats, change: Floats) -> Floats:
 
 
 def in_calm(experiment: Experiment) -> Experiment:
-    """The experiment in calm water, with perfect sensors."""
+    """The experiment in calm water, with perfect sensors, and without what no motion is steady with.
+
+    What goes round with drums and motors, eccentricity and ripple, and creeping ropes are disturbances of a loop, no
+    part of it.
+    """
     # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
     sensors = replace(
         experiment.sensors,
@@ -168,7 +173,11 @@ def in_calm(experiment: Experiment) -> Experiment:
         encoder_counts=0,
     )
     simulation = replace(experiment.simulation, jitter=0.0)
-    return replace(experiment, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
+    plant = experiment.plant
+    still = {"eccentricity": 0.0, "torque_ripple": 0.0}
+    winch_1, winch_2 = replace(plant.winch_1, **still), replace(plant.winch_2, **still)
+    plant = replace(plant, winch_1=winch_1, winch_2=winch_2, creep_1=Creep(), creep_2=Creep())
+    return replace(experiment, plant=plant, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
 
 
 def _check(experiment: Experiment, v: float) -> None:

@@ -109,6 +109,7 @@ def _assemble(
         sample_time=experiment.simulation.sample_time,
         output=output,
         derivative=function("derivative") if law.derivative else None,
+        silent=experiment.controller.estimator.silent & inputs.keys() if name == "controller" else frozenset(),
     )
 
 

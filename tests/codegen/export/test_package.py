@@ -327,3 +327,28 @@ def test_frozen_block_has_its_parameters_inside() -> None:
     made = frozen(of("plant"))
     assert made.step.name_in() == ["state", "input"]
     assert not made.parameters
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_a_sensor_may_be_silent_where_the_estimator_does_without_it(tmp_path: Path, precision: Precision) -> None:
+    made = block("controller", case(4, estimator=ESTIMATORS["self-calibrating-kalman"]()))
+    assert made.silent == {"x"}
+    package = c_package(made, made.name, ABOUT, precision)
+    assert "`input.x` may be silent" in package["README.md"]
+    flags = PRECISE if precision == "float" else ()
+    library = build(tmp_path, package, made.name, find_compiler().command, *flags)
+    hosts = [Host(library, made.name, made, precision) for _ in range(2)]
+    x, v = position(made, "inputs", "x"), position(made, "inputs", "v")
+    for sample in range(40):
+        for host, nothing in zip(hosts, (np.nan, 2e6), strict=True):
+            host.input[x] = nothing if sample > 30 else 1e-5 * sample
+            assert host.step() == 0
+        assert np.array_equal(hosts[0].output, hosts[1].output)
+    hosts[0].input[v] = np.nan
+    assert hosts[0].step() == 1
+
+
+def test_others_refuse_what_is_no_number(hosts) -> None:
+    host = hosts("controller")
+    host.input[position(of("controller"), "inputs", "x")] = np.nan
+    assert host.step() == 1

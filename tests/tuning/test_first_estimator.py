@@ -1,0 +1,33 @@
+import pytest
+
+from dualwinch.commands.tuning_setup import tuning_problem
+from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
+from dualwinch.tuning.first_estimator import first_estimator
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("[plant.winch_1]\nradius_error = 1e-4", "self-calibrating-kalman"),
+        ("[distributions]\nplant.winch_2.drum_radius = { uniform = [0.79, 0.81] }", "self-calibrating-kalman"),
+        ("[sensors]\noutage_length = 0.1", "self-calibrating-kalman"),
+        ("[plant.winch_1]\ndrum_radius = 0.7", "calibrating-kalman"),
+        ("[sensors]\nload_cell_zero_1 = 10", "calibrating-kalman"),
+    ],
+)
+def test_who_cannot_trust_drums_learns_them(text: str, kind: str) -> None:
+    assert first_estimator(loads_ensemble(text)) == kind
+
+
+def test_a_search_starts_with_it_where_nobody_says_otherwise() -> None:
+    assert first_estimator(load_ensemble("sea")) == "calibrating-kalman"
+    found = tuning_problem(ensemble="rig")
+    assert found.experiment.controller.estimator.kind == "self-calibrating-kalman"
+    given = tuning_problem(ensemble="rig", settings=["controller.estimator=kalman"])
+    assert given.experiment.controller.estimator.kind == "kalman"
+
+
+def test_motors_that_lag_are_quiet_by_themselves() -> None:
+    texts = {name: [bound.text for bound in tuning_problem(ensemble=name).constraints] for name in ("sea", "rig")}
+    assert "mean.chatter<=0.25*paper" in texts["sea"]
+    assert "mean.chatter<=1*paper" in texts["rig"]
