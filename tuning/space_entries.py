@@ -19,7 +19,7 @@ from dualwinch.tuning.own_bounds import own_bounds
 from dualwinch.tuning.space import Dimension, Interval, Pairs, Space
 
 
-def space_of(entries: Mapping[str, Any], experiment: Experiment) -> Space:
+def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Sequence[str] = ()) -> Space:
     """The space that some entries describe.
 
     Args:
@@ -27,6 +27,7 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment) -> Space:
             ``log``, or a list of pairs for ``controller.nftsm.p/q``. A table's name stands for all standard gains
             below it. Without entries: every standard gain that has an effect, both winches tied.
         experiment: its structure says which gains have an effect.
+        further: gains beside the standard ones, where there are no entries.
 
     Raises:
         ConfigurationError: an unknown gain, one without effect or without bounds, or bounds that are no range.
@@ -34,7 +35,7 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment) -> Space:
     gains = _Gains(experiment)
     effective = _effective(structure_of(experiment))
     dimensions: dict[str, Dimension] = {}
-    for name, entry in (entries or {name: {} for name in gains.standard()}).items():
+    for name, entry in (entries or {name: {} for name in (*gains.standard(), *further)}).items():
         below = [known for known in gains.standard() if known.startswith(f"{name}.")]
         for gain in below or [name]:
             keys = gains.keys(gain)

@@ -14,8 +14,8 @@ from dualwinch.model.actuators.ideal import is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.by_ensemble import first_estimator, further_gains
 from dualwinch.tuning.constraint import constraints_from, default_constraints
-from dualwinch.tuning.first_estimator import first_estimator
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space_entries import entry_from, space_of
@@ -95,7 +95,7 @@ def tuning_problem(
     problem = Problem(
         experiment=base,
         ensemble=drawn,
-        space=space_of(_entries(space), base),
+        space=space_of(_entries(space), base, further_gains(drawn) if drawn else ()),
         objectives=objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics),
         constraints=constraints_from(wanted, base),
         scenarios=count if drawn else 1,

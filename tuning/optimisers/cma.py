@@ -1,7 +1,6 @@
-"""CMA-ES in the unit cube, led by ranks: constraints first, then the objective (Hansen, arXiv:1604.00772).
+"""CMA-ES in the unit cube, led by ranks (Hansen, arXiv:1604.00772).
 
-The strategy sees nothing but who is better than whom (`tuning.scoring.ranking`): a constraint needs no
-penalty, no weight.
+The strategy sees nothing but who is more promising than whom (`tuning.scoring.ranking`).
 
 There is more than one valley: much preload or little, a slow winch or a fast one. So once a strategy gets no further,
 the next one starts elsewhere, at the best of some random candidates.
@@ -13,7 +12,7 @@ import numpy as np
 
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.scoring.ranking import promising_first
 from dualwinch.tuning.space import Point
 
 FIRST_SIGMA = 0.2
@@ -83,10 +82,10 @@ class Cma:
             else:
                 self._scouts += generation
                 if len(self._scouts) >= SCOUTS:
-                    self._begin(self._scouts[best_first(self._scouts)[0]].point)
+                    self._begin(self._scouts[promising_first(self._scouts)[0]].point)
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
-        order = best_first(generation)
+        order = promising_first(generation)
         points = [self._space.encoded(generation[index].point).clip(0, 1) for index in order]
         self._strategy.tell([(point, float(rank)) for rank, point in enumerate(points)])
         self._leaders.append(generation[order[0]])
@@ -98,8 +97,8 @@ class Cma:
         if len(self._leaders) <= PATIENCE:
             return False
         before, lately = (
-            leaders[best_first(leaders)[0]] for leaders in (self._leaders[:-PATIENCE], self._leaders[-PATIENCE:])
+            leaders[promising_first(leaders)[0]] for leaders in (self._leaders[:-PATIENCE], self._leaders[-PATIENCE:])
         )
         if before.feasible and lately.feasible and len(before.objectives) == 1:
             return lately.objectives[0] > before.objectives[0] - GAIN * abs(before.objectives[0])
-        return best_first([before, lately])[0] == 0
+        return promising_first([before, lately])[0] == 0

@@ -6,7 +6,7 @@ from dualwinch.tuning.optimisers.cma import Cma
 from dualwinch.tuning.optimisers.gradient import Gradient
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.scoring.ranking import promising_first
 from dualwinch.tuning.space import Point
 
 
@@ -34,8 +34,8 @@ class Hybrid:
         self._search.tell(evaluations)
         if self._polishing:
             self._polish.tell(evaluations)
-        leader = evaluations[best_first(evaluations)[0]]
-        if self._best is None or best_first([self._best, leader])[0]:
+        leader = evaluations[promising_first(evaluations)[0]]
+        if self._best is None or promising_first([self._best, leader])[0]:
             self._best = leader
         if self._polishing:
             self._polishing = not self._polish.converged

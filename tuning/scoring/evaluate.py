@@ -14,7 +14,7 @@ from dualwinch.tuning import clock
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import survey
-from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.scoring.ranking import best_first, promising_first
 from dualwinch.tuning.scoring.runs import over, run_pairs
 
 Margins = dict[str, WorstMargin]
@@ -202,7 +202,7 @@ class Evaluator:
             self.judged(candidate, early, first, row, tuning=True, pruned=True)
             for row, candidate in enumerate(candidates)
         ]
-        order = best_first(judged)
+        order = promising_first(judged)
         kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
         kept |= {index for index, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
         late = self.run([candidates[index] for index in sorted(kept)], scenarios[self._first :])

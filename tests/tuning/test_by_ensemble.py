@@ -2,7 +2,7 @@ import pytest
 
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
-from dualwinch.tuning.first_estimator import first_estimator
+from dualwinch.tuning.by_ensemble import RESERVE, first_estimator
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,9 @@ def test_motors_that_lag_are_quiet_by_themselves() -> None:
     texts = {name: [bound.text for bound in tuning_problem(ensemble=name).constraints] for name in ("sea", "rig")}
     assert "mean.chatter<=0.25*paper" in texts["sea"]
     assert "mean.chatter<=1*paper" in texts["rig"]
+
+
+def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None:
+    assert RESERVE in tuning_problem(ensemble="rig").space.names
+    assert RESERVE not in tuning_problem(ensemble="sea").space.names
+    assert RESERVE not in tuning_problem(ensemble="rig", space=["controller.nftsm.beta"]).space.names

@@ -1,0 +1,45 @@
+"""What a search begins with where nobody says: it follows from what an ensemble leaves uncertain."""
+
+from collections.abc import Collection
+
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+
+KNOWN = ("drum_radius", "layer_thickness")
+"""Numbers of a winch that a controller knows, unless they are drawn."""
+
+POSITIONS = frozenset(
+    (
+        *(f"plant.winch_{i}.{name}" for i in (1, 2) for name in (*KNOWN, "radius_error", "eccentricity")),
+        *(f"plant.creep_{i}.elongation" for i in (1, 2)),
+        *(f"sensors.encoder_zero_{i}" for i in (1, 2)),
+        *(f"sensors.{name}" for name in ("position_bias", "position_drift", "outage_length")),
+    )
+)
+"""Keys of what an estimator is misled by that takes drums and encoder zeros for exact."""
+
+FORCES = frozenset(
+    (
+        *(f"plant.winch_{i}.{name}" for i in (1, 2) for name in ("torque_error", "torque_ripple")),
+        *(f"sensors.load_cell_{name}_{i}" for i in (1, 2) for name in ("error", "zero")),
+    )
+)
+"""Keys of what makes tensions others than torques and load cells say."""
+
+RESERVE = "controller.coordination.reserve"
+
+
+def first_estimator(ensemble: Ensemble) -> str:
+    """The kind of filter for noisy sensors and inexact ropes, and maybe drums that nobody knows exactly."""
+    return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else "calibrating-kalman"
+
+
+def further_gains(ensemble: Ensemble) -> tuple[str, ...]:
+    """Gains to search for beside the standard ones: where tensions are uncertain, commands keep off their limit."""
+    return (RESERVE,) if _uncertain(ensemble, FORCES) else ()
+
+
+def _uncertain(ensemble: Ensemble, keys: Collection[str]) -> bool:
+    """Whether one of these is drawn, or is not zero, beside what a controller knows."""
+    given = leaves(ensemble.experiment)
+    return any(key in ensemble.distributions or (given[key] and not key.endswith(KNOWN)) for key in keys)
