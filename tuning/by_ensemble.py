@@ -34,9 +34,24 @@ def first_estimator(ensemble: Ensemble) -> str:
     return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else "calibrating-kalman"
 
 
-def further_gains(ensemble: Ensemble) -> tuple[str, ...]:
-    """Gains to search for beside the standard ones: where tensions are uncertain, commands keep off their limit."""
-    return (RESERVE,) if _uncertain(ensemble, FORCES) else ()
+def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
+    """Gains to search for beside the standard ones, as entries of a space.
+
+    Where tensions are uncertain, commands keep off their limit: by up to twice of what they may be off there.
+    """
+    if not _uncertain(ensemble, FORCES):
+        return {}
+    limit = ensemble.experiment.controller.limits.tension_max
+    shares = (_largest(ensemble, key) for key in FORCES if "zero" not in key and "ripple" not in key)
+    zeros = (_largest(ensemble, key) for key in FORCES if "zero" in key)
+    return {RESERVE: {"lower": 0.0, "upper": 2 * (limit * max(shares) + max(zeros))}}
+
+
+def _largest(ensemble: Ensemble, key: str) -> float:
+    """Largest magnitude that a key has in any scenario."""
+    given = leaves(ensemble.experiment)[key]
+    drawn = ensemble.distributions.get(key)
+    return max(abs(float(value)) for value in (drawn.ends(given) if drawn else (given,)))
 
 
 def _uncertain(ensemble: Ensemble, keys: Collection[str]) -> bool:

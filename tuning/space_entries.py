@@ -19,7 +19,7 @@ from dualwinch.tuning.own_bounds import own_bounds
 from dualwinch.tuning.space import Dimension, Interval, Pairs, Space
 
 
-def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Sequence[str] = ()) -> Space:
+def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Mapping[str, Any] | None = None) -> Space:
     """The space that some entries describe.
 
     Args:
@@ -27,7 +27,7 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Sequen
             ``log``, or a list of pairs for ``controller.nftsm.p/q``. A table's name stands for all standard gains
             below it. Without entries: every standard gain that has an effect, both winches tied.
         experiment: its structure says which gains have an effect.
-        further: gains beside the standard ones, where there are no entries.
+        further: entries beside the standard gains, where there are no others.
 
     Raises:
         ConfigurationError: an unknown gain, one without effect or without bounds, or bounds that are no range.
@@ -35,7 +35,7 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Sequen
     gains = _Gains(experiment)
     effective = _effective(structure_of(experiment))
     dimensions: dict[str, Dimension] = {}
-    for name, entry in (entries or {name: {} for name in (*gains.standard(), *further)}).items():
+    for name, entry in (entries or {name: {} for name in gains.standard()} | dict(further or {})).items():
         below = [known for known in gains.standard() if known.startswith(f"{name}.")]
         for gain in below or [name]:
             keys = gains.keys(gain)

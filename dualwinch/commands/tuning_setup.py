@@ -95,7 +95,7 @@ def tuning_problem(
     problem = Problem(
         experiment=base,
         ensemble=drawn,
-        space=space_of(_entries(space), base, further_gains(drawn) if drawn else ()),
+        space=space_of(_entries(space), base, further_gains(drawn) if drawn else None),
         objectives=objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics),
         constraints=constraints_from(wanted, base),
         scenarios=count if drawn else 1,

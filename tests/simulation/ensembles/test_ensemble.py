@@ -88,6 +88,7 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "simulation.delay_samples": 4,
         "metrics": ["room"],
         "actuator.kind": "motor",
+        "sensors.outage": "nan",
     }
     alone = {"plant.rope_1.kind", "plant.rope_2.kind"}
     assert set(others) | alone == shaping_keys(SEA.experiment)
