@@ -88,9 +88,8 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "simulation.delay_samples": 4,
         "metrics": ["room"],
         "actuator.kind": "motor",
-        "sensors.outage": "nan",
     }
-    alone = {"plant.rope_1.kind", "plant.rope_2.kind"}
+    alone = {"plant.rope_1.kind", "plant.rope_2.kind", "sensors.outage"}
     assert set(others) | alone == shaping_keys(SEA.experiment)
     for key, value in others.items():
         assert structure_of(override(SEA.experiment, {key: value})) != structure_of(SEA.experiment), key
