@@ -6,7 +6,9 @@ from os import PathLike
 from typing import Any
 
 from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.stress.limits import constraints_of
@@ -96,8 +98,20 @@ def base_and_ensemble(
         ConfigurationError: anything wrong with a key, a value or an ensemble.
     """
     values = dict(settings or {})
-    kind = _ensemble(base, experiment, values)
+    kind = _ensemble(base, _without(ensemble, experiment), values)
     return kind, _ensemble(ensemble, kind.experiment, values)
+
+
+def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -> Experiment:
+    """An experiment without what it has of an ensemble, such as gains that were tuned in it: that is to be added."""
+    plain = Experiment()
+    asked = ensemble.experiment if isinstance(ensemble, Ensemble) else load_ensemble(ensemble, plain).experiment
+    usual, theirs, ours = leaves(plain), leaves(asked), leaves(experiment)
+    taken = {key for key, value in theirs.items() if value != usual.get(key) and value == ours.get(key)}
+    return override(
+        experiment,
+        {key: usual[key] for key in taken if key in usual and not key.startswith(("controller.", "metrics"))},
+    )
 
 
 def _ensemble(

@@ -82,13 +82,18 @@ class Broken:
         return self.what.upper() if self.what in {"mse", "mae"} else self.what.replace("_", " ")
 
 
+NEAR = 1e-6
+"""Share of a bound within which gains are on it, as the paper's are on theirs: any imperfection takes them across."""
+
+
 @dataclass(frozen=True)
 class Limit:
     """A constraint as it holds for some gains.
 
     Attributes:
         constraint: with its bound as a number.
-        asked: the same, as it was asked for; another one where the gains do not keep to it in the base.
+        asked: the same, as it was asked for; another one where the gains do not keep to it in the base, or are
+            just on it.
     """
 
     constraint: Constraint
@@ -144,11 +149,12 @@ def limits_of(constraints: Sequence[Constraint], paper: Reached, own: Reached) -
         own: what these gains came to in the base.
     """
     found = []
-    for asked in (constraint.given(paper.over(constraint)) for constraint in constraints):
+    for constraint in constraints:
+        asked, near = constraint.given(paper.over(constraint)), NEAR if constraint.of_paper else 0.0
         reached = own.over(asked)
         larger = (reached > 0) is not asked.at_least  # of two numbers that differ by the factor, the worse one
         eased = replace(asked, bound=reached * WORSE if larger else reached / WORSE)
-        found.append(Limit(asked if asked.violation(reached) <= 0 else eased, asked))
+        found.append(Limit(asked if asked.violation(reached, near) <= 0 else eased, asked))
     return tuple(found)
 
 

@@ -8,9 +8,11 @@ import pytest
 import dualwinch as dw
 from dualwinch.cli import main
 from dualwinch.commands import tuning_stress
+from dualwinch.commands.stress import base_and_ensemble
 from dualwinch.commands.stress_run import noted_constraints
-from dualwinch.config.ensemble_file import loads_ensemble
+from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from tests.tuning.stress.ensembles import DRUMS, short
 
@@ -164,3 +166,12 @@ def test_wrong_input_is_one_line(
     assert ended.value.code == 2
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_what_gains_have_of_the_ensemble_they_were_tuned_in_comes_off_first() -> None:
+    sea, rig = load_ensemble("sea"), load_ensemble("rig")
+    kind, harsh = base_and_ensemble(rig.experiment, "rig", "sea")
+    assert kind.experiment == sea.experiment
+    assert harsh.experiment == rig.experiment
+    heavier = override(rig.experiment, {"plant.vehicle.mass": 1.2e4})
+    assert base_and_ensemble(heavier, "rig", "sea")[0].experiment.plant.vehicle.mass == 1.2e4

@@ -74,3 +74,11 @@ def test_numbers_are_told_apart_from_their_bounds() -> None:
         "slack share 0.486 % > 0 %",
         "MSE 2.5 mm² > 1 mm²",
     }
+
+
+def test_who_is_just_on_a_bound_of_its_own_may_become_twice_as_bad_too() -> None:
+    constraints = constraints_of(("worst.peak_tension<=1*paper", "worst.min_tension>=1*paper"), (), EXPERIMENT)
+    (peak, least) = limits_of(constraints, reached(GOOD), reached(GOOD))
+    assert peak.eased
+    assert least.eased
+    assert peak.constraint.bound == 2 * peak.asked.bound
