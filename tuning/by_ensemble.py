@@ -54,6 +54,18 @@ def _largest(ensemble: Ensemble, key: str) -> float:
     return max(abs(float(value)) for value in (drawn.ends(given) if drawn else (given,)))
 
 
+def rests_on(ensemble: Ensemble | None) -> str:
+    """What has to be true of a machine for gains tuned in an ensemble to be worth what they are there, in words."""
+    if ensemble is None:
+        return "that rests on a machine and sensors that are exactly the model's"
+    if _uncertain(ensemble, POSITIONS):
+        return f"that rests on a machine within the tolerances of '{ensemble.name}'"
+    return (
+        "that rests on drums, encoder zeros and a position sensor that are exactly what they should be, "
+        f"as they are in '{ensemble.name}' (dualwinch stress tells how exactly)"
+    )
+
+
 def _uncertain(ensemble: Ensemble, keys: Collection[str]) -> bool:
     """Whether one of these is drawn, or is not zero, beside what a controller knows."""
     given = leaves(ensemble.experiment)

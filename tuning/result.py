@@ -17,7 +17,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import pareto_front
 from dualwinch.tuning.scoring.verdict import Score
 from dualwinch.tuning.space_record import space_to_record
-from dualwinch.tuning.summary import comparison, contenders, headline, margin_places, where
+from dualwinch.tuning.summary import contenders, headline, margin_places, where, worth
 from dualwinch.tuning.tuned import Tuned
 
 
@@ -35,7 +35,7 @@ def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, An
     others = [name for name in ("start", "paper") if name in verdict.shown]
     lines = ["The best gains of a study by `dualwinch tune`."]
     lines += [f"{name}: {value}" for name, value in facts.items()]
-    lines += [headline(tuned), comparison(tuned), *contenders(tuned)]
+    lines += [worth(tuned), headline(tuned), *contenders(tuned)]
     lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
     lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
     lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]

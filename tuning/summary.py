@@ -3,6 +3,7 @@
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.tuning.by_ensemble import rests_on
 from dualwinch.tuning.finished import Finished
 from dualwinch.tuning.optimisers import default_method
 from dualwinch.tuning.plots.names import short, shown_unit
@@ -65,6 +66,12 @@ def headline(tuned: Finished) -> str:
         passed_over = len(tuned.verdict.passed_over)
         return words + f", where {passed_over} that seemed better did not hold" if passed_over else words
     return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
+
+
+def worth(tuned: Finished) -> str:
+    """What was gained, and what that rests on."""
+    gained = comparison(tuned) if tuned.verdict.improved else "nothing is gained: the start is kept"
+    return f"{gained}; {rests_on(tuned.problem.ensemble)}"
 
 
 def contenders(tuned: Finished) -> list[str]:

@@ -9,12 +9,12 @@ from dualwinch.tuning.scoring.ranking import pareto_front
 from dualwinch.tuning.summary import (
     advice,
     authority,
-    comparison,
     contenders,
     endings,
     headline,
     margin_places,
     statistics_table,
+    worth,
 )
 from dualwinch.tuning.tuned import Tuned
 
@@ -26,7 +26,8 @@ def print_study(tuned: Tuned) -> None:
     def say(words: str | Text) -> None:
         console.print(words, highlight=False, soft_wrap=True)
 
-    say(styled("bold", headline(tuned)))
+    say(styled("bold", worth(tuned)))
+    say(headline(tuned))
     console.print(_table(tuned))
     for words in contenders(tuned):
         say(words)
@@ -35,7 +36,7 @@ def print_study(tuned: Tuned) -> None:
         say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
     for place in margin_places(tuned):
         say(place)
-    say(endings(tuned) + (f"; {comparison(tuned)}" if verdict.improved else ""))
+    say(endings(tuned))
     if beyond := authority(tuned):
         say(beyond)
     for number, sentence in enumerate(advice(tuned)):

@@ -17,12 +17,12 @@ from dualwinch.tuning.plots.search import front, history, importance, parallel_c
 from dualwinch.tuning.summary import (
     advice,
     authority,
-    comparison,
     contenders,
     headings,
     headline,
     margin_places,
     where,
+    worth,
 )
 from dualwinch.tuning.tuned import Tuned
 
@@ -80,10 +80,9 @@ def _sentence(words: str) -> str:
 def _summary(tuned: Tuned) -> str:
     feasible = sum(trial.feasible for trial in tuned.trials)
     kept = "keeps" if tuned.verdict.scored.feasible else "does not keep"
-    compared = f"Its {comparison(tuned)}, and it" if tuned.verdict.improved else "It"
     return (
-        f"{_sentence(headline(tuned))} {compared} {kept} to every constraint there. Of {len(tuned.trials)} trials "
-        f"{feasible} are within the constraints."
+        f"{_sentence(worth(tuned))} {_sentence(headline(tuned))} It {kept} to every constraint there. "
+        f"Of {len(tuned.trials)} trials {feasible} are within the constraints."
     )
 
 

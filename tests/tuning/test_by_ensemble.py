@@ -2,7 +2,7 @@ import pytest
 
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
-from dualwinch.tuning.by_ensemble import RESERVE, first_estimator
+from dualwinch.tuning.by_ensemble import RESERVE, first_estimator, rests_on
 
 
 @pytest.mark.parametrize(
@@ -38,3 +38,9 @@ def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None
     assert (reserve.lower, reserve.upper) == pytest.approx((0, 2 * (0.02 * 6000 + 30)))
     assert RESERVE not in tuning_problem(ensemble="sea").space.names
     assert RESERVE not in tuning_problem(ensemble="rig", space=["controller.nftsm.beta"]).space.names
+
+
+def test_what_was_gained_says_what_it_rests_on() -> None:
+    assert rests_on(load_ensemble("rig")) == "that rests on a machine within the tolerances of 'rig'"
+    assert "exactly what they should be, as they are in 'sea'" in rests_on(load_ensemble("sea"))
+    assert "exactly the model's" in rests_on(None)

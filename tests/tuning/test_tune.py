@@ -18,7 +18,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.plan import BESIDE_SECONDS, FULL
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
-from dualwinch.tuning.summary import advice, comparison, headings, headline, times, where
+from dualwinch.tuning.summary import advice, comparison, headings, headline, times, where, worth
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuned import Tuned
 from tests.tuning.conftest import MakeProblem
@@ -71,11 +71,11 @@ def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tuned
 def test_a_notebook_and_a_prompt_show_what_was_found(tuned: Tuned) -> None:
     shown = tuned._repr_html_()
     assert headline(tuned) in shown
-    assert escape(comparison(tuned)) in shown
+    assert escape(worth(tuned)) in shown
     for key, value in tuned.gains.items():
         assert f">{key}</td>" in shown
         assert f"{value:.6g}</td>" in shown
-    assert repr(tuned) == f"Tuned({headline(tuned)}; {comparison(tuned)})", "no scenario is beyond the authority"
+    assert repr(tuned) == f"Tuned({worth(tuned)}; {headline(tuned)})", "no scenario is beyond the authority"
 
 
 def test_a_budget_is_needed(make_problem: MakeProblem) -> None:
