@@ -11,7 +11,7 @@ from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, maximum, rounded, where
 
-Silence: TypeAlias = Literal["held", "nan"]
+Silence: TypeAlias = Literal["held", "missing"]
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Sensors:
         Mark.COURSE,
     ] = 5.0
     outage: Annotated[
-        Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (nan)", "")
+        Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (missing)", "")
     ] = "held"
     speed_noise: Annotated[
         float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS

@@ -206,7 +206,7 @@ SENSORS = {
     "sensors.encoder_zero_1": 1e-3,
     "sensors.encoder_zero_2": -1e-3,
     "sensors.outage_length": 0.5,
-    "sensors.outage": "nan",
+    "sensors.outage": "missing",
 }
 DRUMS = {
     "plant.winch_1.radius_error": 2e-3,

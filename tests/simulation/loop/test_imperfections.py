@@ -116,7 +116,7 @@ def test_a_silent_sensor_holds_its_last_reading() -> None:
 def test_no_number_ends_a_controller_that_does_not_ask_for_one() -> None:
     values = {"sensors.outage_length": 0.1, "sensors.outage_period": 0.7}
     assert simulate(imperfect(values)).outcome == "completed"
-    lost = simulate(imperfect(values | {"sensors.outage": "nan"}))
+    lost = simulate(imperfect(values | {"sensors.outage": "missing"}))
     first = int(np.flatnonzero(drawn(lost.experiment, "noise.silent"))[0])
     assert lost.outcome == "diverged"
     assert round(lost.end_time / 1e-3) == first + 1
