@@ -71,7 +71,7 @@ class DrumGains:
         at.Gt(0),
         Quantity("m", "believed standard deviation of the position in which a run begins", "assumption"),
         Tunable(3e-5, 1e-2, standard=False),
-    ] = 1e-4
+    ] = 8e-5
     memory: Annotated[
         float,
         at.Gt(0),
@@ -273,7 +273,8 @@ def believed(errors: Knowledge, row: Sequence[Scalar]) -> Scalar:
 def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
     """What is known of an encoder, its zero set where the vehicle is known to rest.
 
-    The zero stays as uncertain as it was: the position sensor may have another opinion of where that is.
+    The sample that follows makes it certain, as far as `DrumGains.tare` says: the position sensor may have another
+    opinion of where the vehicle rests.
 
     Args:
         known: what was known.
