@@ -9,7 +9,9 @@ nominal radius and nominal rope say of the position is wrong by
 with the encoder's zero in m of rope, the share by which the drum is larger than the nominal one, the growth of its
 radius a turn beyond the nominal one, the share by which the rope is softer, and the drum's run-out: once a turn, for it
 is not quite round or sits beside its axis. All are constants, or nearly, and enter linearly: regularised least squares
-(`controllers.estimators.least_squares`) learns them from the readings of the position sensor.
+(`controllers.estimators.least_squares`) learns them from the readings of the position sensor. What is learnt is used as
+far as it is more than the sensor's noise (`controllers.estimators.shrinkage`), so that a drum that is as its data sheet
+says stays so. The excess is exempt: no rope's modulus is known that well.
 
 Neither side is believed blindly. A reading far from what is expected of it teaches nothing. If the readings stay away
 from what the encoder says, beyond what a reading may be wrong by, the encoder is doubted: its variance as a position
@@ -17,12 +19,14 @@ sensor grows by the square of what is beyond, so that it fades out without a bum
 forgotten. An encoder that has jumped is learnt anew, and fades in again. A rope that slips stays in doubt.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import annotated_types as at
 
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances, vector
+from dualwinch.controllers.estimators.shrinkage import shrunk
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
 from dualwinch.model.winding import TURN
@@ -62,6 +66,12 @@ class DrumGains:
         Quantity("m", "believed standard deviation of a drum's run-out, in m of rope", "assumption"),
         Tunable(1e-5, 2e-3, standard=False),
     ] = 1e-4
+    tare: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("m", "believed standard deviation of the position in which a run begins", "assumption"),
+        Tunable(3e-5, 1e-2, standard=False),
+    ] = 8e-5
     memory: Annotated[
         float,
         at.Gt(0),
@@ -131,11 +141,13 @@ class Reading:
         x: in m; any number where there is none.
         alive: whether there is one.
         deviation: of its noise in m.
+        weight: how many such readings it counts as.
     """
 
     x: Scalar
     alive: Scalar
     deviation: Scalar
+    weight: Scalar = 1.0
 
 
 @dataclass(frozen=True)
@@ -225,7 +237,7 @@ def calibrate(
     deviation = reading.deviation
     row = regressors(drum, gains, deviation)
     says = drum.wound - drum.stretch
-    before = sum(h * known.errors.estimate[i] for i, h in enumerate(row))
+    before = believed(known.errors, row)
     counts = reading.alive * drum.taut
     # judged by what was known before: the doubt of the last sample
     odds = doubt_odds(known.residual, 0.0)
@@ -238,9 +250,9 @@ def calibrate(
     limited = clip(surprise, -bound, bound)
     # in doubt the gate opens: what seems to be an outlier is what there is to learn
     opened = bound * (1 + odds)
-    weight = where(counts, where(within, 1.0, doubt), 0.0)
+    weight = reading.weight * where(counts, where(within, 1.0, doubt), 0.0)
     errors = learnt(known.errors, row, expectation, clip(surprise, -opened, opened), weight, fade)
-    after = sum(h * errors.estimate[i] for i, h in enumerate(row))
+    after = believed(errors, row)
     share = where(counts, sample_time / trusting.doubt_time, 0.0)
     following = EncoderKnowledge(errors, known.residual + share * (limited - known.residual))
     position = EncoderPosition(
@@ -252,10 +264,17 @@ def calibrate(
     return following, position
 
 
+def believed(errors: Knowledge, row: Sequence[Scalar]) -> Scalar:
+    """What an encoder is believed to be off by, over the deviation of a reading."""
+    estimate = shrunk(errors, len(NAMES), [NAMES.index("excess")])
+    return sum(h * value for h, value in zip(row, estimate, strict=True))
+
+
 def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
     """What is known of an encoder, its zero set where the vehicle is known to rest.
 
-    The zero stays as uncertain as it was: the position sensor may have another opinion of where that is.
+    The sample that follows makes it certain, as far as `DrumGains.tare` says: the position sensor may have another
+    opinion of where the vehicle rests.
 
     Args:
         known: what was known.

@@ -116,6 +116,11 @@ def variances(known: Knowledge, n: int) -> tuple[Scalar, ...]:
     return tuple(solved(factors, unit)[index] for index, unit in enumerate(units))
 
 
+def element(known: Knowledge, row: int, column: int) -> Scalar:
+    """Element of the samples' information, a symmetric matrix."""
+    return known.information[_index(max(row, column), min(row, column))]
+
+
 def vector(values: Sequence[Scalar]) -> Any:
     """Numbers, or symbols, as a vector of a state."""
     symbolic = any(isinstance(value, (ca.SX, ca.MX)) for value in values)

@@ -231,7 +231,11 @@ class SelfCalibratingKalman(Estimator):
         self, known: EncoderKnowledge, drum: Drum, x: Scalar, reading: Reading, resting: Scalar, sample_time: Scalar
     ) -> tuple[EncoderKnowledge, EncoderPosition]:
         known = tared(known, drum, x, self.drums, resting)
-        return calibrate(known, drum, reading, self.drums, self.trust, sample_time)
+        # rest in a known position tells as much as many readings; it sets the encoder, not the expected position
+        weight = where(resting, (reading.deviation / self.drums.tare) ** 2, 1.0)
+        told = Reading(where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight)
+        known, position = calibrate(known, drum, told, self.drums, self.trust, sample_time)
+        return known, replace(position, shift=where(resting, 0.0, position.shift))
 
     def _learnt(
         self, knowledge: tuple[EncoderKnowledge, ...], positions: tuple[EncoderPosition, ...]
