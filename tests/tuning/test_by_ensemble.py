@@ -3,6 +3,7 @@ import pytest
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.tuning.by_ensemble import RESERVE, first_estimator, rests_on
+from dualwinch.tuning.space import Interval
 
 
 @pytest.mark.parametrize(
@@ -35,6 +36,7 @@ def test_motors_that_lag_are_quiet_by_themselves() -> None:
 
 def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None:
     (reserve,) = [found for found in tuning_problem(ensemble="rig").space.dimensions if found.name == RESERVE]
+    assert isinstance(reserve, Interval)
     assert (reserve.lower, reserve.upper) == pytest.approx((0, 2 * (0.02 * 6000 + 30)))
     assert RESERVE not in tuning_problem(ensemble="sea").space.names
     assert RESERVE not in tuning_problem(ensemble="rig", space=["controller.nftsm.beta"]).space.names

@@ -41,7 +41,7 @@ def promising_first(evaluations: Sequence[Evaluation]) -> list[int]:
     By the objective's logarithm with a penalty on what is violated; what was given up early comes last. Of several
     objectives, or of one that need not be positive, the best come first.
     """
-    if any(len(evaluation.objectives) > 1 or evaluation.objectives[0] <= 0 for evaluation in evaluations):
+    if any(len(evaluation.objectives) > 1 or min(evaluation.objectives) <= 0 for evaluation in evaluations):
         return best_first(evaluations)
 
     def key(index: int) -> tuple[bool, float]:
