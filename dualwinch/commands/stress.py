@@ -1,7 +1,6 @@
 """What breaks first: gains under imperfections that are made larger, beside the paper's."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from typing import Any
 
@@ -121,7 +120,5 @@ def _ensemble(
     if asked is None or asked == NO_BASE:
         return reset(Ensemble(NO_BASE, "", experiment, {}), values)
     if isinstance(asked, Ensemble):
-        metrics = experiment.metrics or asked.experiment.metrics
-        asked = replace(asked, experiment=replace(asked.experiment, controller=experiment.controller, metrics=metrics))
-        return reset(asked, values)
+        return reset(asked.controlled_as(experiment), values)
     return reset(load_ensemble(asked, experiment), values)

@@ -78,9 +78,7 @@ def tuning_problem(
         elif experiment is case is config is None:
             drawn = ensemble
         else:
-            metrics = base.metrics or ensemble.experiment.metrics
-            changed = replace(ensemble.experiment, controller=base.controller, metrics=metrics)
-            drawn = replace(ensemble, experiment=changed)
+            drawn = ensemble.controlled_as(base)
         if config is None and experiment is None and ESTIMATOR not in values:
             values[ESTIMATOR] = first_estimator(drawn)
         drawn = reset(drawn, values)

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
-from dualwinch.model.plant import Plant, PlantState, tensions
+from dualwinch.model.plant import Environment, Plant, PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes.creep import Creep
-from dualwinch.model.vehicle import drag, friction
+from dualwinch.model.steady_cruise import resistance as resistance_of_plant
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
@@ -192,8 +192,7 @@ def _check(experiment: Experiment, v: float) -> None:
 
 def resistance(experiment: Experiment, v: float) -> float:
     """Net force in N that the ropes have to give at a steady speed."""
-    vehicle = experiment.plant.vehicle
-    return float(friction(v, vehicle) + drag(v, vehicle))
+    return float(resistance_of_plant(v, Environment(), experiment.plant))
 
 
 def _check_solution(experiment: Experiment, row: dict[str, float], excess: float, v: float) -> None:

@@ -1,7 +1,7 @@
 """An ensemble: an experiment some of whose values are drawn anew in every scenario."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
@@ -128,6 +128,12 @@ class Ensemble:
                     share = EDGE if share < 0.5 else 1 - EDGE
                 draws[key] = drawn.value(share, nominal[key])
         return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws, vertex)
+
+    def controlled_as(self, experiment: Experiment) -> "Ensemble":
+        """The ensemble with the controller of an experiment, and with its metrics where it has some."""
+        metrics = experiment.metrics or self.experiment.metrics
+        changed = replace(self.experiment, controller=experiment.controller, metrics=metrics)
+        return replace(self, experiment=changed)
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
         """The first `count` scenarios, one after the other."""

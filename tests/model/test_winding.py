@@ -8,6 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.quantity import Mark
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.ropes.creep import Creep, crept
 from dualwinch.model.winch import Winch, shaft_torque, specified_winch
 from dualwinch.model.winding import angle_of, winding
@@ -79,3 +82,11 @@ def test_a_motor_gives_its_error_and_its_ripple() -> None:
 def test_a_data_sheet_knows_layers_and_nothing_of_errors() -> None:
     real = Winch(drum_radius=0.7, layer_thickness=0.02, radius_error=0.01, eccentricity=1e-3, torque_ripple=0.1)
     assert specified_winch(replace(real, torque_error=0.1)) == Winch(drum_radius=0.7, layer_thickness=0.02)
+
+
+def test_all_that_is_unknown_of_a_winch_is_off_in_its_data_sheet() -> None:
+    """The marks beside the fields and the data sheet's winch say the same."""
+    unknown = {key for key, leaf in describe(Winch).items() if leaf.marks >= {Mark.UNKNOWN, Mark.OFF_AT_ZERO}}
+    off = leaves(specified_winch(Winch(**dict.fromkeys(unknown, 0.05))))
+    assert unknown
+    assert {off[key] for key in unknown} == {0.0}
