@@ -62,6 +62,9 @@ class Simulation:
         Quantity("1", "steps of the integrator in a sample (adaptive: where one step is not enough)", ""),
         Mark.SHAPES_CODE,
     ] = 5
+    readings: Annotated[
+        bool, Quantity("", "rows hold what the sensors say, too (x_read, F1_read, ...), as a logger would", "")
+    ] = False
     seed: Annotated[
         int, at.Ge(0), at.Lt(2**64), Quantity("", "seed of every random signal of the run", ""), Mark.DRAWN_AHEAD
     ] = 0

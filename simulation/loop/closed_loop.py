@@ -309,6 +309,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         plant=plant,
         nominal=nominal,
         torques=None if is_ideal(actuator) else hold.torques,
+        measurement=measurement if structure.readings else None,
     )
     sample = _offered(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
     sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")

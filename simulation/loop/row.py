@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from dualwinch.controllers.controller import own_signals
-from dualwinch.controllers.signals import ControllerOutput
+from dualwinch.controllers.signals import ControllerOutput, Measurement
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, vehicle_acceleration
 from dualwinch.model.quantities.description import describe
@@ -49,6 +49,12 @@ class ActualTorques:
     torque_2: Annotated[Scalar, Quantity("N m", "torque of motor 2, its mean until the next sample"), Mark.HELD]
 
 
+READ = "_read"
+"""Ends the names of the columns that hold what a sensor says."""
+
+READINGS = {leaf.key + READ: leaf.quantity for leaf in describe(Measurement).values()}
+"""Columns of what the sensors say, where they are kept."""
+
 COLUMNS = {leaf.key: leaf.quantity for leaf in describe(Row).values()}
 """Columns that every result has: name → quantity, in the order of a result file; a controller's own come after."""
 
@@ -70,6 +76,7 @@ def row_of(
     nominal: Plant,
     bias: Scalar = 0.0,
     torques: Torques | None = None,
+    measurement: Measurement | None = None,
 ) -> dict[str, tuple[Scalar, Quantity]]:
     """The row of one sample: column name → value and what it is.
 
@@ -87,6 +94,7 @@ def row_of(
         nominal: the plant as the controller believes it to be.
         bias: of the position sensor in m; an error that is all the time there does not count.
         torques: what the motors give, where that is not what they are asked for.
+        measurement: what the sensors say, where rows are to hold it.
 
     Raises:
         ConfigurationError: a part of the controller names a signal of its own like a column there is.
@@ -116,7 +124,10 @@ def row_of(
     if torques is not None:
         actual = ActualTorques(torques.tau_1, torques.tau_2)
         motors = {key: (value, TORQUES[key]) for key, value in leaves(actual).items()}
-    taken = sorted(own.keys() & (COLUMNS.keys() | TORQUES.keys()))
+    read = {} if measurement is None else {f"{name}{READ}": value for name, value in leaves(measurement).items()}
+    taken = sorted(own.keys() & (COLUMNS.keys() | TORQUES.keys() | READINGS.keys()))
     if taken:
         raise ConfigurationError(f"signal '{taken[0]}': the name is taken by a column of every result")
-    return {key: (value, COLUMNS[key]) for key, value in leaves(row).items()} | motors | own
+    return {key: (value, COLUMNS[key]) for key, value in leaves(row).items()} | motors | {
+        key: (value, READINGS[key]) for key, value in read.items()
+    } | own

@@ -28,6 +28,7 @@ class Structure:
         metrics: figures of merit beside the built-in ones, likewise.
         silence: what a silent position sensor reads (`exogenous.sensors.silence_of`).
         jitters: whether samples are early or late.
+        readings: whether rows hold what the sensors say.
     """
 
     plant: Plant
@@ -39,6 +40,7 @@ class Structure:
     metrics: tuple[Metric, ...] = ()
     silence: Silence | None = None
     jitters: bool = False
+    readings: bool = False
 
 
 def template_of(structure: Structure) -> Experiment:
@@ -51,7 +53,7 @@ def template_of(structure: Structure) -> Experiment:
         controller=structure.controller,
         sensors=sensors,
         actuator=structure.actuator,
-        simulation=Simulation(delay_samples=structure.delay_samples, jitter=jitter),
+        simulation=Simulation(delay_samples=structure.delay_samples, jitter=jitter, readings=structure.readings),
         metrics=structure.metrics,
     )
 
@@ -79,6 +81,7 @@ def structure_of(experiment: Experiment) -> Structure:
         metrics=tuple(map(alike, experiment.metrics)),
         silence=silence_of(experiment.sensors),
         jitters=experiment.simulation.jitter > 0,
+        readings=experiment.simulation.readings,
     )
 
 

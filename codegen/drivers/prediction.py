@@ -1,0 +1,201 @@
+"""A filter over a whole log in compiled C: gains from covariances, and with these gains the exact slopes of surprises."""
+
+import ctypes
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.cache import library
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.rollout import FLAGS
+from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.predicted import Predicted
+from dualwinch.codegen.source.c_source import c_source
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a filter is given of a log.
+
+    Attributes:
+        inputs: (samples, inputs).
+        readings: (samples, readings); NaN is no reading.
+        start: (states,) what is expected before the first reading.
+    """
+
+    inputs: Floats
+    readings: Floats
+    start: Floats
+
+    def pointers(self) -> tuple[int, int, int, int]:
+        """Addresses and length, as the C functions take them."""
+        return self.inputs.ctypes.data, self.readings.ctypes.data, len(self.inputs), self.start.ctypes.data
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far things scatter.
+
+    Attributes:
+        start: (states, states) covariance of what is expected before the first reading.
+        walk: (states,) what a sample adds to the variances.
+        readings: (readings,) variances of the sensors' noise.
+    """
+
+    start: Floats
+    walk: Floats
+    readings: Floats
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Gains of a filter, and how likely the log is in its eyes.
+
+    Attributes:
+        outcome: `codegen.drivers.rollout.COMPLETED` or how it ended early.
+        done: samples gone through.
+        gains: (samples, states, readings) from surprises to corrections.
+        whitening: (samples, readings, readings) from surprises to ones that are white, of variance 1.
+        counts, squares, logarithms: (readings,) for each sensor: how many readings, the squares of their whitened
+            surprises, and the logarithms of the surprises' variances before that, summed.
+        noise: (readings,) variance that each sensor's noise turns out to have; NaN without readings.
+        states, deviations: (samples, states) what is expected after each sample's readings, and its standard deviation;
+            or None.
+    """
+
+    outcome: int
+    done: int
+    gains: Floats
+    whitening: Floats
+    counts: Floats
+    squares: Floats
+    logarithms: Floats
+    noise: Floats
+    states: Floats | None
+    deviations: Floats | None
+
+    @property
+    def unlikelihood(self) -> float:
+        """Minus the logarithm of the likelihood, but for a constant."""
+        return float((self.squares + self.logarithms).sum() / 2)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What was expected with given gains.
+
+    Attributes:
+        outcome, done: as of `Weights`.
+        normal: (p + 1, p + 1) sums over all readings of the products of the whitened surprises' slopes by p numbers and,
+            last, of the surprises themselves.
+        surprises: (samples, readings) whitened; NaN where nothing was read; or None.
+    """
+
+    outcome: int
+    done: int
+    normal: Floats
+    surprises: Floats | None
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """A compiled filter; Python's lock is released while it runs."""
+
+    _sizes: dict[str, int]
+    _weigh: "ctypes._NamedFuncPointer"
+    _predict: "ctypes._NamedFuncPointer"
+
+    def weigh(
+        self, parameters: Floats, course: Course, spread: Spread, *, outlier: float = np.inf, rows: bool = False
+    ) -> Weights:
+        """The gains of every sample, by an extended Kalman filter.
+
+        Args:
+            parameters: (parameters,).
+            course: the log.
+            spread: variances.
+            outlier: surprise, over its standard deviation, from which on a reading counts less (Huber).
+            rows: whether what is expected is kept.
+        """
+        samples, states, readings = len(course.inputs), self._sizes["STATES"], self._sizes["READINGS"]
+        gains, whitening = np.empty((samples, states, readings)), np.empty((samples, readings, readings))
+        sums, done = np.empty((readings, 4)), ctypes.c_int64()
+        kept = [np.full((samples, states), np.nan) for _ in range(2)] if rows else []
+        inputs, read, length, start = course.pointers()
+        outcome = self._weigh(
+            parameters.ctypes.data,
+            inputs,
+            read,
+            length,
+            start,
+            *(vector.ctypes.data for vector in (spread.start, spread.walk, spread.readings)),
+            outlier,
+            gains.ctypes.data,
+            whitening.ctypes.data,
+            sums.ctypes.data,
+            *((array.ctypes.data for array in kept) if rows else (None, None)),
+            ctypes.byref(done),
+        )
+        counts, squares, logarithms, noise = sums.T
+        with np.errstate(invalid="ignore"):
+            noise = noise / counts
+        return Weights(
+            outcome, done.value, gains, whitening, counts, squares, logarithms, noise, *(kept or (None, None))
+        )
+
+    def predict(self, parameters: Floats, course: Course, weights: Weights, *, rows: bool = False) -> Prediction:
+        """What is expected with given gains, and its exact slopes by the fitted numbers.
+
+        Args:
+            parameters: (parameters,).
+            course: the log.
+            weights: gains for each of its samples.
+            rows: whether the surprises are kept.
+        """
+        width, readings = self._sizes["FITTED"] + 1, self._sizes["READINGS"]
+        normal, done = np.empty((width, width)), ctypes.c_int64()
+        surprises = np.full((len(course.inputs), readings), np.nan) if rows else None
+        inputs, read, length, start = course.pointers()
+        outcome = self._predict(
+            parameters.ctypes.data,
+            inputs,
+            read,
+            length,
+            start,
+            weights.gains.ctypes.data,
+            weights.whitening.ctypes.data,
+            normal.ctypes.data,
+            None if surprises is None else surprises.ctypes.data,
+            ctypes.byref(done),
+        )
+        return Prediction(outcome, done.value, normal, surprises)
+
+
+def prediction_source(system: Predicted) -> str:
+    """C99 translation unit of a filter over a log."""
+    functions = hoisted_all(system.functions)
+    return unit({"ONE_STEP_DERIVED": 0} | system.sizes, functions, c_source(functions), "prediction.c")
+
+
+@cache
+def compile_predictor(system: Predicted, compiler: Compiler | None = None) -> Predictor:
+    """Compile (or find in the cache) and load a filter.
+
+    Args:
+        system: what is predicted.
+        compiler: by default the one `find_compiler` finds.
+
+    Raises:
+        CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
+    """
+    chosen = compiler or find_compiler()
+    loaded = ctypes.CDLL(str(library(prediction_source(system), chosen, FLAGS)))
+    pointer, count, done = ctypes.c_void_p, ctypes.c_int64, ctypes.POINTER(ctypes.c_int64)
+    loaded.weigh.argtypes = [pointer] * 3 + [count] + [pointer] * 4 + [ctypes.c_double] + [pointer] * 5 + [done]
+    loaded.predict.argtypes = [pointer] * 3 + [count] + [pointer] * 5 + [done]
+    loaded.weigh.restype = loaded.predict.restype = ctypes.c_int
+    return Predictor(system.sizes, loaded.weigh, loaded.predict)

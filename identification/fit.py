@@ -1,0 +1,231 @@
+"""Numbers of a machine from its logs: least squares of what filters did not expect.
+
+A prediction-error method (Ljung, System Identification, 2nd ed., Section 7; Kristensen, Madsen and Jørgensen, Automatica
+40 (2004) 225, for filters with unrecorded disturbances): an extended Kalman filter weighs the readings, and with its gains
+as they are the surprises, whitened, are a least-squares problem with exact slopes. Solved, it is weighed anew, until
+neither moves. Sensors' noise follows from what the filter leaves of each reading, and the scatter of what nobody recorded
+from the likelihood of all.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, minimize_scalar
+
+from dualwinch.codegen.drivers.prediction import Weights, compile_predictor
+from dualwinch.config.settings import override
+from dualwinch.identification.noise import first_noise
+from dualwinch.identification.predictor import machine_of, parameter_names, predicted
+from dualwinch.identification.sections import Filters, Levels, Section, all_completed
+from dualwinch.identification.unknowns import Unknown
+from dualwinch.identification.unrecorded import Scatter, described
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.simulation.experiment import Experiment
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 12
+"""Times that readings are weighed, at most."""
+
+SOLVING = 5
+"""Times that slopes are looked at with the same gains, at most."""
+
+STILL = 0.02
+"""A move, over the standard deviation, that counts as none."""
+
+OUTLIER = 4.0
+"""Surprise, over its standard deviation, from which on a reading counts less."""
+
+LOST = 1e12
+"""Sum of squares of numbers with which a filter goes astray."""
+
+SCATTERED = (("force",), ("torque_1", "torque_2"))
+"""The unrecorded whose scatter nobody describes; each group has one."""
+
+RANGE = 1e4
+"""How far that scatter may lie above its start, as a factor."""
+
+PART = 10.0
+"""Time in s of each section that tells it."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What fits best.
+
+    Attributes:
+        values: (p,) of the unknowns.
+        information: (p, p) of the logs alone, without what was known beforehand.
+        levels: noise and scatter.
+        weights: of the sections, with the gains of the last round.
+        experiment: with these values.
+        passes: how many times the logs were gone through.
+        settled: whether the last round moved nothing any more.
+    """
+
+    values: Floats
+    information: Floats
+    levels: Levels
+    weights: tuple[Weights, ...]
+    experiment: Experiment
+    passes: int
+    settled: bool
+
+
+class Fitting:
+    """A fit under way."""
+
+    def __init__(
+        self,
+        sections: Sequence[Section],
+        experiment: Experiment,
+        unknowns: Sequence[Unknown],
+        *,
+        outlier: float = OUTLIER,
+        threads: int | None = None,
+    ) -> None:
+        """A fit of sections; compiles what it takes."""
+        self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
+        keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
+        self.filters = Filters(compile_predictor(predicted(structure, keys)), structure, sections, threads)
+        self._columns = [parameter_names(structure).index(key) for key in keys]
+        self._scale = np.array([unknown.scale for unknown in unknowns])
+        self._bounds = [np.array([getattr(unknown, end) for unknown in unknowns]) for end in ("lower", "upper")]
+        self.passes = 0
+
+    def with_values(self, values: Floats) -> Experiment:
+        """The experiment with other values of the unknowns."""
+        return override(
+            self._experiment, dict(zip((each.key for each in self.unknowns), values.tolist(), strict=True))
+        )
+
+    def first_levels(self) -> Levels:
+        """Noise and scatter to begin with."""
+        readings = np.concatenate([section.readings for section in self.filters.sections])
+        return Levels(first_noise(readings, self._experiment.sensors), described(self._experiment))
+
+    def run(self, start: Floats, progress: Callable[[int], None] = lambda _: None) -> Fit:
+        """From a start to where nothing moves any more.
+
+        Raises:
+            ConfigurationError: the filter goes astray at the start: the log is of another machine.
+            KeyboardInterrupt: interrupted.
+        """
+        values, levels, settled = start, self.first_levels(), False
+        weights = self._weighed(values, levels)
+        if not all_completed(weights):
+            raise ConfigurationError(
+                f"{self.filters.sections[0].name}: no machine near the one that is believed does what this log says"
+            )
+        information = np.zeros((len(start), len(start)))
+        for number in range(ROUNDS):
+            progress(number)
+            found, information = self._solved(values, levels, weights)
+            deviation = self._deviations(information)
+            moved = float(np.max(np.abs(found - values) / deviation, initial=0.0))
+            values = found
+            if number in {0, 2}:
+                levels = self._scattered(values, levels)
+            weights = self._weighed(values, levels)
+            quieter = self._levelled(levels, weights)
+            changed = float(np.max(np.abs(np.log(quieter.noise / levels.noise)), initial=0.0))
+            levels = quieter
+            if moved < STILL and changed < STILL and number > 2:
+                settled = True
+                break
+        return Fit(values, information, levels, tuple(weights), self.with_values(values), self.passes, settled)
+
+    def _weighed(self, values: Floats, levels: Levels, samples: int | None = None) -> list[Weights]:
+        self.passes += 1
+        return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier, samples=samples)
+
+    def _solved(self, values: Floats, levels: Levels, weights: Sequence[Weights]) -> tuple[Floats, Floats]:
+        """Values that fit best with given gains, and the information of the logs there."""
+        experiment, p = self.with_values(values), len(values)
+        base = self.filters.vector(experiment, levels)
+        scale, last = self._scale, dict[bytes, tuple[Floats, Floats, Floats]]()
+        known = [(index, unknown.prior) for index, unknown in enumerate(self.unknowns) if unknown.prior]
+
+        def squares(scaled: Floats) -> tuple[Floats, Floats, Floats]:
+            key = scaled.tobytes()
+            if key not in last:
+                last.clear()
+                vector = base.copy()
+                vector[self._columns] = scaled * scale
+                self.passes += 1
+                runs = self.filters.predict(vector, experiment, levels, weights)
+                normal = np.sum([run.normal for run in runs], axis=0)
+                if not all_completed(runs) or not np.isfinite(normal).all():
+                    last[key] = np.full(p + 1 + len(known), np.sqrt(LOST)), np.zeros((p + 1 + len(known), p)), normal
+                else:
+                    last[key] = self._rows(normal, scaled, known)
+            return last[key]
+
+        solved = least_squares(
+            lambda scaled: squares(scaled)[0],
+            np.clip(values / scale, *(bound / scale for bound in self._bounds)),
+            lambda scaled: squares(scaled)[1],
+            bounds=[bound / scale for bound in self._bounds],
+            x_scale="jac",
+            ftol=1e-10,
+            xtol=1e-7,
+            max_nfev=SOLVING,
+        )
+        normal = squares(solved.x)[2]
+        return solved.x * scale, normal[:-1, :-1]
+
+    def _rows(self, normal: Floats, scaled: Floats, known: Sequence) -> tuple[Floats, Floats, Floats]:
+        """A problem of p + 1 rows that has the same squares and slopes, and a row for each prior."""
+        by = np.append(self._scale, 1.0)
+        size, ways = np.linalg.eigh(normal * np.outer(by, by))
+        root = np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T
+        residual, slopes = [root[:, -1]], [root[:, :-1]]
+        for index, prior in known:
+            slope = np.zeros((1, len(scaled)))
+            slope[0, index] = self._scale[index] / prior.deviation
+            residual.append(np.array([(scaled[index] * self._scale[index] - prior.mean) / prior.deviation]))
+            slopes.append(slope)
+        return np.concatenate(residual), np.concatenate(slopes), normal
+
+    def _deviations(self, information: Floats) -> Floats:
+        """Standard deviations, no larger than the scale of what the logs hardly tell."""
+        return np.sqrt(np.diag(covariance_of(information, self.unknowns)))
+
+    def _scattered(self, values: Floats, levels: Levels) -> Levels:
+        """Levels with the scatter of the undescribed under which the logs are most likely."""
+        samples = round(PART / self._experiment.simulation.sample_time)
+        scatter = dict(levels.scatter)
+        for names in SCATTERED:
+            lowest = described(self._experiment)[names[0]].deviation
+
+            def unlikelihood(factor: float, names: tuple[str, ...] = names, lowest: float = lowest) -> float:
+                tried = scatter | {name: Scatter(lowest * float(np.exp(factor)), scatter[name].time) for name in names}
+                weights = self._weighed(values, replace(levels, scatter=tried), samples)
+                return sum(each.unlikelihood for each in weights) if all_completed(weights) else np.inf
+
+            best = minimize_scalar(
+                unlikelihood, bounds=(0.0, np.log(RANGE)), method="bounded", options={"xatol": 0.3, "maxiter": 10}
+            )
+            scatter |= {name: Scatter(lowest * float(np.exp(best.x)), scatter[name].time) for name in names}
+        return replace(levels, scatter=scatter)
+
+    def _levelled(self, levels: Levels, weights: Sequence[Weights]) -> Levels:
+        """Levels with the noise that the sensors turn out to have."""
+        counts = np.sum([each.counts for each in weights], axis=0)
+        squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in weights], axis=0)
+        noise = np.where(counts > 0, squares / np.maximum(counts, 1), levels.noise)
+        return replace(levels, noise=np.clip(noise, levels.noise / 4, levels.noise * 4))
+
+
+def covariance_of(information: Floats, unknowns: Sequence[Unknown]) -> Floats:
+    """Covariance of the unknowns, with what is known of them beforehand.
+
+    Where logs tell nothing and nothing is known, a number is taken to be within its scale.
+    """
+    beforehand = np.array([1 / (each.prior.deviation if each.prior else each.scale) ** 2 for each in unknowns])
+    by = np.array([each.scale for each in unknowns])
+    scaled = (information + np.diag(beforehand)) * np.outer(by, by)
+    return np.linalg.inv(scaled) * np.outer(by, by)

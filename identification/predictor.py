@@ -1,0 +1,161 @@
+"""The machine under recorded torques as a filter sees it: motion, motors, and what acts on it unrecorded.
+
+Its equations are those of every simulation (`simulation.loop.between`, `model.actuators.drive`); from sample to sample
+torques and the unrecorded are held.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+from dualwinch.codegen.predicted import Predicted
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.nominal import Nominal
+from dualwinch.identification.sensed import sensed
+from dualwinch.identification.unrecorded import NAMES, Unrecorded
+from dualwinch.model.actuators.drive import drive
+from dualwinch.model.plant import Torques, torques_amid
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.scalar import Scalar, exp
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators import Motion, Problem
+from dualwinch.simulation.loop.between import (
+    MOTION_TEMPLATE,
+    between_samples,
+    named_function,
+    problem_of,
+    zero_order_hold,
+)
+from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
+
+INPUTS = ("t", "tau_1", "tau_2")
+"""What the machine is given at a sample: time in s, torque commands in N m."""
+
+PARTS = 8
+"""Sub-steps of a sample where a rope is slack or about to be."""
+
+GROUPS = ("plant", "sensors", "actuator", "disturbance")
+"""Groups of an experiment whose numbers the filter takes."""
+
+SAMPLE_TIME = "simulation.sample_time"
+
+TIMES = tuple(f"time.{name}" for name in NAMES)
+"""Correlation times in s of what is unrecorded, as further numbers."""
+
+
+@dataclass(frozen=True)
+class MachineState:
+    """State of the machine."""
+
+    motion: Motion
+    actuator_1: Any
+    actuator_2: Any
+    unrecorded: Unrecorded
+
+
+def machine_of(experiment: Experiment) -> Structure:
+    """What of an experiment shapes the filter's code: nothing of its controller."""
+    structure = structure_of(replace(experiment, controller=Controller(nominal=Nominal()), metrics=()))
+    return replace(structure, delay_samples=0, silence=None, jitters=False, readings=False)
+
+
+def state_template(structure: Structure) -> MachineState:
+    """What names the elements of the state; its numbers mean nothing."""
+    actuator = template_of(structure).actuator.initial_state()
+    return MachineState(MOTION_TEMPLATE, actuator, actuator, Unrecorded())
+
+
+@cache
+def parameter_names(structure: Structure) -> tuple[str, ...]:
+    """Keys of all numbers that the filter takes, in their order."""
+    begins = tuple(f"{group}." for group in GROUPS)
+    own = (key for key in parameters_of(template_of(structure)) if key.startswith(begins))
+    return (*own, SAMPLE_TIME, *TIMES)
+
+
+@cache
+def predicted(structure: Structure, fitted: tuple[str, ...]) -> Predicted:
+    """The functions of a machine, with derivatives by some of its numbers.
+
+    Args:
+        structure: of `machine_of`.
+        fitted: keys, some of `parameter_names`.
+    """
+    template, start = template_of(structure), state_template(structure)
+    names = {"state": (*leaves(start),), "input": INPUTS, "parameters": parameter_names(structure)}
+    symbols = {name: ca.SX.sym(name, len(elements)) for name, elements in names.items()}
+    state, given, values = (
+        dict(zip(elements, ca.vertsplit(symbols[name]), strict=True)) for name, elements in names.items()
+    )
+    by = {"state": symbols["state"], "fitted": ca.vertcat(*(values[key] for key in fitted)) if fitted else ca.SX(0, 1)}
+    groups = {group: with_leaves(getattr(template, group), values, f"{group}.") for group in GROUPS}
+    plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
+    reading = ca.vertcat(*leaves(sensed(now.motion.plant, given["t"], plant, groups["sensors"])).values())
+
+    asked = Torques(given["tau_1"], given["tau_2"])
+    actuators = now.actuator_1, now.actuator_2
+    actuators, torques = drive(actuators, asked, now.motion.plant, plant, groups["actuator"], sample_time)
+    torques, acting = torques_amid(torques, now.motion.plant, sample_time, plant), now.unrecorded
+    hold = zero_order_hold(
+        structure,
+        t=given["t"],
+        torques=Torques(torques.tau_1 + acting.torque_1, torques.tau_2 + acting.torque_2),
+        current=acting.current,
+        normal_force_variation=acting.normal_force_variation,
+        force=acting.force,
+        duration=sample_time,
+    )
+    following = leaves(MachineState(now.motion, *actuators, _fading(acting, values, sample_time)))
+    rest = ca.vertcat(*(value for key, value in following.items() if not key.startswith("motion.")))
+    held = ca.vertcat(*leaves(hold).values())
+
+    def problem(hold: Any) -> Problem:
+        return problem_of(hold, sample_time, plant, groups["disturbance"])
+
+    _, one_step = between_samples(structure, problem, symbols["parameters"])
+    careful = replace(structure, integrator="rk4", substeps=PARTS) if one_step else structure
+    move, _ = between_samples(careful, problem, symbols["parameters"])
+    between = symbols["parameters"], by["fitted"]
+    return Predicted(
+        sense=_with_slopes("sense", symbols, {"reading": reading}, {"": reading}, by),
+        prepare=_with_slopes("prepare", symbols, {"rest": rest, "hold": held}, {"rest_": rest, "hold_": held}, by),
+        move=_moved(move, *between),
+        parts=careful.substeps,
+        one_step=_moved(one_step, *between) if one_step else None,
+        fitted=len(fitted),
+    )
+
+
+def _fading(acting: Unrecorded, values: Mapping[str, Scalar], sample_time: Scalar) -> Unrecorded:
+    """What is expected of the unrecorded at the next sample."""
+    kept = {name: exp(-sample_time / values[f"time.{name}"]) for name in NAMES}
+    return Unrecorded(**{name: kept[name] * value for name, value in vars(acting).items()})
+
+
+def _moved(function: ca.Function, parameters: ca.SX, fitted: ca.SX) -> ca.Function:
+    """``move`` or ``one_step`` with derivatives of the next motion."""
+    own = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()} | {"parameters": parameters}
+    found = function.call(own)
+    outputs = {name: found[name] for name in function.name_out()}
+    by = {"motion": own["motion"], "hold": own["hold"], "fitted": fitted}
+    return _with_slopes(function.name(), own, outputs, {"": outputs["next_motion"]}, by)
+
+
+def _with_slopes(
+    name: str,
+    inputs: Mapping[str, ca.SX],
+    outputs: Mapping[str, ca.SX],
+    differentiated: Mapping[str, ca.SX],
+    by: Mapping[str, ca.SX],
+) -> ca.Function:
+    """A function with derivatives ``by_NAME`` of some of its outputs, row by row, after its outputs."""
+    slopes = {
+        f"{prefix}by_{word}": ca.vec(ca.jacobian(value, symbols).T)
+        for prefix, value in differentiated.items()
+        for word, symbols in by.items()
+    }
+    every = {key: ca.densify(value) for key, value in (dict(outputs) | slopes).items()}
+    return named_function(name, dict(inputs), every)

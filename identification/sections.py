@@ -1,0 +1,158 @@
+"""Logs cut into sections, each with a start of its own, that filters go through side by side (multiple shooting)."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.prediction import Course, Prediction, Predictor, Spread, Weights
+from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.identification.course import samples_of
+from dualwinch.identification.log import Log
+from dualwinch.identification.predictor import MachineState, parameter_names, state_template
+from dualwinch.identification.start import starting
+from dualwinch.identification.unrecorded import NAMES, Scatter
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import Structure
+
+Floats = NDArray[np.float64]
+
+SHORTEST = 15.0
+"""Length in s below which nothing is cut: the start of every section has to be found out anew."""
+
+LOOK = 50
+"""Samples in which the first reading of every sensor is looked for."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a log: inputs (samples, 3) and readings (samples, readings)."""
+
+    name: str
+    inputs: Floats
+    readings: Floats
+
+    def upto(self, samples: int) -> "Section":
+        """Its first samples."""
+        return replace(self, inputs=self.inputs[:samples], readings=self.readings[:samples])
+
+
+def sections_of(logs: Sequence[Log], experiment: Experiment, at_once: int) -> tuple[Section, ...]:
+    """All logs on samples, cut where there are fewer logs than computations at once.
+
+    Raises:
+        ConfigurationError: as `identification.course.samples_of`.
+    """
+    found: list[Section] = []
+    for log in logs:
+        inputs, readings = samples_of(log, experiment)
+        length = len(inputs) * experiment.simulation.sample_time
+        count = max(1, min(-(-at_once // len(logs)), int(length // SHORTEST)))
+        for piece in np.array_split(np.arange(len(inputs)), count):
+            part = slice(int(piece[0]), int(piece[-1]) + 1)
+            found.append(Section(log.name, np.ascontiguousarray(inputs[part]), np.ascontiguousarray(readings[part])))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """How far readings and the unrecorded stray.
+
+    Attributes:
+        noise: (readings,) variances of the sensors.
+        scatter: of what is unrecorded.
+    """
+
+    noise: Floats
+    scatter: Mapping[str, Scatter]
+
+
+class Filters:
+    """The filters of all sections, on all cores."""
+
+    def __init__(self, predictor: Predictor, structure: Structure, sections: Sequence[Section], threads: int | None) -> None:
+        """Filters for a compiled predictor and its structure."""
+        self.sections = tuple(sections)
+        self._predictor, self._structure, self._threads = predictor, structure, threads
+
+    def vector(self, experiment: Experiment, levels: Levels) -> Floats:
+        """The numbers that filters take, of an experiment."""
+        values = leaves(experiment) | {f"time.{name}": levels.scatter[name].time for name in NAMES}
+        return np.array([float(values[name]) for name in parameter_names(self._structure)])
+
+    def weigh(
+        self, experiment: Experiment, levels: Levels, *, outlier: float = np.inf, rows: bool = False,
+        samples: int | None = None,
+    ) -> list[Weights]:
+        """Gains in every section.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        vector = self.vector(experiment, levels)
+
+        def weigh(section: Section) -> Weights:
+            section = section.upto(samples) if samples else section
+            course, covariance = self._course(experiment, levels, section)
+            spread = Spread(covariance, self._walk(experiment, levels), levels.noise)
+            return self._predictor.weigh(vector, course, spread, outlier=outlier, rows=rows)
+
+        return self._each(weigh)
+
+    def predict(
+        self, vector: Floats, experiment: Experiment, levels: Levels, weights: Sequence[Weights], *, rows: bool = False
+    ) -> list[Prediction]:
+        """What is expected in every section with given gains, of machines with the numbers of a vector.
+
+        Args:
+            vector: of `vector`, in part replaced.
+            experiment: gives the start.
+            levels: likewise.
+            weights: of the sections.
+            rows: whether surprises are kept.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        numbered = dict(zip(map(id, self.sections), weights, strict=True))
+
+        def predict(section: Section) -> Prediction:
+            course, _ = self._course(experiment, levels, section)
+            return self._predictor.predict(vector, course, numbered[id(section)], rows=rows)
+
+        return self._each(predict)
+
+    def _each(self, work: Callable[[Section], object]) -> list:
+        found: list[object] = [None] * len(self.sections)
+
+        def do(index: int) -> None:
+            found[index] = work(self.sections[index])
+
+        if not run_all([lambda index=index: do(index) for index in range(len(found))], self._threads):
+            raise KeyboardInterrupt
+        return found
+
+    def _course(self, experiment: Experiment, levels: Levels, section: Section) -> tuple[Course, Floats]:
+        first = np.full(section.readings.shape[1], np.nan)
+        for column in range(len(first)):
+            early = section.readings[:LOOK, column]
+            known = early[np.isfinite(early)]
+            first[column] = known[0] if len(known) else np.nan
+        torques = float(section.inputs[0, 1]), float(section.inputs[0, 2])
+        start, covariance = starting(experiment, self._structure, first, torques, levels.scatter)
+        return Course(section.inputs, section.readings, start), covariance
+
+    def _walk(self, experiment: Experiment, levels: Levels) -> Floats:
+        template: MachineState = state_template(self._structure)
+        step, walk = experiment.simulation.sample_time, dict.fromkeys(leaves(template), 0.0)
+        for name, each in levels.scatter.items():
+            walk[f"unrecorded.{name}"] = each.deviation**2 * -np.expm1(-2 * step / each.time)
+        return np.array(list(walk.values()))
+
+
+def all_completed(runs: Sequence[Weights | Prediction]) -> bool:
+    """Whether no filter left the track or went astray."""
+    return all(run.outcome == COMPLETED for run in runs)
