@@ -7,7 +7,7 @@ neither moves. Sensors' noise follows from what the filter leaves of each readin
 from the likelihood of all.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
 from dualwinch.codegen.drivers.prediction import Weights, compile_predictor
-from dualwinch.config.settings import override
 from dualwinch.identification.noise import first_noise
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
 from dualwinch.identification.sections import Filters, Levels, Section, all_completed
 from dualwinch.identification.unknowns import Unknown
 from dualwinch.identification.unrecorded import Scatter, described
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -90,24 +89,28 @@ class Fitting:
         """A fit of sections; compiles what it takes."""
         self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
         keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
-        self.filters = Filters(compile_predictor(predicted(structure, keys)), structure, sections, threads)
+        self._predictor, self._structure, self._threads = compile_predictor(predicted(structure, keys)), structure, threads
+        self.filters = Filters(self._predictor, structure, sections, threads)
         self._columns = [parameter_names(structure).index(key) for key in keys]
         self._scale = np.array([unknown.scale for unknown in unknowns])
         self._bounds = [np.array([getattr(unknown, end) for unknown in unknowns]) for end in ("lower", "upper")]
         self.passes = 0
 
+    def others(self, sections: Sequence[Section]) -> Filters:
+        """Filters of other sections."""
+        return Filters(self._predictor, self._structure, sections, self._threads)
+
     def with_values(self, values: Floats) -> Experiment:
         """The experiment with other values of the unknowns."""
-        return override(
-            self._experiment, dict(zip((each.key for each in self.unknowns), values.tolist(), strict=True))
-        )
+        keys = (unknown.key for unknown in self.unknowns)
+        return with_leaves(self._experiment, dict(zip(keys, values.tolist(), strict=True)))
 
     def first_levels(self) -> Levels:
         """Noise and scatter to begin with."""
         readings = np.concatenate([section.readings for section in self.filters.sections])
         return Levels(first_noise(readings, self._experiment.sensors), described(self._experiment))
 
-    def run(self, start: Floats, progress: Callable[[int], None] = lambda _: None) -> Fit:
+    def run(self, start: Floats, progress: Callable[[float], None] = lambda _: None) -> Fit:
         """From a start to where nothing moves any more.
 
         Raises:
@@ -122,7 +125,7 @@ class Fitting:
             )
         information = np.zeros((len(start), len(start)))
         for number in range(ROUNDS):
-            progress(number)
+            progress(number / ROUNDS)
             found, information = self._solved(values, levels, weights)
             deviation = self._deviations(information)
             moved = float(np.max(np.abs(found - values) / deviation, initial=0.0))

@@ -1,0 +1,102 @@
+"""What logs say of a machine."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.identification.blind import Blind
+from dualwinch.identification.surprises import Whiteness
+from dualwinch.identification.unknowns import Unknown
+from dualwinch.identification.unrecorded import Scatter
+from dualwinch.simulation.ensembles.distributions import Choice
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.experiment import Experiment
+
+Floats = NDArray[np.float64]
+
+DRAWS = 256
+"""Sets of numbers in an ensemble of what a machine may be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What logs say of a machine.
+
+    Attributes:
+        experiment: what was believed, with the estimates in the place of what was fitted.
+        unknowns: what was fitted.
+        values: (p,) the estimates.
+        covariance: (p, p) of their errors, with what was known beforehand.
+        blind: what the logs cannot tell.
+        noise: reading → standard deviation of its noise.
+        scatter: what acts on the machine unrecorded → how far it strays.
+        tests: of what is left of each sensor.
+        held_out: the same of the part of the logs that was not fitted; empty: there was none.
+        logs: names.
+        duration: of all logs in s.
+        passes: how many times the logs were gone through.
+        settled: whether the fit came to an end.
+        optima: sums of squares of the distinct optima that several starts came to, the best first, over the best.
+        seconds: wall time.
+    """
+
+    experiment: Experiment
+    unknowns: tuple[Unknown, ...]
+    values: Floats
+    covariance: Floats
+    blind: tuple[Blind, ...]
+    noise: dict[str, float]
+    scatter: dict[str, Scatter]
+    tests: tuple[Whiteness, ...]
+    held_out: tuple[Whiteness, ...]
+    logs: tuple[str, ...]
+    duration: float
+    passes: int
+    settled: bool
+    optima: tuple[float, ...]
+    seconds: float
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What was fitted."""
+        return tuple(unknown.key for unknown in self.unknowns)
+
+    @property
+    def deviations(self) -> Floats:
+        """(p,) standard deviations of the estimates' errors."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Floats:
+        """(p, p) of the estimates' errors."""
+        return self.covariance / np.outer(self.deviations, self.deviations)
+
+    def interval(self, key: str, share: float = 0.95) -> tuple[float, float]:
+        """An interval that holds a number with a probability of `share`, as far as the model is right.
+
+        Raises:
+            ValueError: a key that was not fitted.
+        """
+        from scipy.special import ndtri
+
+        index = self.keys.index(key)
+        half = float(ndtri((1 + share) / 2) * self.deviations[index])
+        return float(self.values[index]) - half, float(self.values[index]) + half
+
+    def ensemble(self, name: str = "fitted", seed: int = 0) -> Ensemble:
+        """The machines that the logs allow for: draws of the estimates' errors, correlations and all.
+
+        A draw beyond a number's range lies at its end.
+
+        Args:
+            name: of the ensemble.
+            seed: of the draws.
+        """
+        draws = np.random.default_rng(seed).multivariate_normal(self.values, self.covariance, DRAWS, method="eigh")
+        distributions = {
+            unknown.key: Drawn(Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted")
+            for unknown, column in zip(self.unknowns, draws.T, strict=True)
+        }
+        description = f"machines that {', '.join(self.logs)} allow for: {DRAWS} draws of the estimates' errors, seed {seed}"
+        return Ensemble(name, description, self.experiment, distributions)

@@ -1,0 +1,168 @@
+"""From logs to a machine in one call."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.identification.blind import blind
+from dualwinch.identification.fit import Fit, Fitting, covariance_of
+from dualwinch.identification.identified import Identified
+from dualwinch.identification.log import Log
+from dualwinch.identification.sections import Filters, Section, sections_of
+from dualwinch.identification.sensed import READINGS
+from dualwinch.identification.surprises import Whiteness, whiteness
+from dualwinch.identification.unknowns import Prior, Unknown, keys_of, unknowns_of
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.experiment import Experiment
+
+Floats = NDArray[np.float64]
+
+def identify(
+    logs: Sequence[Log],
+    keys: Sequence[str],
+    experiment: Experiment,
+    *,
+    priors: Mapping[str, Prior] | None = None,
+    hold_out: float = 0.0,
+    starts: int = 1,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Identified:
+    """Find out what some numbers of a machine are from what its sensors said.
+
+    Logged torques drive the plant; position, speed, tensions and drum angles are predicted one sample ahead by an extended
+    Kalman filter that knows how the sea acts (the experiment's ``disturbance``) and finds out how noisy the sensors are;
+    the numbers are those with which it is surprised least (`identification.fit`).
+
+    Args:
+        logs: of one machine, each in a state of its own at its start.
+        keys: what to fit, such as ``plant.vehicle.mass`` or ``plant.rope_*.modulus``.
+        experiment: what is believed: everything that is not fitted, and where the search begins.
+        priors: key → what is known beforehand.
+        hold_out: share of each log, its end, that is not fitted but predicted.
+        starts: searches from different starts; all but the first are drawn.
+        seed: of these draws.
+        threads: default: one a core.
+        progress: called now and then with the share that is done.
+
+    Raises:
+        ConfigurationError: no log, nothing to fit, a key or prior that cannot be, a log that no such machine can have made.
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    began = perf_counter()
+    if not logs:
+        raise ConfigurationError("logs: must be at least one")
+    if not 0 <= hold_out < 1:
+        raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
+    if starts < 1:
+        raise ConfigurationError(f"starts = {starts}: must be >= 1")
+    names = keys_of(keys, experiment)
+    unknowns = unknowns_of(names, experiment, priors or {})
+    whole = sections_of(logs, experiment, threads or cores())
+    fitted, kept = _parted(logs, experiment, whole, hold_out, threads)
+    fitting = Fitting(fitted, experiment, unknowns, threads=threads)
+    found: list[tuple[float, Fit]] = []
+    for number, start in enumerate(_starts(unknowns, starts, seed)):
+        begun = number / starts
+
+        def report(part: float, begun: float = begun) -> None:
+            progress(begun + part / starts)
+
+        try:
+            fit = fitting.run(start, report)
+        except ConfigurationError:
+            if number == 0:
+                raise
+            continue
+        found.append((sum(float(each.squares.sum() + each.logarithms.sum()) for each in fit.weights), fit))
+    found.sort(key=lambda each: each[0])
+    fit = found[0][1]
+    filters = fitting.filters
+    tests = _tests(filters, fit, fitted)
+    held = _tests(fitting.others(kept), fit, kept) if kept else ()
+    covariance = covariance_of(fit.information, unknowns)
+    return Identified(
+        experiment=fit.experiment,
+        unknowns=unknowns,
+        values=fit.values,
+        covariance=covariance,
+        blind=blind(fit.information, unknowns),
+        noise=_noise(logs, fit),
+        scatter=dict(fit.levels.scatter),
+        tests=tests,
+        held_out=held,
+        logs=tuple(log.name for log in logs),
+        duration=sum(log.duration for log in logs),
+        passes=fitting.passes,
+        settled=fit.settled,
+        optima=_optima(found, covariance),
+        seconds=perf_counter() - began,
+    )
+
+
+def _parted(
+    logs: Sequence[Log], experiment: Experiment, whole: tuple[Section, ...], share: float, threads: int | None
+) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
+    """Sections to fit, and sections at the logs' ends to predict."""
+    if not share:
+        return whole, ()
+    ends = [log.t[0] + (1 - share) * (log.t[-1] - log.t[0]) for log in logs]
+    early = [_part(log, log.t < end) for log, end in zip(logs, ends, strict=True)]
+    late = [_part(log, log.t >= end) for log, end in zip(logs, ends, strict=True)]
+    return sections_of(early, experiment, threads or cores()), sections_of(late, experiment, 1)
+
+
+def _part(log: Log, rows: NDArray[np.bool_]) -> Log:
+    return replace(log, t=log.t[rows], columns={name: values[rows] for name, values in log.columns.items()})
+
+
+def _starts(unknowns: Sequence[Unknown], count: int, seed: int) -> list[Floats]:
+    """Where searches begin: at what is believed, and anywhere between half and twice of it or within what is known."""
+    drawn, starts = np.random.default_rng(seed), [np.array([unknown.start for unknown in unknowns])]
+    for _ in range(count - 1):
+        moved = [
+            drawn.normal(unknown.prior.mean, unknown.prior.deviation)
+            if unknown.prior
+            else unknown.start * 2 ** drawn.uniform(-1, 1)
+            if unknown.start
+            else drawn.uniform(-1, 1) * unknown.scale
+            for unknown in unknowns
+        ]
+        starts.append(np.clip(moved, [each.lower for each in unknowns], [each.upper for each in unknowns]))
+    return starts
+
+
+def _tests(filters: Filters, fit: Fit, sections: Sequence[Section]) -> tuple[Whiteness, ...]:
+    """What is left of every sensor in some sections."""
+    weights = filters.weigh(fit.experiment, fit.levels)
+    vector = filters.vector(fit.experiment, fit.levels)
+    predictions = filters.predict(vector, fit.experiment, fit.levels, weights, rows=True)
+    surprises = [run.surprises for run in predictions if run.surprises is not None]
+    return whiteness(surprises, [section.inputs[:, 1:] for section in sections])
+
+
+def _noise(logs: Sequence[Log], fit: Fit) -> dict[str, float]:
+    read = {name for log in logs for name in log.readings}
+    counted = np.sum([each.counts for each in fit.weights], axis=0) > 0
+    deviations = np.sqrt(fit.levels.noise).tolist()
+    return {
+        name: deviation
+        for name, deviation, counts in zip(READINGS, deviations, counted, strict=True)
+        if name in read and counts
+    }
+
+
+def _optima(found: Sequence[tuple[float, Fit]], covariance: Floats) -> tuple[float, ...]:
+    """How much worse than the best the distinct optima are: twice the difference of the logarithms of likelihoods."""
+    distinct: list[tuple[float, Fit]] = []
+    deviations = np.sqrt(np.diag(covariance))
+    for worth, fit in found:
+        if all(np.max(np.abs(fit.values - other.values) / deviations) > 1 for _, other in distinct):
+            distinct.append((worth, fit))
+    return tuple(worth - distinct[0][0] for worth, _ in distinct)
