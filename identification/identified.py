@@ -93,7 +93,9 @@ class Identified:
             name: of the ensemble.
             seed: of the draws.
         """
-        draws = np.random.default_rng(seed).multivariate_normal(self.values, self.covariance, DRAWS, method="eigh")
+        drawn = np.random.default_rng(seed).standard_normal((DRAWS, len(self.values)))
+        size, ways = np.linalg.eigh(self.correlation)  # in units of the deviations all numbers are of one size
+        draws = self.values + self.deviations * (drawn @ (np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T))
         distributions = {
             unknown.key: Drawn(Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted")
             for unknown, column in zip(self.unknowns, draws.T, strict=True)
