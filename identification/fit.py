@@ -89,7 +89,11 @@ class Fitting:
         """A fit of sections; compiles what it takes."""
         self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
         keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
-        self._predictor, self._structure, self._threads = compile_predictor(predicted(structure, keys)), structure, threads
+        self._predictor, self._structure, self._threads = (
+            compile_predictor(predicted(structure, keys)),
+            structure,
+            threads,
+        )
         self.filters = Filters(self._predictor, structure, sections, threads)
         self._columns = [parameter_names(structure).index(key) for key in keys]
         self._scale = np.array([unknown.scale for unknown in unknowns])

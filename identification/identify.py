@@ -21,6 +21,7 @@ from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
+
 def identify(
     logs: Sequence[Log],
     keys: Sequence[str],

@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from dualwinch.identification.log import TORQUES, Log
-from dualwinch.identification.sensed import READINGS, Sensed
+from dualwinch.identification.sensed import Sensed
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.signals.units import UNITS, factor
+from dualwinch.model.signals.units import factor
 from dualwinch.simulation.loop.row import READ
 
-UNIT_OF = {"t": "s"} | dict.fromkeys(TORQUES, "N m") | {leaf.key: leaf.quantity.unit for leaf in describe(Sensed).values()}
+UNIT_OF = (
+    {"t": "s"} | dict.fromkeys(TORQUES, "N m") | {leaf.key: leaf.quantity.unit for leaf in describe(Sensed).values()}
+)
 """Name → SI unit."""
 
 

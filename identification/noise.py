@@ -10,7 +10,16 @@ from dualwinch.simulation.exogenous.sensors import Sensors
 
 Floats = NDArray[np.float64]
 
-FINEST = {"x": 1e-5, "v": 1e-5, "F1": 0.1, "F2": 0.1, "theta_1": 1e-6, "theta_2": 1e-6, "omega_1": 1e-4, "omega_2": 1e-4}
+FINEST = {
+    "x": 1e-5,
+    "v": 1e-5,
+    "F1": 0.1,
+    "F2": 0.1,
+    "theta_1": 1e-6,
+    "theta_2": 1e-6,
+    "omega_1": 1e-4,
+    "omega_2": 1e-4,
+}
 """Least standard deviation of each sensor: none is perfect, and the model is not either."""
 
 
@@ -44,6 +53,10 @@ def _jumps(values: Floats) -> float:
         return 0.0
     steps = np.abs(np.diff(values))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    distinct = len(np.unique(values)) < len(values) / 10 or np.allclose(np.rint(steps / least), steps / least, atol=1e-3) if least else False
+    distinct = (
+        len(np.unique(values)) < len(values) / 10 or np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
+        if least
+        else False
+    )
     spread = float(np.median(np.abs(np.diff(values, 3)))) / 0.6745 / math.sqrt(20)
     return max(spread, least / math.sqrt(12)) if distinct else spread

@@ -73,7 +73,9 @@ class Levels:
 class Filters:
     """The filters of all sections, on all cores."""
 
-    def __init__(self, predictor: Predictor, structure: Structure, sections: Sequence[Section], threads: int | None) -> None:
+    def __init__(
+        self, predictor: Predictor, structure: Structure, sections: Sequence[Section], threads: int | None
+    ) -> None:
         """Filters for a compiled predictor and its structure."""
         self.sections = tuple(sections)
         self._predictor, self._structure, self._threads = predictor, structure, threads
@@ -84,7 +86,12 @@ class Filters:
         return np.array([float(values[name]) for name in parameter_names(self._structure)])
 
     def weigh(
-        self, experiment: Experiment, levels: Levels, *, outlier: float = np.inf, rows: bool = False,
+        self,
+        experiment: Experiment,
+        levels: Levels,
+        *,
+        outlier: float = np.inf,
+        rows: bool = False,
         samples: int | None = None,
     ) -> list[Weights]:
         """Gains in every section.

@@ -27,7 +27,11 @@ POSITION, STRETCH, SPEED = 5e-3, 0.2, 0.02
 
 
 def starting(
-    experiment: Experiment, structure: Structure, first: Floats, torques: tuple[float, float], scatter: Mapping[str, Scatter]
+    experiment: Experiment,
+    structure: Structure,
+    first: Floats,
+    torques: tuple[float, float],
+    scatter: Mapping[str, Scatter],
 ) -> tuple[Floats, Floats]:
     """Expected state before the first reading, and its covariance.
 
@@ -77,7 +81,11 @@ def starting(
         {f"motion.plant.{name}": POSITION * share for name, share in together.items()},
         {"motion.plant.theta_1": STRETCH * stretch_1 * turned[0]},
         {"motion.plant.theta_2": STRETCH * stretch_2 * turned[1]},
-        {"motion.plant.v": SPEED, "motion.plant.omega_1": SPEED * turned[0], "motion.plant.omega_2": -SPEED * turned[1]},
+        {
+            "motion.plant.v": SPEED,
+            "motion.plant.omega_1": SPEED * turned[0],
+            "motion.plant.omega_2": -SPEED * turned[1],
+        },
         {"motion.plant.omega_1": SPEED * turned[0]},
         {"motion.plant.omega_2": SPEED * turned[1]},
         *({f"unrecorded.{name}": each.deviation} for name, each in scatter.items()),

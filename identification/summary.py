@@ -83,9 +83,8 @@ def notes(found: Identified) -> list[str]:
         if min(value - unknown.lower, unknown.upper - value) <= 1e-6 * unknown.scale:
             words.append(f"{unknown.key}: lies at the end of its range; is the log of this machine?")
     if len(found.optima) > 1:
-        words.append(
-            f"{len(found.optima)} distinct optima; the second is less likely by a factor of exp({found.optima[1] / 2:.3g})"
-        )
+        less = f"exp({found.optima[1] / 2:.3g})"
+        words.append(f"{len(found.optima)} distinct optima; the second is less likely by a factor of {less}")
     if not found.settled:
         words.append("the fit had not come to rest after the last round: deviations may be too small")
     return words

@@ -1,6 +1,5 @@
 """What is to be found: keys of an experiment, the ranges they may lie in, and what is known of them beforehand."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -13,7 +12,8 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
 FACTOR = 10.0
-"""How far from what it is believed to be a number may lie that its annotation gives no bounds, as a factor."""
+"""How far from where the search begins a number may lie, within its annotation's bounds: so many times its scale beyond,
+and down to that share of a positive one."""
 
 PREFIXES = tuple(f"{group}." for group in GROUPS)
 
@@ -67,7 +67,8 @@ def keys_of(patterns: Sequence[str], experiment: Experiment) -> tuple[str, ...]:
     for pattern in (part.strip() for text in patterns for part in text.split(",")):
         matching = [key for key in known if fnmatchcase(key, pattern)]
         if not matching:
-            raise ConfigurationError(f"--fit {pattern}: no number that a log can tell; did you mean '{nearest(pattern, known)}'?")
+            hint = nearest(pattern, known)
+            raise ConfigurationError(f"--fit {pattern}: no number that a log can tell; did you mean '{hint}'?")
         found |= dict.fromkeys(matching)
     return tuple(found)
 
@@ -90,24 +91,10 @@ def unknowns_of(keys: Sequence[str], experiment: Experiment, priors: Mapping[str
             raise ConfigurationError(f"--prior {key}={prior.mean:g}: must be {leaf.wanted}")
         start = prior.mean if prior else float(values[key])
         scale = abs(start) or (prior.deviation if prior else 0.0) or _some_scale(key)
-        room = FACTOR * scale
-        found.append(
-            Unknown(
-                key=key,
-                unit=leaf.quantity.unit,
-                start=start,
-                lower=max(lower, 1e-3 * scale if start > 0 and lower >= 0 and leaf_positive(lower, start) else start - room),
-                upper=min(upper, start + room),
-                scale=scale,
-                prior=prior,
-            )
-        )
+        least = start / FACTOR if lower >= 0 < start else start - FACTOR * scale
+        ends = max(lower, least), min(upper, start + FACTOR * scale)
+        found.append(Unknown(key, leaf.quantity.unit, start, *ends, scale, prior))
     return tuple(found)
-
-
-def leaf_positive(lower: float, start: float) -> bool:
-    """Whether a number has a sign for good."""
-    return math.isclose(lower, 0.0) and start > 0
 
 
 TYPICAL = {

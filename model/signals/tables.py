@@ -114,7 +114,7 @@ def _read_csv(path: Path, names: tuple[str | None, ...]) -> Table:
     except csv.Error as error:
         raise ConfigurationError(f"{path}: not valid CSV: {error}") from error
     columns = np.array(rows, float).reshape(len(rows), len(wanted)).T
-    units = _csv_units(path)
+    units = csv_units(path)
     named = dict(zip(wanted, np.ascontiguousarray(columns), strict=True))
     return Table(named, {name: units[name] for name in wanted if name in units}, lines, "line")
 
@@ -129,7 +129,7 @@ def _number(cell: str, name: str, where: str) -> float:
     return value
 
 
-def _csv_units(path: Path) -> dict[str, str]:
+def csv_units(path: Path) -> dict[str, str]:
     """Units of a CSV file, where `simulation.results.storage` has put its metadata beside it."""
     beside = path.with_name(path.name + "-metadata.json")
     if not beside.exists():

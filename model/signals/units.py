@@ -1,5 +1,7 @@
 """Units that columns of numbers may come in, and the SI unit that each is converted to."""
 
+import math
+
 from dualwinch.model.errors import ConfigurationError
 
 UNITS: dict[str, dict[str, float]] = {
@@ -8,6 +10,9 @@ UNITS: dict[str, dict[str, float]] = {
     "m/s": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1 / 3.6, "kn": 1852 / 3600},
     "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2},
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6},
+    "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "kN m": 1e3},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30, "Hz": 2 * math.pi},
 }
 """SI unit → units it may be given in, each with its factor."""
 

@@ -128,6 +128,9 @@ def row_of(
     taken = sorted(own.keys() & (COLUMNS.keys() | TORQUES.keys() | READINGS.keys()))
     if taken:
         raise ConfigurationError(f"signal '{taken[0]}': the name is taken by a column of every result")
-    return {key: (value, COLUMNS[key]) for key, value in leaves(row).items()} | motors | {
-        key: (value, READINGS[key]) for key, value in read.items()
-    } | own
+    return (
+        {key: (value, COLUMNS[key]) for key, value in leaves(row).items()}
+        | motors
+        | {key: (value, READINGS[key]) for key, value in read.items()}
+        | own
+    )
