@@ -50,7 +50,7 @@ def samples_of(log: Log, experiment: Experiment) -> tuple[Floats, Floats]:
 
 
 def _doubled(name: str, log: Log) -> bool:
-    """Whether it is a drum speed where there is an angle: then most likely that angle's difference, half a sample late."""
+    """Whether it is a drum speed beside an angle: most likely that angle's difference, half a sample late."""
     return name.startswith("omega") and name.replace("omega", "theta") in log.readings
 
 

@@ -1,4 +1,4 @@
-"""A filter over a whole log in compiled C: gains from covariances, and with these gains the exact slopes of surprises."""
+"""A filter over a whole log in compiled C: gains from covariances, and with these the exact slopes of surprises."""
 
 import ctypes
 from dataclasses import dataclass
@@ -90,8 +90,8 @@ class Prediction:
 
     Attributes:
         outcome, done: as of `Weights`.
-        normal: (p + 1, p + 1) sums over all readings of the products of the whitened surprises' slopes by p numbers and,
-            last, of the surprises themselves.
+        normal: (p + 1, p + 1) sums over all readings of the products of the whitened surprises' slopes by p numbers,
+            and, last, of the surprises themselves.
         surprises: (samples, readings) whitened; NaN where nothing was read; or None.
     """
 

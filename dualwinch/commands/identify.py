@@ -33,16 +33,16 @@ def identify(
 ) -> Identified:
     """Find out what some numbers of a machine are from what its sensors said.
 
-    Logged torques drive the plant, an extended Kalman filter predicts all readings one sample ahead, and the numbers are
-    those with which it is surprised least.
+    Logged torques drive the plant, an extended Kalman filter predicts all readings one sample ahead, and the numbers
+    are those with which it is surprised least.
 
     Args:
         logs: of one machine: files (CSV, Parquet, MATLAB, NumPy), results with ``simulation.readings``, or `Log`.
         keys: what to fit, such as ``plant.vehicle.mass`` or ``plant.rope_*.modulus``.
         experiment: what is believed: everything that is not fitted, and where the search begins; default: the
             ensemble's, or ``Experiment()``.
-        ensemble: name or file of an ensemble, such as ``rig``: what it draws that a log can tell is fitted as well, with
-            what it says of it known beforehand.
+        ensemble: name or file of an ensemble, such as ``rig``: what it draws that a log can tell is fitted as well,
+            with what it says of it known beforehand.
         priors: key → mean and standard deviation of what is known beforehand.
         columns: of files, such as ``F1=load_cell_left:kN``, where they go by other names or units.
         hold_out: share of each log, its end, that is not fitted but predicted.
@@ -52,8 +52,8 @@ def identify(
         progress: called now and then with the share that is done.
 
     Returns:
-        Estimates with deviations and correlations, what the logs cannot tell, and whether what is left is noise. It has a
-        table as text and in a notebook; `experiment` and `ensemble` go on from there.
+        Estimates with deviations and correlations, what the logs cannot tell, and whether what is left is noise. It
+        has a table as text and in a notebook; `experiment` and `ensemble` go on from there.
 
     Raises:
         ConfigurationError: anything wrong with a file, a key or a prior, or a log that no such machine can have made.
