@@ -1,10 +1,10 @@
 """Numbers of a machine from its logs: least squares of what filters did not expect.
 
-A prediction-error method (Ljung, System Identification, 2nd ed., Section 7; Kristensen, Madsen and Jørgensen, Automatica
-40 (2004) 225, for filters with unrecorded disturbances): an extended Kalman filter weighs the readings, and with its gains
-as they are the surprises, whitened, are a least-squares problem with exact slopes. Solved, it is weighed anew, until
-neither moves. Sensors' noise follows from what the filter leaves of each reading, and the scatter of what nobody recorded
-from the likelihood of all.
+A prediction-error method (Ljung, System Identification, 2nd ed., Section 7; Kristensen, Madsen and Jørgensen,
+Automatica 40 (2004) 225, for filters with unrecorded disturbances): an extended Kalman filter weighs the readings, and
+with its gains as they are the surprises, whitened, are a least-squares problem with exact slopes. Solved, it is weighed
+anew, until neither moves. Sensors' noise follows from what the filter leaves of each reading, and the scatter of what
+nobody recorded from the likelihood of all.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from dualwinch.identification.noise import first_noise
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
 from dualwinch.identification.sections import Filters, Levels, Section, all_completed
 from dualwinch.identification.unknowns import Unknown
-from dualwinch.identification.unrecorded import Scatter, described
+from dualwinch.identification.unrecorded import described
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.experiment import Experiment
@@ -89,11 +89,8 @@ class Fitting:
         """A fit of sections; compiles what it takes."""
         self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
         keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
-        self._predictor, self._structure, self._threads = (
-            compile_predictor(predicted(structure, keys)),
-            structure,
-            threads,
-        )
+        self._predictor = compile_predictor(predicted(structure, keys))
+        self._structure, self._threads = structure, threads
         self.filters = Filters(self._predictor, structure, sections, threads)
         self._columns = [parameter_names(structure).index(key) for key in keys]
         self._scale = np.array([unknown.scale for unknown in unknowns])
@@ -204,20 +201,25 @@ class Fitting:
     def _scattered(self, values: Floats, levels: Levels) -> Levels:
         """Levels with the scatter of the undescribed under which the logs are most likely."""
         samples = round(PART / self._experiment.simulation.sample_time)
-        scatter = dict(levels.scatter)
         for names in SCATTERED:
-            lowest = described(self._experiment)[names[0]].deviation
+            levels = self._most_likely(values, levels, names, samples)
+        return levels
 
-            def unlikelihood(factor: float, names: tuple[str, ...] = names, lowest: float = lowest) -> float:
-                tried = scatter | {name: Scatter(lowest * float(np.exp(factor)), scatter[name].time) for name in names}
-                weights = self._weighed(values, replace(levels, scatter=tried), samples)
-                return sum(each.unlikelihood for each in weights) if all_completed(weights) else np.inf
+    def _most_likely(self, values: Floats, levels: Levels, names: Sequence[str], samples: int) -> Levels:
+        lowest = described(self._experiment)[names[0]].deviation
 
-            best = minimize_scalar(
-                unlikelihood, bounds=(0.0, np.log(RANGE)), method="bounded", options={"xatol": 0.3, "maxiter": 10}
-            )
-            scatter |= {name: Scatter(lowest * float(np.exp(best.x)), scatter[name].time) for name in names}
-        return replace(levels, scatter=scatter)
+        def scattered(factor: float) -> Levels:
+            wider = lowest * float(np.exp(factor))
+            return levels.scattered({name: replace(levels.scatter[name], deviation=wider) for name in names})
+
+        def unlikelihood(factor: float) -> float:
+            weights = self._weighed(values, scattered(factor), samples)
+            return sum(each.unlikelihood for each in weights) if all_completed(weights) else np.inf
+
+        best = minimize_scalar(
+            unlikelihood, bounds=(0.0, np.log(RANGE)), method="bounded", options={"xatol": 0.3, "maxiter": 10}
+        )
+        return scattered(best.x)
 
     def _levelled(self, levels: Levels, weights: Sequence[Weights]) -> Levels:
         """Levels with the noise that the sensors turn out to have."""

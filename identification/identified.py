@@ -100,7 +100,6 @@ class Identified:
             unknown.key: Drawn(Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted")
             for unknown, column in zip(self.unknowns, draws.T, strict=True)
         }
-        description = (
-            f"machines that {', '.join(self.logs)} allow for: {DRAWS} draws of the estimates' errors, seed {seed}"
-        )
+        logs = ", ".join(self.logs)
+        description = f"machines that {logs} allow for: {DRAWS} draws of the estimates' errors, seed {seed}"
         return Ensemble(name, description, self.experiment, distributions)

@@ -36,9 +36,9 @@ def identify(
 ) -> Identified:
     """Find out what some numbers of a machine are from what its sensors said.
 
-    Logged torques drive the plant; position, speed, tensions and drum angles are predicted one sample ahead by an extended
-    Kalman filter that knows how the sea acts (the experiment's ``disturbance``) and finds out how noisy the sensors are;
-    the numbers are those with which it is surprised least (`identification.fit`).
+    Logged torques drive the plant; position, speed, tensions and drum angles are predicted one sample ahead by an
+    extended Kalman filter that knows how the sea acts (the experiment's ``disturbance``) and finds out how noisy the
+    sensors are; the numbers are those with which it is surprised least (`identification.fit`).
 
     Args:
         logs: of one machine, each in a state of its own at its start.
@@ -52,7 +52,8 @@ def identify(
         progress: called now and then with the share that is done.
 
     Raises:
-        ConfigurationError: no log, nothing to fit, a key or prior that cannot be, a log that no such machine can have made.
+        ConfigurationError: no log, nothing to fit, a key or prior that cannot be, a log that no such machine can have
+            made.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """

@@ -88,7 +88,7 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
 
 
 def log_of(run: Run, name: str = "run") -> Log:
-    """The log of a simulated run: what its sensors said where the run kept that (``simulation.readings``), else the truth.
+    """The log of a simulated run: what its sensors said where it kept that (``simulation.readings``), else the truth.
 
     Raises:
         ConfigurationError: the run kept too few rows.

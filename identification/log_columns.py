@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,10 +51,9 @@ def _parquet(path: Path) -> Columns:
     return _numbers(table), {name: unit for name, unit in units.items() if unit}
 
 
-def _numbers(table: "object") -> dict[str, Floats]:
+def _numbers(table: Any) -> dict[str, Floats]:
     import pyarrow as pa
 
-    assert isinstance(table, pa.Table)
     numeric = (
         field.name for field in table.schema if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
     )

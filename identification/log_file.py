@@ -14,9 +14,11 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.model.signals.units import factor
 from dualwinch.simulation.loop.row import READ
 
-UNIT_OF = (
-    {"t": "s"} | dict.fromkeys(TORQUES, "N m") | {leaf.key: leaf.quantity.unit for leaf in describe(Sensed).values()}
-)
+UNIT_OF = {
+    "t": "s",
+    **dict.fromkeys(TORQUES, "N m"),
+    **{leaf.key: leaf.quantity.unit for leaf in describe(Sensed).values()},
+}
 """Name → SI unit."""
 
 

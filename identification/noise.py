@@ -1,4 +1,4 @@
-"""How noisy each sensor is: what the experiment says, what the log's own jumps say, and then what a filter finds out."""
+"""How noisy each sensor is to begin with: what the experiment says, else what the log's own jumps say."""
 
 import math
 
@@ -21,6 +21,9 @@ FINEST = {
     "omega_2": 1e-4,
 }
 """Least standard deviation of each sensor: none is perfect, and the model is not either."""
+
+NORMAL_MEDIAN = 0.6745
+"""Median of a standard normal number's magnitude."""
 
 
 def first_noise(readings: Floats, sensors: Sensors) -> Floats:
@@ -53,10 +56,6 @@ def _jumps(values: Floats) -> float:
         return 0.0
     steps = np.abs(np.diff(values))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    distinct = (
-        len(np.unique(values)) < len(values) / 10 or np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
-        if least
-        else False
-    )
-    spread = float(np.median(np.abs(np.diff(values, 3)))) / 0.6745 / math.sqrt(20)
-    return max(spread, least / math.sqrt(12)) if distinct else spread
+    spread = float(np.median(np.abs(np.diff(values, 3)))) / NORMAL_MEDIAN / math.sqrt(20)
+    in_steps = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
+    return max(spread, least / math.sqrt(12)) if in_steps else spread

@@ -69,6 +69,10 @@ class Levels:
     noise: Floats
     scatter: Mapping[str, Scatter]
 
+    def scattered(self, scatter: Mapping[str, Scatter]) -> "Levels":
+        """The same where some of the unrecorded strays otherwise."""
+        return replace(self, scatter={**self.scatter, **scatter})
+
 
 class Filters:
     """The filters of all sections, on all cores."""

@@ -1,7 +1,7 @@
 """What a filter expects before the first reading: a machine whose ropes are as taut as the load cells say.
 
-A millimetre more or less of rope is tens of kilonewtons: vehicle and drums are not independently somewhere. So what may be
-wrong is the vehicle's position together with both drums, the stretch of each rope, and the speeds.
+A millimetre more or less of rope is tens of kilonewtons: vehicle and drums are not independently somewhere. So what may
+be wrong is the vehicle's position together with both drums, the stretch of each rope, and the speeds.
 """
 
 import math

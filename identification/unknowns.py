@@ -12,8 +12,8 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
 FACTOR = 10.0
-"""How far from where the search begins a number may lie, within its annotation's bounds: so many times its scale beyond,
-and down to that share of a positive one."""
+"""How far from where the search begins a number may lie, within its annotation's bounds: so many times its scale, and
+down to that share of a positive one."""
 
 PREFIXES = tuple(f"{group}." for group in GROUPS)
 
