@@ -1,5 +1,6 @@
 """A study: batches of candidates are asked for, evaluated side by side, kept and told, until the budget is spent."""
 
+import math
 import time
 from collections.abc import Sequence
 
@@ -9,7 +10,7 @@ from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.progress import SILENT, Progress, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.storage.store import Claim, Store
+from dualwinch.tuning.storage.store import Budget, Claim, Store
 
 BATCH = 16
 """Candidates of a batch: one for each vector lane."""
@@ -56,10 +57,11 @@ def search(
         return given + [Candidate(point, method) for point in asked]
 
     while True:
-        budget = store.budget()
-        if budget.until is not None and clock.now() >= budget.until:
+        budget, spent = store.budget(), progress.spent + optimiser.rollouts
+        count = _batch(budget, spent, evaluator.prepared.problem)
+        if not count or (budget.until is not None and clock.now() >= budget.until):
             break
-        claims = store.claim(BATCH, budget, propose)
+        claims = store.claim(count, budget, propose)
         if claims:
             done = _evaluated(claims, store, evaluator)
             optimiser.tell(done)
@@ -73,8 +75,21 @@ def search(
         progress.add(news)
         progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - ran
         progress.seconds = clock.now() - began
+        progress.share = _share(budget, progress.spent + optimiser.rollouts)
         watch.progress(progress, budget.until, budget.trials)
     return progress
+
+
+def _batch(budget: Budget, spent: int, problem: Problem) -> int:
+    """Number of candidates of the next batch: fewer where the rollouts that are left are enough for fewer."""
+    if budget.rollouts is None:
+        return BATCH
+    return min(BATCH, max(0, math.ceil((budget.rollouts - spent) / problem.scenarios)))
+
+
+def _share(budget: Budget, spent: int) -> float:
+    """Share of the rollouts that there may be; 0 where the budget does not say."""
+    return 0.0 if budget.rollouts is None else min(1.0, spent / budget.rollouts)
 
 
 def first_candidates(problem: Problem) -> list[Candidate]:
