@@ -50,6 +50,7 @@ def search(
     known = store.finished()
     progress.add(known)
     optimiser.tell(known)
+    counted = optimiser.rollouts
 
     def propose(count: int, first: bool) -> list[Candidate]:
         given = first_candidates(evaluator.prepared.problem)[:count] if first else []
@@ -57,8 +58,8 @@ def search(
         return given + [Candidate(point, method) for point in asked]
 
     while True:
-        budget, spent = store.budget(), progress.spent + optimiser.rollouts
-        count = _batch(budget, spent, evaluator.prepared.problem)
+        budget = store.budget()
+        count = _batch(budget, progress.spent, evaluator.prepared.problem)
         if not count or (budget.until is not None and clock.now() >= budget.until):
             break
         claims = store.claim(count, budget, propose)
@@ -75,7 +76,8 @@ def search(
         progress.add(news)
         progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - ran
         progress.seconds = clock.now() - began
-        progress.share = _share(budget, progress.spent + optimiser.rollouts)
+        progress.spent, counted = progress.spent + optimiser.rollouts - counted, optimiser.rollouts
+        progress.share = _share(budget, progress.spent)
         watch.progress(progress, budget.until, budget.trials)
     return progress
 

@@ -15,6 +15,7 @@ from dualwinch.cli import (
     doctor,
     export,
     linearise,
+    race,
     reproduce,
     simulate,
     stress,
@@ -42,7 +43,21 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-for module in (reproduce, simulate, sweep, linearise, compare, tune, stress, worker, config, certify, export, doctor):
+for module in (
+    reproduce,
+    simulate,
+    sweep,
+    linearise,
+    compare,
+    tune,
+    race,
+    stress,
+    worker,
+    config,
+    certify,
+    export,
+    doctor,
+):
     app.command(module.app)
 
 

@@ -134,5 +134,4 @@ def test_a_gradient_counts_as_many_rollouts_as_differences_take(make_problem: Ma
     progress = search("gradient", proposer, store, evaluator)
     assert proposer.gradients >= 1
     assert proposer.rollouts == proposer.gradients * (2 + STRESS) * (1 + 3)
-    assert progress.spent + proposer.rollouts >= 300
-    assert progress.spent == evaluator.rollouts
+    assert progress.spent == evaluator.rollouts + proposer.rollouts >= 300
