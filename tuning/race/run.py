@@ -1,8 +1,10 @@
 """Run a race: the paper's gains once, then one entry after the other, each kept as soon as it is finished."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.tuning.progress import CHOOSING, DRAWING, REFERENCES, SEARCHING, Progress
 from dualwinch.tuning.progress import SCORING as SCORING_BEST
 from dualwinch.tuning.race.entry import names
@@ -61,7 +63,7 @@ def race(
     threads: int | None = None,
     told: Told | None = None,
 ) -> Race:
-    """Tune and score every entry that the folder does not hold yet.
+    """Tune and score every entry that the folder does not hold yet; find out what breaks it where that is asked for.
 
     An interrupt (Ctrl-C) keeps what is finished; the same call goes on with the rest.
 
@@ -82,16 +84,23 @@ def race(
         KeyboardInterrupt: interrupted before the first entry was finished.
     """
     kept = Folder(folder, terms.to_record())
-    missing = [each for each in entrants if kept.find(each.entry.stem, each.definition) is None]
-    left, called = len(missing), names([each.entry for each in entrants])
+    known = {each.entry.key: kept.find(each.entry.stem, each.definition) for each in entrants}
+    waiting = [each for each in entrants if _lacks(known[each.entry.key], breaking)]
+    left, called = len(waiting), names([each.entry for each in entrants])
     try:
         if kept.find(PAPER) is None:
             first = Lap(PAPER, 0, 1, lambda _, words: told(0.0, words) if told else None)
             kept.keep(PAPER, {}, paper(entrants[0].problem, terms, threads=threads, watch=first).to_record())
-        for number, entrant in enumerate(missing):
-            lap = Lap(called[entrant.entry.key], number, len(missing), told)
-            done = scored(entrant, terms, breaking=breaking, threads=threads, watch=lap)
-            kept.keep(entrant.entry.stem, entrant.definition, done.to_record())
+        for number, entrant in enumerate(waiting):
+            entry, lap = entrant.entry, Lap(called[entrant.entry.key], number, len(waiting), told)
+            record = known[entry.key]
+            if record and breaking:
+                lap.phase(STRESS_PHASE)
+                found = breaking(with_leaves(entrant.problem.experiment, record["gains"]))
+                kept.keep(entry.stem, entrant.definition, record | {"stress": list(found)})
+            else:
+                done = scored(entrant, terms, breaking=breaking, threads=threads, watch=lap)
+                kept.keep(entry.stem, entrant.definition, done.to_record())
             left -= 1
     except KeyboardInterrupt:
         if not set(kept.stems) - {PAPER}:
@@ -103,3 +112,8 @@ def race(
         entries=tuple(Scored.from_record(record) for record in records.values() if record),
         left=left,
     )
+
+
+def _lacks(record: Mapping[str, Any] | None, breaking: Breaking | None) -> bool:
+    """Whether something is still to be found out about an entry."""
+    return record is None or (breaking is not None and record["stress"] is None)

@@ -106,9 +106,14 @@ def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
     monkeypatch.setattr(tuning_stress, "ENSEMBLE", drums)
     monkeypatch.setattr(race_command, "ENSEMBLE", drums)
     monkeypatch.setattr(race_command, "STRESS_SCENARIOS", 2)
-    main([*SEA, "--law", "nftsm", "--stress", "--out", str(tmp_path / "race")])
+    words = [*SEA, "--law", "nftsm", "--out", str(tmp_path / "race")]
+    main(words)
+    before = json.loads((tmp_path / "race" / "race.json").read_text())["entries"][0]
+    assert before["stress"] is None
+    main([*words, "--stress"])
     (entry,) = json.loads((tmp_path / "race" / "race.json").read_text())["entries"]
     assert [row["label"] for row in entry["stress"]] == ["winch drum radius"]
+    assert entry | {"stress": None} == before, "nothing is tuned again"
     assert "<h2>What breaks first" in (tmp_path / "race" / "report.html").read_text()
 
 
