@@ -147,7 +147,7 @@ def _bodies(block: Block, apart: Prepared, precision: Precision) -> dict[str, st
     bodies = {
         "step": body(apart.step),
         "initial": body(apart.initial, at_start),
-        "derive": rolled_statements(apart.derive, style, given),  # room counts there, time does not
+        "derive": rolled_statements(apart.derive, style, [Strand(given)]),  # room counts there, time does not
     } | ({"output": body(apart.output)} if apart.output else {})
     return {name: "\n".join(lines) + "\n" for name, lines in bodies.items()}
 

@@ -7,6 +7,7 @@ import casadi as ca
 from dualwinch.codegen.source.instructions import elements_read
 from dualwinch.codegen.source.lanes import Lanes
 from dualwinch.codegen.source.operations import Style
+from dualwinch.codegen.source.rolled import rolled_statements
 from dualwinch.codegen.source.statements import Strand, helpers, statements
 
 
@@ -39,7 +40,8 @@ def _definition(function: ca.Function, style: Style, lanes: Lanes | None) -> str
     unused = [name for name in inputs if not elements_read(function, name)]
     unused += [name for name in outputs if not function.numel_out(name)]
     strands = lanes.strands if lanes else (Strand(optional=True),)
-    lines = statements(function, lanes.style if lanes else style, strands)
+    once = inputs == ["parameters"]  # a run: room counts there, time does not
+    lines = (rolled_statements if once else statements)(function, lanes.style if lanes else style, strands)
     lines += [f"  (void){name};" for name in unused]
     attribute = "__attribute__((always_inline)) " if lanes else ""
     return "\n".join([f"static inline {attribute}void {function.name()}(\n    {arguments}) {{", *lines, "}"])

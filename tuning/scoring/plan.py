@@ -51,8 +51,9 @@ STEPS = 20
 BESIDE_SHARE, BESIDE_SECONDS = 0.15, 3.0
 """What everything beside a search of some time may take: a share of it, or the time in s if that is longer."""
 
-LEFT_SECONDS = 1.0
-"""Time in s for choosing and scoring where preparing has taken what there was."""
+LEFT_SHARE, LEFT_SECONDS = 0.1, 1.0
+"""What choosing and scoring may take where preparing has taken what there was, as when much had to be compiled: a share
+of the search, or the time in s if that is longer. What is presented rests on it."""
 
 DEARER = 1.5
 """What a rollout costs here beside one of the search, where many candidates share a scenario that is drawn once."""
@@ -65,7 +66,8 @@ def time_for(search: float, spent: float) -> float:
         search: time in s that was asked for.
         spent: what else takes time beside it, in s.
     """
-    return max(max(BESIDE_SECONDS, BESIDE_SHARE * search) - spent, LEFT_SECONDS)
+    beside = max(BESIDE_SECONDS, BESIDE_SHARE * search)
+    return max(beside - spent, LEFT_SHARE * search, LEFT_SECONDS)
 
 
 def affordable(full: Plan, seconds: float, pace: float) -> Plan:

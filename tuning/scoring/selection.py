@@ -14,13 +14,13 @@ from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.problem import HELD_OUT, SELECTION, Problem
+from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION, Problem
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import machine_name
 from dualwinch.tuning.scoring.plan import FULL, Plan
-from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front
+from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, soundest_first
 from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, vertices
 from dualwinch.tuning.scoring.verdict import Attained, Score, Verdict
 
@@ -129,8 +129,9 @@ def _finals(
     """The trials that are better than the start, the best first: as tuned, and what each came to in the last round.
 
     The very best where tuned are often the ones that only just hold: so the finalists are a ladder from the best to
-    ever more cautious ones. The best of these among other draws and vertices of the ensemble meet once more, in draws;
-    the start is there both times. Behind them come the others, by the first round.
+    ever more cautious ones. The soundest of these among other draws and vertices of the ensemble, which are good and
+    keep off their bounds (`soundest_first`), meet once more, in draws; the start is there both times. Behind them
+    come the others, by the first round.
     """
     finalists = [trial for trial in _finalists(evaluator.prepared.problem, trials, plan) if trial.point != start.point]
     first, last = _scenarios(evaluator.prepared.problem, plan)
@@ -144,7 +145,7 @@ def _ranked(
 ) -> list[tuple[Evaluation, Evaluation]]:
     """Trials that are better than the start in some scenarios, the best first, and what each came to there."""
     *met, reference = evaluator.over([trial.candidate for trial in (*trials, start)], scenarios)
-    return [(trials[index], met[index]) for index in best_first(met) if beats(met[index], reference)]
+    return [(trials[index], met[index]) for index in soundest_first(met, MARGIN) if beats(met[index], reference)]
 
 
 def _finalists(problem: Problem, trials: Sequence[Evaluation], plan: Plan) -> list[Evaluation]:

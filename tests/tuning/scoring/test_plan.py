@@ -13,6 +13,7 @@ from dualwinch.tuning.scoring.plan import (
     FULL,
     LEAST,
     LEFT_SECONDS,
+    LEFT_SHARE,
     Plan,
     affordable,
     time_for,
@@ -38,7 +39,12 @@ def test_fewer_than_the_least_are_kept_where_they_are_asked_for() -> None:
 
 @pytest.mark.parametrize(
     ("search", "spent", "left"),
-    [(20, 0.5, BESIDE_SECONDS - 0.5), (20, 9, LEFT_SECONDS), (600, 5, 600 * BESIDE_SHARE - 5)],
+    [
+        (20, 0.5, BESIDE_SECONDS - 0.5),
+        (20, 9, 20 * LEFT_SHARE),
+        (3, 9, LEFT_SECONDS),
+        (600, 5, 600 * BESIDE_SHARE - 5),
+    ],
 )
 def test_what_is_beside_a_search_is_limited(search: float, spent: float, left: float) -> None:
     assert time_for(search, spent) == pytest.approx(left)
