@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.document import markdown, put
+from dualwinch.simulation.ensembles.paired import Interval
 from dualwinch.tuning.race.ablations import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER
+from dualwinch.tuning.race.summary import below_words
 
 Record = Mapping[str, Any]
 
@@ -62,7 +64,7 @@ def claims_table(race: Record) -> str:
     """Claim, what stands in the part's place, how the error changes, and whether the rule says that they differ."""
     whole, rows = paper_entry(race), []
     for claim in CLAIMS:
-        wanted = {"law": PAPER, "variant": "", **_usual(race)} | claim.other
+        wanted = {"law": PAPER, "variant": "", **_usual(race), **claim.other}
         other = next((entry for entry in race["entries"] if _is(entry, wanted)), None)
         found = ["–", "not run"] if not (whole and other) else _compared(race, other, whole)
         rows.append([claim.words, claim.without, *found])
@@ -75,15 +77,15 @@ def race_table(race: Record) -> str:
     rows = [
         [
             f"{numbers[entry['key']]}. {entry['name']}",
-            _interval(entry["over_paper"]),
+            _below(entry["over_paper"]),
             *_figures(entry),
             _kept(entry, race),
             ", ".join(numbers[key] for key in entry["alike"]) or "–",
         ]
         for entry in race["entries"]
     ]
-    rows.append(["the paper's gains", "1", *_figures(race["paper"]), _kept(race["paper"], race), ""])
-    headings = ["", "error over the paper's", "RMS error (mm)", "chatter (N)", "load (N m)", "operations a sample"]
+    rows.append(["the paper's gains", "1 ×", *_figures(race["paper"]), _kept(race["paper"], race), ""])
+    headings = ["", "error below the paper's", "RMS error (mm)", "chatter (N)", "load (N m)", "operations a sample"]
     return markdown([*headings, "constraints", "does not differ from"], rows)
 
 
@@ -140,6 +142,12 @@ def _interval(ratio: Record) -> str:
     if ratio["estimate"] is None:
         return "–"
     return "{estimate:.3g} ({low:.3g}–{high:.3g})".format(**ratio)
+
+
+def _below(ratio: Record) -> str:
+    if ratio["estimate"] is None:
+        return "–"
+    return below_words(Interval(*(ratio[name] for name in ("estimate", "low", "high"))))
 
 
 def _figures(runs: Record) -> list[str]:

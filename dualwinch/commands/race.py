@@ -91,6 +91,9 @@ def race(
         KeyboardInterrupt: interrupted before the first entry was finished.
     """
     drawn = ensemble if isinstance(ensemble, Ensemble) else load_ensemble(ensemble)
+    for key in drawn.distributions:
+        if key.startswith("controller."):
+            raise ConfigurationError(f"{key}: is drawn in '{drawn.name}'; a race needs the gains as they are")
     for text in settings:
         key = parse_assignment(text)[0]
         if key in OPTIONS:

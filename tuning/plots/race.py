@@ -29,9 +29,13 @@ from dualwinch.simulation.plots.style import (
 from dualwinch.tuning.race.found import MEAN_ERROR, Found
 from dualwinch.tuning.race.front import COSTS, undominated
 from dualwinch.tuning.race.scored import Runs, Scored
+from dualwinch.tuning.race.summary import spaced
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
 """Of the entries, the best first; then again, with other dashes."""
+
+ROOM = 1.6
+"""Factor by which the axis goes on on the right, for words."""
 
 HEADING, A_ROW = 1.45, 0.27
 """Heights in inches."""
@@ -43,6 +47,9 @@ WIDE = frozenset({"chatter"})
 """Figures of merit that differ by factors."""
 
 MILLIMETRES = 1e3
+
+SMALL = 0.1
+"""Ratios below that are written as fractions."""
 
 FEW_DECADES = 300
 """Ratio of an axis's ends up to which numbers between powers of ten have room."""
@@ -66,11 +73,13 @@ def race_figure(found: Found, *, ax: GivenAxes = None) -> Figure:
         for row, scored in enumerate(found.ranking):
             _dot(axes, found, scored, row, BLUE if scored.entry.key in tied else INK)
         axes.axvline(1, color=VERMILION, linewidth=1.0, zorder=1)
+        _logarithmic(axes)
         axes.set_yticks(range(len(found.ranking)), [plain(found.names[each.entry.key]) for each in found.ranking])
         axes.set_ylim(len(found.ranking) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
-        _logarithmic(axes)
+        low, high = axes.get_xlim()
+        axes.set_xlim(low, ROOM * high)
         axes.set_xlabel("mean square error over that of the paper's gains, with 95 % interval; less is better")
         dot = partial(Line2D, [], [], marker="o", markersize=5, linestyle="none")
         handles = [
@@ -91,7 +100,7 @@ def _dot(axes: Axes, found: Found, scored: Scored, row: int, colour: str) -> Non
     axes.plot((interval.low, interval.high), (row, row), color=colour, linewidth=2.0, alpha=0.5)
     axes.plot(interval.estimate, row, "o", color=colour, markerfacecolor=face, markersize=5, zorder=3)
     axes.annotate(
-        f"{interval.estimate:.2g}×",
+        _share(interval.estimate),
         (interval.high, row),
         xytext=(5, 0),
         textcoords="offset points",
@@ -100,6 +109,11 @@ def _dot(axes: Axes, found: Found, scored: Scored, row: int, colour: str) -> Non
         color=colour,
         annotation_clip=False,
     )
+
+
+def _share(ratio: float) -> str:
+    """A ratio as it is best read: ``6.4×``, or ``1/16 000``."""
+    return f"{ratio:.2g}×" if ratio >= SMALL else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
 
 
 def fronts_figure(found: Found, *, ax: GivenAxes = None) -> Figure:
@@ -179,6 +193,6 @@ def _logarithmic(axes: Axes) -> None:
     """A logarithmic axis with plain numbers, those between powers of ten too where it is short."""
     axes.set_xscale("log")
     low, high = axes.get_xlim()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < FEW_DECADES * low else (1,)))
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5) if high < FEW_DECADES * low else (1,)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())

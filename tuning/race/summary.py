@@ -12,7 +12,7 @@ from dualwinch.tuning.race.scored import Runs, Scored
 
 HEADINGS = (
     "",
-    f"error over the paper's ({100 * CONFIDENCE:g} %)",
+    f"error below the paper's ({100 * CONFIDENCE:g} %)",
     "RMS error, mm",
     "chatter, N",
     "load, N m",
@@ -46,19 +46,31 @@ def race_table(found: Found) -> tuple[list[str], list[list[str]]]:
         key = scored.entry.key
         alike = ", ".join(numbers[other] for other in found.alike(key))
         name = f"{numbers[key]}. {found.names[key]}"
-        rows.append([name, ratio_words(found.ratios[key].interval), *_cells(scored.runs), alike or "–"])
-    return list(HEADINGS), [*rows, ["the paper's gains", "1", *_cells(found.paper.runs), ""]]
+        rows.append([name, below_words(found.ratios[key].interval), *_cells(scored.runs), alike or "–"])
+    return list(HEADINGS), [*rows, ["the paper's gains", "1 ×", *_cells(found.paper.runs), ""]]
+
+
+def below_words(interval: Interval) -> str:
+    """How many times an error is below another one, with the interval, from that of their ratio: ``16 500 × (...)``."""
+    if math.isnan(interval.estimate):
+        return "–"
+    factor, least, most = (
+        spaced(math.inf if not ratio else 1 / ratio) for ratio in (interval.estimate, interval.high, interval.low)
+    )
+    return f"{factor} × ({least}–{most})"
+
+
+def spaced(number: float) -> str:
+    """A positive number with three digits, without an exponent, thousands apart."""
+    rounded = float(f"{number:.3g}")
+    return f"{rounded:,.0f}".replace(",", "\u202f") if 100 <= rounded < math.inf else f"{rounded:.3g}"
 
 
 def ratio_words(interval: Interval) -> str:
     """A ratio with its interval, three digits each."""
     if math.isnan(interval.estimate):
         return "–"
-    return f"{_digits(interval.estimate)} ({_digits(interval.low)}–{_digits(interval.high)})"
-
-
-def _digits(value: float) -> str:
-    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+    return f"{spaced(interval.estimate)} ({spaced(interval.low)}–{spaced(interval.high)})"
 
 
 def _cells(runs: Runs) -> list[str]:
@@ -86,9 +98,8 @@ def kept_words(runs: Runs) -> str:
 def notes(found: Found) -> list[str]:
     """What a reader has to know of the table."""
     words = [
-        "Error: geometric mean over the scenarios of the mean square error over that of the paper's gains. "
-        + RULE
-        + " Load: root mean square of the motor torques."
+        "Error: how many times the mean square error is below that of the paper's gains, the geometric mean over the "
+        "scenarios. " + RULE + " Load: root mean square of the motor torques."
     ]
     words += [f"All keep to, where tuned: {'; '.join(found.terms.constraints) or 'nothing'}."]
     words += [least_words(found)]

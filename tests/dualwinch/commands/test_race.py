@@ -11,6 +11,7 @@ from dualwinch.cli import main
 from dualwinch.commands import race as race_command
 from dualwinch.commands import tuning_stress
 from dualwinch.commands.race_run import write_race
+from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tree import leaves
 from tests.tuning.race.made_up import made_up, scored
 from tests.tuning.stress.ensembles import DRUMS
@@ -134,6 +135,14 @@ def test_gains_of_parts_that_are_not_known_here_are_left_out(tmp_path: Path) -> 
     written = write_race(tmp_path, replace(made_up(), entries=(scored("nobody-knows", 1.0),)))
     assert written[0] == "race.json"
     assert list((tmp_path / "gains").iterdir()) == []
+
+
+def test_an_ensemble_that_draws_gains_is_refused() -> None:
+    drawn = loads_ensemble('[ensemble]\nname = "odd"\n[distributions]\ncontroller.nftsm.beta = { uniform = [1, 2] }\n')
+    with pytest.raises(
+        dw.ConfigurationError, match=r"controller\.nftsm\.beta: is drawn in 'odd'; a race needs the gains"
+    ):
+        dw.race(drawn)
 
 
 @pytest.mark.parametrize(
