@@ -70,11 +70,17 @@ def combinations(laws: Iterable[str], estimators: Iterable[str], coordinations: 
 
 
 def names(entries: Sequence[Entry]) -> dict[str, str]:
-    """Key of each entry → what it is called among these: its law, what is changed, and the parts that not all share."""
-    several = {part for part in ("estimator", "coordination") if len({getattr(entry, part) for entry in entries}) > 1}
-    return {
-        entry.key: ", ".join(
-            filter(None, (entry.law, entry.variant, *(getattr(entry, part) for part in sorted(several, reverse=True))))
-        )
-        for entry in entries
-    }
+    """Key of each entry → what it is called among these: its law, what is changed, and parts that most do not have."""
+    usual = {part: _usual([getattr(entry, part) for entry in entries]) for part in ("estimator", "coordination")}
+
+    def name(entry: Entry) -> str:
+        unusual = (getattr(entry, part) for part, kind in usual.items() if getattr(entry, part) != kind)
+        return ", ".join(filter(None, (entry.law, entry.variant, *unusual)))
+
+    return {entry.key: name(entry) for entry in entries}
+
+
+def _usual(kinds_there: Sequence[str]) -> str:
+    """The kind that more than half have; empty where there is none."""
+    kind = max(kinds_there, key=kinds_there.count, default="")
+    return kind if 2 * kinds_there.count(kind) > len(kinds_there) else ""
