@@ -14,7 +14,7 @@ app = App(
     dualwinch race --ensemble rig --out race
     dualwinch race --ensemble sea --law fando-nftsm --law adrc --rollouts 5000
     dualwinch race --law fando-nftsm --estimator all --coordination all
-    dualwinch race --ablations --stress
+    dualwinch race --ablations --searches 3 --rollouts 10000 --stress
     dualwinch race --plugin my_law.py --law my-law --law adrc
 """,
 )
@@ -45,6 +45,9 @@ def race(
     ] = False,
     plugin: Plugins = None,
     rollouts: Annotated[int, Parameter(help="Rollouts of each search.")] = 30_000,
+    searches: Annotated[
+        int, Parameter(help="Searches of each entry, by seeds of their own: more than one tell how much is luck.")
+    ] = 1,
     scenarios: Annotated[int | None, Parameter(help="Scenarios a candidate is tuned on (default 8).")] = None,
     held_out: Annotated[int, Parameter(help="Unseen scenarios that score.")] = 200,
     set_: AssignmentsInBrief = None,
@@ -77,6 +80,7 @@ def race(
         coordinations=coordination,
         ablations=ablations,
         rollouts=rollouts,
+        searches=searches,
         scenarios=scenarios,
         held_out=held_out,
         settings=set_ or [],

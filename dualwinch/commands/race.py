@@ -47,6 +47,7 @@ def race(
     coordinations: Sequence[str] | str | None = None,
     ablations: bool = False,
     rollouts: int = ROLLOUTS,
+    searches: int = 1,
     held_out: int = HELD_OUT,
     scenarios: int | None = None,
     seed: int = 0,
@@ -70,6 +71,7 @@ def race(
         coordinations: kinds of coordinations, or ``all``; default: the paper's.
         ablations: whether the paper's law takes part without each of its parts, too.
         rollouts: of each search (see `dualwinch.tune`).
+        searches: of each entry, by seeds of their own; more than one tell how much is luck.
         held_out: number of unseen scenarios that score.
         scenarios: that a candidate is tuned on; default: those of `dualwinch.tuning_problem`.
         seed: of all scenarios and searches.
@@ -108,8 +110,10 @@ def race(
     )
     if ablations:
         entries += ablated(*usual)
+    if searches < 1:
+        raise ConfigurationError(f"searches = {searches}: must be a whole number >= 1")
     entrants: dict[str, Entrant] = {}
-    for entry in entries:
+    for entry in (replace(entry, search=search) for search in range(searches) for entry in entries):
         problem = _problem(entry, drawn, settings, constraints, scenarios, seed)
         entrants[entry.key] = Entrant(entry, problem, definition_of(problem, method))
     first = next(iter(entrants.values())).problem
@@ -147,7 +151,7 @@ def _problem(
             settings=[*settings, *(f"{key}={value}" for key, value in entry.values.items())],
             constraints=constraints,
             scenarios=scenarios,
-            seed=seed,
+            seed=seed + entry.search,
             held=entry.held,
         )
     except ConfigurationError as error:

@@ -66,7 +66,7 @@ def race_figure(found: Found, *, ax: GivenAxes = None) -> Figure:
         f"scored in {terms.held_out} scenarios that nobody has seen"
     )
     with house_style():
-        page = Page(ax, HEADING + A_ROW * max(len(found.entries), 3), "Tuned alike: who tracks best?", words)
+        page = Page(ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: who tracks best?", words)
         (axes,) = page.panels(1)
         first = found.ranking[0].entry.key if found.entries else ""
         tied = {first, *found.alike(first)} if first else set()
@@ -88,6 +88,8 @@ def race_figure(found: Found, *, ax: GivenAxes = None) -> Figure:
             dot(color=INK, markerfacecolor="white", label="breaks a constraint"),
             Line2D([], [], color=VERMILION, label="the paper's gains"),
         ]
+        if len(found.entries) > len(found.ranking):
+            handles.insert(3, dot(color=INK, marker="|", markersize=8, label="its searches"))
         page.legend(handles)
     return page.figure
 
@@ -99,9 +101,12 @@ def _dot(axes: Axes, found: Found, scored: Scored, row: int, colour: str) -> Non
     face = "white" if scored.runs.broken else colour
     axes.plot((interval.low, interval.high), (row, row), color=colour, linewidth=2.0, alpha=0.5)
     axes.plot(interval.estimate, row, "o", color=colour, markerfacecolor=face, markersize=5, zorder=3)
+    others = [found.ratios[search.entry.key].interval.estimate for search in found.searches[scored.entry.group]]
+    if len(others) > 1:
+        axes.plot(others, [row] * len(others), "|", color=colour, markersize=8)
     axes.annotate(
         _share(interval.estimate),
-        (interval.high, row),
+        (max(interval.high, *others), row),
         xytext=(5, 0),
         textcoords="offset points",
         va="center_baseline",

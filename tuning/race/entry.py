@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -24,6 +24,7 @@ class Entry:
         variant: what is changed, in a few words; empty: nothing.
         settings: key → value of what is changed.
         held: keys that are left out of the search.
+        search: number of the search, from 0: each has a seed of its own.
     """
 
     law: str
@@ -32,17 +33,27 @@ class Entry:
     variant: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     held: tuple[str, ...] = ()
+    search: int = 0
 
     @property
     def key(self) -> str:
-        """What tells it from all others: its parts, and what is changed."""
-        return ", ".join(filter(None, (self.law, self.variant, self.estimator, self.coordination)))
+        """What tells it from all others: its parts, what is changed, and which search it is but for the first."""
+        return ", ".join(self._words)
+
+    @property
+    def _words(self) -> tuple[str, ...]:
+        search = f"search {self.search + 1}" if self.search else ""
+        return tuple(filter(None, (self.law, self.variant, self.estimator, self.coordination, search)))
 
     @property
     def stem(self) -> str:
         """Name of its files."""
-        parts = filter(None, (self.law, self.variant, self.estimator, self.coordination))
-        return "+".join(re.sub(r"[^a-z0-9]+", "-", part.lower()).strip("-") for part in parts)
+        return "+".join(re.sub(r"[^a-z0-9]+", "-", word.lower()).strip("-") for word in self._words)
+
+    @property
+    def group(self) -> str:
+        """Key of its first search: what all its searches share."""
+        return replace(self, search=0).key
 
     @property
     def values(self) -> dict[str, Any]:
@@ -70,7 +81,10 @@ def combinations(laws: Iterable[str], estimators: Iterable[str], coordinations: 
 
 
 def names(entries: Sequence[Entry]) -> dict[str, str]:
-    """Key of each entry → what it is called among these: its law, what is changed, and parts that most do not have."""
+    """Key of each entry → what it is called among these: its law, what is changed, and parts that most do not have.
+
+    All searches of an entry are called alike.
+    """
     usual = {part: _usual([getattr(entry, part) for entry in entries]) for part in ("estimator", "coordination")}
 
     def name(entry: Entry) -> str:

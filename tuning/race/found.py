@@ -1,7 +1,7 @@
 """What a race has found, as data; `tuning.race.result` shows it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -23,7 +23,7 @@ class Found:
     Attributes:
         terms: what was the same for all.
         paper: the paper's gains, and the least error there is.
-        entries: who is finished.
+        entries: who is finished, a search each.
         left: number of entries that an interrupt has left out.
     """
 
@@ -34,8 +34,16 @@ class Found:
 
     @cached_property
     def names(self) -> dict[str, str]:
-        """Key of each entry → what it is called."""
+        """Key of each entry → what it is called; all its searches are called alike."""
         return names([scored.entry for scored in self.entries])
+
+    @cached_property
+    def searches(self) -> dict[str, tuple[Scored, ...]]:
+        """Key of an entry's first search → all its searches, the least error first."""
+        groups: dict[str, list[Scored]] = {}
+        for scored in sorted(self.entries, key=self._order):
+            groups.setdefault(scored.entry.group, []).append(scored)
+        return {key: tuple(group) for key, group in groups.items()}
 
     @cached_property
     def by_key(self) -> dict[str, Scored]:
@@ -49,27 +57,45 @@ class Found:
 
     @cached_property
     def ranking(self) -> tuple[Scored, ...]:
-        """The entries, the least error first; behind them those that did not run all scenarios to their end."""
+        """The median search of every entry, the least error first; at the end who did not run all to its end.
 
-        def order(scored: Scored) -> tuple[int, float]:
-            lost, ratio = int((~scored.runs.completed).sum()), self.ratios[scored.entry.key].interval.estimate
-            return lost, math.inf if math.isnan(ratio) else ratio
+        Of an even number of searches the worse one of the two in the middle.
+        """
+        return tuple(sorted((group[len(group) // 2] for group in self.searches.values()), key=self._order))
 
-        return tuple(sorted(self.entries, key=order))
+    def _order(self, scored: Scored) -> tuple[int, float]:
+        lost, ratio = int((~scored.runs.completed).sum()), self._estimate(scored)
+        return lost, math.inf if math.isnan(ratio) else ratio
+
+    def _estimate(self, scored: Scored) -> float:
+        return self.ratios[scored.entry.key].interval.estimate
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
-        """Every two entries, in the order of the ranking."""
+        """Every two of the ranking, in its order."""
         couples = list(combinations(self.ranking, 2))
         ratios = [_ratio(first.runs, second.runs) for first, second in couples]
         corrected = holm([ratio.p for ratio in ratios])
         return tuple(
-            Pair(first.entry.key, second.entry.key, ratio, level)
+            Pair(first.entry.key, second.entry.key, ratio, level, self._apart(first, second))
             for (first, second), ratio, level in zip(couples, ratios, corrected, strict=True)
         )
 
+    def _apart(self, first: Scored, second: Scored) -> bool:
+        ours, theirs = (
+            [self._order(search) for search in self.searches[scored.entry.group]] for scored in (first, second)
+        )
+        return max(ours) < min(theirs) or max(theirs) < min(ours)
+
+    @property
+    def luck(self) -> float:
+        """Largest ratio of the errors of two searches of one entry; 1 where each was tuned once."""
+        groups = [[self._estimate(search) for search in group] for group in self.searches.values()]
+        spans = [[ratio for ratio in group if math.isfinite(ratio)] for group in groups]
+        return max((max(span) / min(span) for span in spans if span), default=1.0)
+
     def alike(self, key: str) -> tuple[str, ...]:
-        """Keys of the entries that one does not differ from, by `tuning.race.pairs.RULE`."""
+        """Keys of the ranking that one of it does not differ from, by `tuning.race.pairs.RULE`."""
         return tuple(
             pair.second if pair.first == key else pair.first
             for pair in self.pairs
@@ -81,7 +107,8 @@ class Found:
         found = next(pair for pair in self.pairs if {pair.first, pair.second} == {first, second})
         if found.first == first:
             return found
-        return Pair(first, second, _ratio(self.by_key[first].runs, self.by_key[second].runs), found.corrected)
+        ratio = _ratio(self.by_key[first].runs, self.by_key[second].runs)
+        return replace(found, first=first, second=second, ratio=ratio)
 
 
 def _ratio(runs: Runs, others: Runs) -> Ratio:

@@ -22,7 +22,8 @@ LEAST_DIFFERENCE = 0.05
 RULE = (
     f"Two differ where the geometric mean of the ratios of their mean square errors, scenario by scenario, is off 1 by "
     f"more than {100 * LEAST_DIFFERENCE:g} %, and a t-test of the ratios' logarithms rejects 1 at "
-    f"{100 * (1 - CONFIDENCE):.0f} % with Holm's correction over all pairs."
+    f"{100 * (1 - CONFIDENCE):.0f} % with Holm's correction over all pairs; and where they were tuned more than once, "
+    "only if every search of the one is ahead of every search of the other."
 )
 """When two differ, in words."""
 
@@ -50,19 +51,20 @@ class Pair:
         first, second: their keys.
         ratio: errors of the first over those of the second.
         corrected: `Ratio.p` with Holm's correction over all pairs.
+        apart: whether every search of the one is ahead of every search of the other.
     """
 
     first: str
     second: str
     ratio: Ratio
     corrected: float
+    apart: bool = True
 
     @property
     def differ(self) -> bool:
         """What `RULE` says."""
-        return self.corrected < 1 - CONFIDENCE and abs(math.log(self.ratio.interval.estimate)) > -math.log(
-            1 - LEAST_DIFFERENCE
-        )
+        sure = self.apart and self.corrected < 1 - CONFIDENCE
+        return sure and abs(math.log(self.ratio.interval.estimate)) > -math.log(1 - LEAST_DIFFERENCE)
 
 
 def ratio_of(values: Floats, references: Floats) -> Ratio:

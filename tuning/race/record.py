@@ -45,6 +45,7 @@ def to_record(found: Found) -> dict[str, Any]:
         "paper": _runs(found.paper.runs),
         "entries": [_entry(found, scored) for scored in found.ranking],
         "pairs": [_pair(pair) for pair in found.pairs],
+        "luck": found.luck,
         "left": found.left,
     }
 
@@ -62,6 +63,10 @@ def _entry(found: Found, scored: Scored) -> dict[str, Any]:
         "held": list(entry.held),
         "over_paper": _ratio(found.ratios[key]),
         "alike": list(found.alike(key)),
+        "searches": [
+            {"search": search.entry.search, **_ratio(found.ratios[search.entry.key])}
+            for search in found.searches[entry.group]
+        ],
         **_runs(scored.runs),
         "gains": scored.gains,
         "search": asdict(scored.search),
@@ -82,7 +87,8 @@ def _runs(runs: Runs) -> dict[str, Any]:
 
 def _pair(pair: Pair) -> dict[str, Any]:
     ratio = _ratio(pair.ratio)
-    return {"first": pair.first, "second": pair.second, **ratio, "p_corrected": pair.corrected, "differ": pair.differ}
+    levels = {"p_corrected": pair.corrected, "apart": pair.apart, "differ": pair.differ}
+    return {"first": pair.first, "second": pair.second, **ratio, **levels}
 
 
 def _ratio(ratio: Ratio) -> dict[str, Any]:

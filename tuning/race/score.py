@@ -58,7 +58,7 @@ def scored(
     )
     watch.phase(UNSEEN_PHASE)
     evaluator = Evaluator(tuned.prepared, threads=threads)
-    scenarios = problem.drawn(terms.held_out, problem.seed + UNSEEN)
+    scenarios = problem.drawn(terms.held_out, terms.seed + UNSEEN)
     fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
     candidates = [tuned.verdict.best.candidate, *(trial.candidate for found in fronts.values() for trial in found)]
     result = evaluator.run(candidates, scenarios)
@@ -110,7 +110,7 @@ def paper(problem: Problem, terms: Terms, *, threads: int | None = None, watch: 
     """
     evaluator = Evaluator(prepare(problem, threads, watch), threads=threads)
     watch.phase(PAPER_PHASE)
-    scenarios = problem.drawn(terms.held_out, problem.seed + UNSEEN, problem.paper_experiment)
+    scenarios = problem.drawn(terms.held_out, terms.seed + UNSEEN, problem.paper_experiment)
     candidate, result = Candidate({}, "paper"), evaluator.run(None, scenarios)
     (margins,) = evaluator.margins([candidate], evaluator.survey(scenarios, problem.paper_experiment))
     judged = evaluator.judged(candidate, result, scenarios, margins=margins)

@@ -31,9 +31,11 @@ WITHOUT_OBSERVER = "without observer"
 def heading(found: Found) -> str:
     """What was done, in one line."""
     terms = found.terms
-    entries = f"{len(found.entries)} entr{'y' if len(found.entries) == 1 else 'ies'}"
+    entries = f"{len(found.searches)} entr{'y' if len(found.searches) == 1 else 'ies'}"
+    searches = len(found.entries)
+    more = f" in {searches} searches" if searches > len(found.searches) else ""
     return (
-        f"{entries}, {terms.rollouts} rollouts of '{terms.ensemble}' each, "
+        f"{entries}{more}, {terms.rollouts} rollouts of '{terms.ensemble}' each, "
         f"scored in {terms.held_out} unseen scenarios, seed {terms.seed}"
     )
 
@@ -102,7 +104,7 @@ def notes(found: Found) -> list[str]:
         "scenarios. " + RULE + " Load: root mean square of the motor torques."
     ]
     words += [f"All keep to, where tuned: {'; '.join(found.terms.constraints) or 'nothing'}."]
-    words += [least_words(found)]
+    words += [least_words(found), luck_words(found)]
     words += [
         f"{found.names[scored.entry.key]}: no trial was better than the gains that the search started from."
         for scored in found.ranking
@@ -111,6 +113,19 @@ def notes(found: Found) -> list[str]:
     if found.left:
         words.append(f"Interrupted: {found.left} entries are left; the same call goes on with them.")
     return words
+
+
+def luck_words(found: Found) -> str:
+    """How much of a difference is the luck of a search."""
+    if len(found.entries) == len(found.searches):
+        return (
+            "Each was tuned once: another seed of the search finds other gains, and to leave a part out hardly makes "
+            "the best gains there are any better. `--searches 3` tells how much is luck."
+        )
+    return (
+        "Shown is the median search of each. Searches of the same entry that differ by their seed alone are up to a "
+        f"factor of {spaced(found.luck)} apart."
+    )
 
 
 def least_words(found: Found) -> str:
@@ -156,14 +171,15 @@ def stress_rows(found: Found) -> list[list[str]]:
 
 
 def search_rows(found: Found) -> list[list[str]]:
-    """What each search had: name, gains, trials, rollouts and time."""
-    return [_search(found, scored) for scored in found.ranking]
+    """What each search found and had: name, how far the error is below the paper's, gains, trials, rollouts, time."""
+    return [_search(found, search) for scored in found.ranking for search in found.searches[scored.entry.group]]
 
 
 def _search(found: Found, scored: Scored) -> list[str]:
     search = scored.search
     numbers = [search.gains, search.trials, search.rollouts]
-    return [found.names[scored.entry.key], *map(str, numbers), f"{search.seconds:.0f} s"]
+    below = below_words(found.ratios[scored.entry.key].interval)
+    return [found.names[scored.entry.key], below, *map(str, numbers), f"{search.seconds:.0f} s"]
 
 
 def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

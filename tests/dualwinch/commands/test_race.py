@@ -82,6 +82,19 @@ def test_python_gives_what_the_command_prints(tmp_path: Path, capsys: pytest.Cap
     assert dw.race(drawn, **words).ratios == found.ratios
 
 
+def test_searches_have_seeds_of_their_own_and_are_scored_in_the_same_scenarios() -> None:
+    words = {"laws": "nftsm", "estimators": "kalman", "rollouts": 60, "scenarios": 2, "held_out": 4}
+    settings = ["simulation.duration=0.1"]
+    two = dw.race("sea", settings=settings, searches=2, **words)
+    one = dw.race("sea", settings=settings, **words)
+    first, second = sorted(two.entries, key=lambda scored: scored.entry.search)
+    assert first.gains == one.entries[0].gains != second.gains
+    assert two.paper.runs.metrics["mse"].tolist() == one.paper.runs.metrics["mse"].tolist()
+    assert len(two.ranking) == 1
+    with pytest.raises(dw.ConfigurationError, match="searches = 0: must be a whole number >= 1"):
+        dw.race("sea", searches=0)
+
+
 def test_who_takes_part_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every law with the ensemble's filter, and nothing of what is asked for otherwise."""
     seen: list[list[str]] = []

@@ -8,7 +8,7 @@ import pytest
 
 from dualwinch.tuning.race.record import to_record
 from dualwinch.tuning.race.scored import Paper, Scored
-from dualwinch.tuning.race.summary import ablation_rows, notes, race_table, stress_rows
+from dualwinch.tuning.race.summary import ablation_rows, notes, race_table, search_rows, stress_rows
 from tests.tuning.race.made_up import made_up, scored
 
 FOUND = made_up()
@@ -55,6 +55,41 @@ def test_ablations_are_compared_with_the_whole_law() -> None:
     assert {row[1] for row in rows.values()} == {"yes"}
     without = replace(FOUND, entries=tuple(each for each in FOUND.entries if not each.entry.variant))
     assert ablation_rows(without) == [], "laws are laws where nobody asked for ablations"
+
+
+def searched(*errors: float, law: str = "adrc") -> tuple[Scored, ...]:
+    """Searches of one entry, by the errors they come to."""
+    first = scored(law, 1.0)
+    return tuple(
+        replace(
+            scored(law, error, variant=""),
+            entry=replace(first.entry, search=search),
+            search=replace(first.search, seconds=float(search)),
+        )
+        for search, error in enumerate(errors)
+    )
+
+
+def test_of_several_searches_the_median_counts() -> None:
+    found = replace(FOUND, entries=(*searched(0.2, 0.1, 0.4), *searched(0.3, 0.5, law="nftsm")))
+    assert [found.ratios[each.entry.key].interval.estimate for each in found.ranking] == pytest.approx(
+        [0.2, 0.5], rel=0.1
+    ), "of two the worse"
+    assert [found.names[each.entry.key] for each in found.entries] == ["adrc"] * 3 + ["nftsm"] * 2
+    assert found.luck == pytest.approx(4)
+    assert "2 entries in 5 searches" in repr(found)
+    assert "up to a factor of 4 apart" in repr(found)
+    record = to_record(found)
+    assert [len(entry["searches"]) for entry in record["entries"]] == [3, 2]
+    assert len(search_rows(found)) == 5
+
+
+def test_searches_that_overlap_do_not_differ_however_sure_their_medians_are() -> None:
+    apart = replace(FOUND, entries=(*searched(0.2, 0.1, 0.15), *searched(0.3, 0.5, law="nftsm")))
+    overlapping = replace(FOUND, entries=(*searched(0.2, 0.1, 0.4), *searched(0.3, 0.5, law="nftsm")))
+    assert [found.pairs[0].corrected < 1e-9 for found in (apart, overlapping)] == [True, True]
+    assert [found.pairs[0].differ for found in (apart, overlapping)] == [True, False]
+    assert overlapping.alike(overlapping.ranking[0].entry.key) == (overlapping.ranking[1].entry.key,)
 
 
 def test_what_breaks_first_is_shown_where_it_was_looked_for() -> None:

@@ -59,3 +59,12 @@ def test_axes_of_ones_own() -> None:
     axes = figure.subplots(1, 2)
     assert FOUND.plot_fronts(ax=axes) is figure
     assert len(axes[1].lines) > 4
+
+
+def test_every_search_has_a_tick() -> None:
+    adrc = next(each for each in FOUND.entries if each.entry.law == "adrc")
+    again = replace(scored("adrc", 0.2), entry=replace(adrc.entry, search=1))
+    axes = replace(FOUND, entries=(*FOUND.entries, again)).plot().axes[0]
+    (ticks,) = (line for line in axes.lines if line.get_marker() == "|")
+    assert np.ravel(ticks.get_xdata()).tolist() == pytest.approx([0.1, 0.2], rel=0.1)
+    assert len([line for line in axes.lines if line.get_marker() == "o"]) == 4
