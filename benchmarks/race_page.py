@@ -16,12 +16,15 @@ from typing import Any
 from benchmarks.document import markdown, put
 from dualwinch.simulation.ensembles.paired import Interval
 from dualwinch.tuning.race.ablations import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER
-from dualwinch.tuning.race.summary import below_words
+from dualwinch.tuning.race.summary import below_words, ratio_words, spaced
 
 Record = Mapping[str, Any]
 
 FIGURES = {"race.svg": "race.svg", "fronts.svg": "race-fronts.svg"}
 """Figure of a race → its name among those of the documents."""
+
+ENDS = ("estimate", "low", "high")
+"""Names of a ratio and of both ends of its interval."""
 
 MILLIMETRES = 1e3
 
@@ -90,21 +93,25 @@ def race_table(race: Record) -> str:
 
 
 def facts(race: Record) -> str:
-    """What the race was, in one sentence."""
-    entries, searches = race["entries"], [entry["search"] for entry in race["entries"]]
-    minutes = sum(search["seconds"] for search in searches) / 60
-    return (
-        f"*{len(entries)} entries in `{race['ensemble']}`, {race['rollouts']} rollouts each by `{race['method']}` "
-        f"({min(search['trials'] for search in searches)} to {max(search['trials'] for search in searches)} trials), "
-        f"{race['held_out']} unseen scenarios, seed {race['seed']}; {minutes:.0f} minutes in all.*"
+    """What the race was, in two sentences."""
+    entries = race["entries"]
+    trials = [entry["search"]["trials"] for entry in entries]
+    searches = sum(len(entry["searches"]) for entry in entries)
+    words = (
+        f"{len(entries)} entries in `{race['ensemble']}`, {searches} searches of {race['rollouts']} rollouts by "
+        f"`{race['method']}` ({min(trials)} to {max(trials)} trials), {race['held_out']} unseen scenarios, "
+        f"seed {race['seed']}."
     )
+    if searches > len(entries):
+        words += f" Searches of the same entry are up to a factor of {spaced(race['luck'])} apart."
+    return f"*{words}*"
 
 
 def least(race: Record) -> str:
     """What nobody gets below."""
     found = race["least"]
     if not found["beyond_authority"]:
-        return "In none of the scenarios the reference takes more force than the motors can give."
+        return "In none of the scenarios does the reference take more force than the motors can give."
     without, given = (_rms(found[name]) for name in ("without_foresight", "with_foresight"))
     best = min(value for entry in race["entries"] if (value := entry["statistics"]["mean.mse"]) is not None)
     return (
@@ -131,7 +138,7 @@ def _compared(race: Record, other: Record, whole: Record) -> list[str]:
     pair = next(pair for pair in race["pairs"] if {pair["first"], pair["second"]} == set(keys))
     if pair["estimate"] is None:
         return ["–", "not comparable"]
-    there = {name: pair[name] for name in ("estimate", "low", "high")}
+    there = {name: pair[name] for name in ENDS}
     if pair["first"] != keys[0]:
         there = {"estimate": 1 / pair["estimate"], "low": 1 / pair["high"], "high": 1 / pair["low"]}
     verdict = "no difference" if not pair["differ"] else "worse without" if there["estimate"] > 1 else "better without"
@@ -141,13 +148,13 @@ def _compared(race: Record, other: Record, whole: Record) -> list[str]:
 def _interval(ratio: Record) -> str:
     if ratio["estimate"] is None:
         return "–"
-    return "{estimate:.3g} ({low:.3g}–{high:.3g})".format(**ratio)
+    return ratio_words(Interval(*(ratio[name] for name in ENDS)))
 
 
 def _below(ratio: Record) -> str:
     if ratio["estimate"] is None:
         return "–"
-    return below_words(Interval(*(ratio[name] for name in ("estimate", "low", "high"))))
+    return below_words(Interval(*(ratio[name] for name in ENDS)))
 
 
 def _figures(runs: Record) -> list[str]:

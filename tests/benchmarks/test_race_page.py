@@ -49,7 +49,15 @@ def test_everybody_stands_in_the_table_with_the_papers_gains_last() -> None:
     ]
     assert [row[6] for row in rows][2:4] == ["broken: worst.peak_tension <= 6000 N", "kept"]
     assert [row[7] for row in rows] == ["2", "1", "–", "–", ""]
-    assert "4 entries in `rig`, 3000 rollouts each by `hybrid` (300 to 300 trials)" in facts(RACE)
+    assert facts(RACE).startswith(
+        "*4 entries in `rig`, 4 searches of 3000 rollouts by `hybrid` (300 to 300 trials), 40 "
+    )
+    assert facts(RACE).endswith("seed 5.*")
+    entry = made_up().entries[1]
+    again = replace(scored("adrc", 0.2), entry=replace(entry.entry, search=1))
+    several = to_record(replace(made_up(), entries=(*made_up().entries, again)))
+    assert "5 searches of 3000 rollouts" in facts(several)
+    assert "are up to a factor of 2 apart" in facts(several)
 
 
 def test_the_least_error_is_told_without_and_with_foresight() -> None:
