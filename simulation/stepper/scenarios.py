@@ -89,7 +89,7 @@ class Scenarios:
                 raise ConfigurationError(f"scenarios: {number!r} is none: must be whole numbers >= 0, or scenarios")
         if self.ensemble is None:
             return [Scenario(0, self._base, self._base.plant, {})] * len(numbers)
-        return [self.ensemble.scenario(int(number), seed) for number in numbers]
+        return self.ensemble.chosen([int(number) for number in numbers], seed)
 
     def lanes(self, scenarios: Sequence[Scenario]) -> list[Lane]:
         """What lanes of scenarios start from.
