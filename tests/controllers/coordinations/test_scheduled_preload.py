@@ -55,7 +55,7 @@ def test_a_tremor_of_the_force_is_shared_by_both_ropes() -> None:
     F1, F2 = (np.array([getattr(output, name) for output in late]) for name in ("F1_cmd", "F2_cmd"))
     assert np.ptp(F1) == pytest.approx(200, rel=0.05)
     assert np.ptp(F2) == pytest.approx(200, rel=0.05)
-    assert np.ptp(F1 + F2) < 10
+    assert np.ptp(F1 + F2) == pytest.approx(2 * 200 / (100 * 0.3), rel=0.01)  # what a low-pass of 0.3 s lets through
 
 
 @given(st.floats(100, 2000))
