@@ -11,21 +11,16 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.disturbance import given_signals
+from dualwinch.model.motions.preview import no_departures
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.reference import Reference, Setpoint, setpoint
+from dualwinch.model.reference import Reference, departures, setpoint
 from dualwinch.simulation.exogenous.sensors import silence_of
 from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import Exogenous
+from dualwinch.simulation.loop.closed_loop import exogenous_names
+from dualwinch.simulation.loop.equations import reference_inputs
 
 Floats: TypeAlias = NDArray[np.float64]
-
-NAMES = tuple(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
-"""Names of the signals a sample receives, in the closed loop's order."""
-
-SIGNALS = len(NAMES)
-"""Number of signals a sample receives."""
-
 
 MOST_SAMPLES = 2**31 - 1
 """Longest outage, and longest time between two, in samples."""
@@ -78,23 +73,26 @@ def random_signals(experiment: Experiment) -> dict[str, Drawn]:
 class Outside:
     """What an experiment receives from outside: its signals, drawn and read piece by piece."""
 
-    def __init__(self, experiment: Experiment, names: Sequence[str] = NAMES) -> None:
+    def __init__(self, experiment: Experiment, names: Sequence[str] | None = None) -> None:
         """Set the signals up.
 
         Args:
             experiment: whose.
-            names: of the signals.
+            names: of the signals; default: all that its closed loop receives.
         """
         random = random_signals(experiment)
-        self._experiment, self._names = experiment, names
-        self.signals = Signals([random.get(name) for name in names])
+        self._experiment = experiment
+        self._names = exogenous_names(experiment.controller) if names is None else names
+        self.signals = Signals([random.get(name) for name in self._names])
 
     def give(self, start: int, n: int) -> None:
         """Read what is given of `n` samples from the sample `start` on."""
         experiment = self._experiment
         sample_time, given = experiment.simulation.sample_time, {}
         if "steady" in self._names:
+            times = experiment.controller.preview
             given |= _reference(experiment.reference, experiment.steady_window, sample_time, start, n)
+            given |= _ahead(experiment.reference, times, sample_time, start, n)
         for name, (signal, unit) in given_signals(experiment.disturbance).items():
             if signal.given:
                 t: Floats = np.arange(start, start + n, dtype=np.float64) * sample_time
@@ -128,6 +126,16 @@ def _reference(
     }
 
 
+@lru_cache(maxsize=4)
+def _ahead(reference: Reference, times: tuple[float, ...], sample_time: float, start: int, n: int) -> dict[str, Floats]:
+    """How the reference departs at some times ahead from going on as it is; kept, as `_reference`."""
+    if not times:
+        return {}
+    found = departures(np.arange(start, start + n) * sample_time, times, reference)
+    columns = (np.broadcast_to(column, n).astype(float) for of_times in vars(found).values() for column in of_times)
+    return dict(zip(leaves(no_departures(times), "ahead."), columns, strict=True))
+
+
 def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = None) -> Iterator[Floats]:
     """Everything a run receives from outside, in pieces of at most `length` samples.
 
@@ -154,6 +162,15 @@ def exogenous_source(experiment: Experiment) -> Signals:
 def exogenous_signals(experiment: Experiment) -> Floats:
     """Everything a run receives from outside in one piece, (samples, exogenous)."""
     return next(exogenous_pieces(experiment, experiment.samples))
+
+
+def asked_motion(experiment: Experiment) -> dict[str, Floats]:
+    """The reference of every sample as its controller takes it, by the names of `loop.equations.reference_inputs`."""
+    sample_time, reference = experiment.simulation.sample_time, experiment.reference
+    t = np.arange(experiment.samples) * sample_time
+    points = [setpoint(t + time, reference) for time in (0.0, *experiment.controller.preview)]
+    columns = [np.broadcast_to(column, len(t)) for point in points for column in (point.x, point.v, point.a)]
+    return dict(zip(reference_inputs(experiment.controller), columns, strict=True))
 
 
 def sea_signals(experiment: Experiment) -> Sea:

@@ -107,8 +107,8 @@ class Scenarios:
         Lanes of one experiment read the same pages. They are kept where they are small: they hold all that follow.
         """
         if self.ensemble:
-            return [first_page(lane.experiment, page_length(batch)) for lane in lanes]
-        page = self._only_page or first_page(self.experiment, page_length(1))
+            return [first_page(lane.experiment, page_length(self.experiment, batch)) for lane in lanes]
+        page = self._only_page or first_page(self.experiment, page_length(self.experiment, 1))
         if self.experiment.samples * page.table.itemsize * page.table.shape[1] < ROOM:
             self._only_page = page
         return [page] * len(lanes)
