@@ -21,6 +21,7 @@ from .controllers.coordinations.coordination import Coordination as Coordination
 from .controllers.coordinations.differential_tension import DifferentialTension as DifferentialTension
 from .controllers.coordinations.force_position import ForcePosition as ForcePosition
 from .controllers.coordinations.master_slave import MasterSlave as MasterSlave
+from .controllers.coordinations.scheduled_preload import ScheduledPreload as ScheduledPreload
 from .controllers.estimators.calibrating_kalman import CalibratingKalman as CalibratingKalman
 from .controllers.estimators.estimator import Estimator as Estimator
 from .controllers.estimators.kalman import Kalman as Kalman

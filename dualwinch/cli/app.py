@@ -15,6 +15,7 @@ from dualwinch.cli import (
     doctor,
     export,
     linearise,
+    preload,
     reproduce,
     simulate,
     stress,
@@ -42,7 +43,24 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-for module in (reproduce, simulate, sweep, linearise, compare, tune, stress, worker, config, certify, export, doctor):
+COMMANDS = (
+    reproduce,
+    simulate,
+    sweep,
+    linearise,
+    compare,
+    tune,
+    stress,
+    preload,
+    worker,
+    config,
+    certify,
+    export,
+    doctor,
+)
+"""In the order of the help."""
+
+for module in COMMANDS:
     app.command(module.app)
 
 
