@@ -7,6 +7,7 @@ from .commands.export import export_c as export_c
 from .commands.export import export_casadi as export_casadi
 from .commands.export import export_mex as export_mex
 from .commands.export_fmu import export_fmu as export_fmu
+from .commands.race import race as race
 from .commands.stress import stress as stress
 from .commands.sweep import sweep as sweep
 from .commands.tuning_setup import tuning_problem as tuning_problem
@@ -114,6 +115,7 @@ from .simulation.simulate import simulate as simulate
 from .simulation.stepper.observation import Observation as Observation
 from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
+from .tuning.race.result import Race as Race
 from .tuning.stress.result import Stress as Stress
 from .tuning.tune import tune as tune
 from .tuning.tuned import Tuned as Tuned

@@ -64,8 +64,11 @@ def tune(
             help="hybrid (default), cmaes, gradient, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
         ),
     ] = None,
-    trials: Annotated[int | None, Parameter(help="Trials (default 1000 without --time).")] = None,
+    trials: Annotated[int | None, Parameter(help="Trials (default 1000 without --time and --rollouts).")] = None,
     time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds come on top.")] = None,
+    rollouts: Annotated[
+        int | None, Parameter(help="Rollouts of the search, so that a slow law is tried as often as a fast one.")
+    ] = None,
     storage: Annotated[
         str | None,
         Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
@@ -97,6 +100,7 @@ def tune(
             method=method,
             trials=trials,
             seconds=None if time is None else seconds_from(time),
+            rollouts=rollouts,
             storage=storage,
             study=study,
             workers=workers,

@@ -55,6 +55,7 @@ class Options:
         method: name of the optimiser; ``None``: the default for the number of objectives.
         trials: number of trials; ``None``: no limit.
         seconds: wall time of the search in s; ``None``: no limit.
+        rollouts: number of rollouts of the search; ``None``: no limit.
         storage: file or URL; ``None``: ``study.journal`` in `out`.
         study: the study's name.
         workers: processes on this machine.
@@ -66,6 +67,7 @@ class Options:
     method: str | None = None
     trials: int | None = None
     seconds: float | None = None
+    rollouts: int | None = None
     storage: str | Path | None = None
     study: str = "tuning"
     workers: int = 1
@@ -109,7 +111,8 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
         KeyboardInterrupt: interrupted; the best so far is written.
     """
     method = options.method or default_method(len(problem.objectives))
-    trials = TRIALS if options.trials is None and options.seconds is None else options.trials
+    budgets = options.trials, options.seconds, options.rollouts
+    trials = TRIALS if budgets == (None, None, None) else options.trials
     _check(options, trials)
     if options.stress:
         check_stress(problem)
@@ -121,7 +124,9 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
     definition = definition_of(problem, method)
     if options.workers > 1:
         _check_sources(definition["parts"])
-    store = open_store(storage, options.study, problem, definition, Budget(trials, until), resume=options.resume)
+    store = open_store(
+        storage, options.study, problem, definition, Budget(trials, until, options.rollouts), resume=options.resume
+    )
     with closing(store), _workers(options, storage):
         _announce(status, problem, method, storage, store.count())
         tuned = run(
@@ -129,6 +134,7 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
             method=method,
             trials=trials,
             seconds=options.seconds,
+            rollouts=options.rollouts,
             threads=max(1, cores() // options.workers),
             store=store,
             afterwards=REPORT_SECONDS,
@@ -174,8 +180,9 @@ def write(tuned: Tuned, storage: str, options: Options) -> None:
 
 
 def _check(options: Options, trials: int | None) -> None:
-    if trials is not None and trials < 1:
-        raise ConfigurationError(f"--trials {trials}: must be a whole number >= 1")
+    for name, count in (("trials", trials), ("rollouts", options.rollouts)):
+        if count is not None and count < 1:
+            raise ConfigurationError(f"--{name} {count}: must be a whole number >= 1")
     if options.workers < 1:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
     if options.workers > 1 and not (options.storage and is_database(str(options.storage))):
