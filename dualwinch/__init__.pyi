@@ -22,6 +22,7 @@ from .controllers.coordinations.coordination import Coordination as Coordination
 from .controllers.coordinations.differential_tension import DifferentialTension as DifferentialTension
 from .controllers.coordinations.force_position import ForcePosition as ForcePosition
 from .controllers.coordinations.master_slave import MasterSlave as MasterSlave
+from .controllers.coordinations.scheduled_preload import ScheduledPreload as ScheduledPreload
 from .controllers.estimators.calibrating_kalman import CalibratingKalman as CalibratingKalman
 from .controllers.estimators.estimator import Estimator as Estimator
 from .controllers.estimators.kalman import Kalman as Kalman
@@ -29,11 +30,14 @@ from .controllers.estimators.low_pass import LowPass as LowPass
 from .controllers.estimators.self_calibrating_kalman import SelfCalibratingKalman as SelfCalibratingKalman
 from .controllers.estimators.unfiltered import Unfiltered as Unfiltered
 from .controllers.laws.adrc import Adrc as Adrc
+from .controllers.laws.equivalent_input_disturbance import Eid as Eid
 from .controllers.laws.fando_nftsm import FandoNftsm as FandoNftsm
+from .controllers.laws.lqi import Lqi as Lqi
 from .controllers.laws.nftsm import Nftsm as Nftsm
 from .controllers.laws.nominal_forces import nominal_forces as nominal_forces
 from .controllers.laws.pid_cascade import PidCascade as PidCascade
 from .controllers.laws.position_law import PositionLaw as PositionLaw
+from .controllers.laws.rbf_sliding_mode import RbfSlidingMode as RbfSlidingMode
 from .controllers.laws.super_twisting import SuperTwisting as SuperTwisting
 from .controllers.limits import Limits as Limits
 from .controllers.signals import CoordinationOutput as CoordinationOutput

@@ -15,6 +15,7 @@ from dualwinch.cli import (
     doctor,
     export,
     linearise,
+    preload,
     race,
     reproduce,
     simulate,
@@ -43,7 +44,7 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-for module in (
+COMMANDS = (
     reproduce,
     simulate,
     sweep,
@@ -52,12 +53,16 @@ for module in (
     tune,
     race,
     stress,
+    preload,
     worker,
     config,
     certify,
     export,
     doctor,
-):
+)
+"""In the order of the help."""
+
+for module in COMMANDS:
     app.command(module.app)
 
 

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
-from dualwinch.simulation.metrics.metrics import Metrics
 
 TRACED = ("e", "F1", "F2")
 """Columns whose traces are kept."""
@@ -22,13 +21,14 @@ class Finished:
 
     Attributes:
         scenario: what was run.
-        metrics, outcome, end_time: what it came to; the time in s.
+        metrics: figure of merit → value.
+        outcome, end_time: how it ended, and when in s.
         t: (rows,) times in s of the trace.
         trace: (columns of `TRACED`, rows) float32.
     """
 
     scenario: Scenario
-    metrics: Metrics
+    metrics: dict[str, float]
     outcome: str
     end_time: float
     t: NDArray[np.float64]
@@ -43,7 +43,7 @@ class Collector:
         self._draws: list[tuple] = []
         self._ends: list[tuple[str, float]] = []
         self._merits: tuple[str, ...] = ()
-        self._metrics: list[NDArray[np.float64]] = []
+        self._metrics: list[tuple[float, ...]] = []
         self._t = np.empty(0)
         self._sampled: list[NDArray[np.float32]] = []
         self._lowest = self._highest = np.empty(0, np.float32)
@@ -63,7 +63,7 @@ class Collector:
         self._draws.append(tuple(run.scenario.draws.values()))
         self._ends.append((run.outcome, run.end_time))
         self._merits = tuple(run.metrics)
-        self._metrics.append(np.array(list(vars(run.metrics).values())))
+        self._metrics.append(tuple(run.metrics.values()))
 
     def result(self, seed: int, asked: int) -> EnsembleResult:
         """The result of the scenarios taken in; of an interrupted `add` nothing is seen.

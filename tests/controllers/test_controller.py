@@ -19,11 +19,14 @@ from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.equivalent_input_disturbance import Eid
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.lqi import Lqi
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.observer import ObserverGains
 from dualwinch.controllers.laws.pid_cascade import PidCascade
 from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.laws.rbf_sliding_mode import RbfSlidingMode
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.laws.super_twisting import SuperTwisting
 from dualwinch.controllers.nominal import Nominal, nominal_plant
@@ -51,6 +54,9 @@ TUNED: tuple[PositionLaw, ...] = (
     PidCascade(kd1=0.4, kd2=0.02),
     SuperTwisting(auxiliary=AUXILIARY),
     Adrc(),
+    Lqi(),
+    Eid(),
+    RbfSlidingMode(),
 )
 CONTROLLERS = {
     law.kind: Controller(

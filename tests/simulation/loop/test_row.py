@@ -30,6 +30,9 @@ OWN_OF_LAWS = {
     "pid-cascade": {},
     "super-twisting": {"Z_a": "N s", "s": "m"},
     "adrc": {"d_hat": "m/s^2"},
+    "lqi": {},
+    "eid": {"d_hat": "m/s^2"},
+    "rbf-sliding-mode": {"s": "m", "d_hat": "m/s^2"},
 }
 ESTIMATED = {"x_est": "m", "v_est": "m/s", "d_est": "m/s^2"}
 OWN_OF_ESTIMATORS = {
