@@ -26,5 +26,5 @@ def test_the_kernel_runs_every_scenario_and_can_be_called_again() -> None:
 
 def test_times_are_those_of_a_scenario() -> None:
     compiled, whole = ensembles.times("sea", 0.05, 1)
-    assert 0 < compiled
-    assert 0 < whole
+    assert compiled > 0
+    assert whole > 0
