@@ -48,7 +48,7 @@ def check(experiment: Experiment) -> None:
 
 
 def _check_time(experiment: Experiment) -> None:
-    if not 1 <= experiment.samples <= LONGEST:
+    if not 1 <= experiment.duration / experiment.simulation.sample_time <= LONGEST + 0.5:
         raise ConfigurationError(
             f"simulation.duration = {experiment.duration:g}: must be one to {LONGEST:g} sample times "
             f"of {experiment.simulation.sample_time:g} s"

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch import __version__
+from dualwinch.codegen.text import one_line
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import check_folder, make_folder
+from dualwinch.commands.folders import check_folder, made_folder
 from dualwinch.commands.tuning_print import print_study
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import configuration, definition_of
@@ -28,7 +29,7 @@ from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.result import write_best, write_study
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.noted_parts import Noted, in_words, noted_parts
-from dualwinch.tuning.storage.opening import is_database, kept_definition, open_store
+from dualwinch.tuning.storage.opening import check_storage, is_database, kept_definition, open_store
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.summary import controller_in_words
 from dualwinch.tuning.tune import tune as run
@@ -39,6 +40,9 @@ REPORT_SECONDS = 2.0
 
 PREPARING_SECONDS = 600.0
 """Time in s after which workers give a study up whose first process has not begun to search."""
+
+LONGEST_TIME = 1e7
+"""Largest number of a time."""
 
 TRIALS = 1000
 """Trials where no budget is given."""
@@ -83,7 +87,7 @@ def seconds_from(text: str) -> float:
         ConfigurationError: it is none.
     """
     parts = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|m|h|)\s*", text)
-    if not parts or not float(parts[1]):
+    if not parts or not 0 < float(parts[1]) <= LONGEST_TIME:
         raise ConfigurationError(f"--time {text}: must be a time such as 60s, 5min or 2h")
     return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
 
@@ -113,13 +117,18 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
     method = options.method or default_method(len(problem.objectives))
     budgets = options.trials, options.seconds, options.rollouts
     trials = TRIALS if budgets == (None, None, None) else options.trials
-    _check(options, trials)
+    check_options(options)
     if options.stress:
         check_stress(problem)
     check_method(method, len(problem.objectives))
     out = Path(options.out)
-    make_folder(out)
-    storage = _storage(options)
+    with made_folder(out):
+        return _tune(problem, options, status, method, trials)
+
+
+def _tune(problem: Problem, options: Options, status: StatusLine, method: str, trials: int | None) -> Tuned:
+    """The same, once everything is checked and there is a folder."""
+    out, storage = Path(options.out), _storage(options)
     until = None if options.seconds is None else time.time() + options.seconds + PREPARING_SECONDS
     definition = definition_of(problem, method)
     if options.workers > 1:
@@ -163,9 +172,9 @@ def write(tuned: Tuned, storage: str, options: Options) -> None:
         "code version": f"dualwinch {__version__}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": problem.seed,
-        "ensemble": problem.ensemble.name if problem.ensemble else "none",
-        "study": options.study,
-        "storage": shown(storage) if is_database(storage) else storage,
+        "ensemble": one_line(problem.ensemble.name) if problem.ensemble else "none",
+        "study": one_line(options.study),
+        "storage": shown(storage) if is_database(storage) else one_line(storage),
         "method": tuned.method,
     }
     parts = noted_parts(problem)
@@ -179,14 +188,16 @@ def write(tuned: Tuned, storage: str, options: Options) -> None:
     write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best)
 
 
-def _check(options: Options, trials: int | None) -> None:
-    for name, count in (("trials", trials), ("rollouts", options.rollouts)):
+def check_options(options: Options) -> None:
+    """Raise `ConfigurationError` where options alone are wrong, before anything is read."""
+    for name, count in (("trials", options.trials), ("rollouts", options.rollouts)):
         if count is not None and count < 1:
             raise ConfigurationError(f"--{name} {count}: must be a whole number >= 1")
     if options.workers < 1:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
     if options.workers > 1 and not (options.storage and is_database(str(options.storage))):
         raise ConfigurationError("--workers: needs a database, --storage postgresql+psycopg://USER@HOST/DATABASE")
+    check_storage(_storage(options))
 
 
 def _check_sources(parts: Sequence[Noted]) -> None:

@@ -146,6 +146,12 @@ def configuration(problem: Problem) -> str:
     return ensemble_to_toml(replace(problem.ensemble, experiment=problem.experiment))
 
 
+def check_words(text: str) -> None:
+    """Raise `ConfigurationError` where one of ``--space``'s texts is none."""
+    if not text.endswith(".toml"):
+        entry_from(text)
+
+
 def _entries(texts: Sequence[str]) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     for text in texts:

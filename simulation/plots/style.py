@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.typing import LineStyleType
 
+from dualwinch.codegen.text import one_line
 from dualwinch.simulation.experiment import Experiment
 
 WIDTH = 7.0
@@ -110,7 +111,7 @@ def law_kind(experiment: Experiment) -> str:
 
 def plain(text: str) -> str:
     r"""A name that somebody gave, for matplotlib: ``$`` begins no formula, a leading ``_`` leaves no label out."""
-    shown = text.replace("$", r"\$")
+    shown = one_line(text).replace("$", r"\$")
     return f"\u200b{shown}" if shown.startswith("_") else shown
 
 
