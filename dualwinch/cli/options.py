@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc"
+LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc, mpc"
 ESTIMATORS = "none, lowpass, kalman, calibrating-kalman, self-calibrating-kalman"
 OWN = "or the kind of a part of your own (see --plugin)"
 

@@ -22,6 +22,7 @@ LAWS = (
     {"controller.kind": "pid-cascade"},
     {"controller.kind": "super-twisting"},
     {"controller.kind": "adrc"},
+    {"controller.kind": "mpc"},
     {"controller.estimator": "kalman"},
     {"controller.coordination.kind": "force-position"},
     {"simulation.delay_samples": 2},

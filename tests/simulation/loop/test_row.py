@@ -30,6 +30,7 @@ OWN_OF_LAWS = {
     "pid-cascade": {},
     "super-twisting": {"Z_a": "N s", "s": "m"},
     "adrc": {"d_hat": "m/s^2"},
+    "mpc": {"d_hat": "m/s^2"},
 }
 ESTIMATED = {"x_est": "m", "v_est": "m/s", "d_est": "m/s^2"}
 OWN_OF_ESTIMATORS = {

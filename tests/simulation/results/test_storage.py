@@ -26,6 +26,7 @@ OWN = {
     "pid-cascade": [],
     "super-twisting": ["Z_a", "s"],
     "adrc": ["d_hat"],
+    "mpc": ["d_hat"],
 }
 
 
