@@ -1,11 +1,16 @@
 """Model predictive control in the loop: limits, preview, steady states, and what it looks ahead to."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from benchmarks.embedded.host import PRECISE, Host, build
+from benchmarks.embedded.report import recorded
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.predictive.mpc import Mpc, MpcOutput, MpcState
@@ -15,6 +20,7 @@ from dualwinch.model.motions.setpoint import Setpoint
 from dualwinch.model.plant import Plant
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
@@ -113,3 +119,13 @@ def test_what_it_foresees_is_the_horizon() -> None:
     assert len(law.preview) == 4
     assert law.preview[-1] == pytest.approx(0.9)
     assert len(law.initial_state().sides) == 4
+
+
+def test_in_single_precision_the_exported_controller_gives_nearly_the_same(tmp_path: Path) -> None:
+    short = replace(HURRIED, simulation=replace(HURRIED.simulation, duration=1.0))
+    made, result = block("controller", short), simulate(short)
+    package = c_package(made, "controller", Provenance("dualwinch", "", ""), "float")
+    library = build(tmp_path, package, "controller", find_compiler().command, *PRECISE)
+    found = Host(library, "controller", made, "float").run(recorded(result, made))
+    column = [output.name for output in made.outputs].index("u_sat")
+    assert np.abs(found[:, column] - result["u_sat"]).max() < 1e-3 * 5800
