@@ -30,6 +30,7 @@ from dualwinch.codegen import native
 from dualwinch.codegen.export.package import c_package
 from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
+from dualwinch.controllers.laws.extended_state_observer import corrected
 from dualwinch.controllers.laws.predictive.box import least_in_box
 from dualwinch.controllers.laws.predictive.mpc import Mpc
 from dualwinch.controllers.signals import Estimate
@@ -117,17 +118,11 @@ def record(given: Experiment) -> Programs:
     setpoint = Previewed(**vars(points[0]), known=dict(zip(law.preview, points[1:], strict=True)))
     estimate = Estimate(sensed[0], sensed[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     context = Context(given.plant, limits, sample_time)
-    programs: list[Any] = []
-
-    class Watched(Mpc):
-        def program(self, *arguments: Any) -> Any:
-            programs.append(super().program(*arguments))
-            return programs[-1]
-
-    watched = Watched(**vars(law))
     before = with_leaves(start, dict(zip(leaves(start), ca.vertsplit(state), strict=True)))
-    following, output = watched.step(before, estimate, setpoint, context)
-    columns = [ca.vertcat(*programs[0][k]) for k in (1, 2, 3)]
+    observed = corrected(before.observer, estimate, law.observer_bandwidth, sample_time)
+    program = law.program(before.force, observed, 0.0, setpoint, context)
+    following, output = law.step(before, estimate, setpoint, context)
+    columns = [ca.vertcat(*column) for column in (program.linear, program.lower, program.upper)]
     function = ca.Function(
         "watched", [state, sensed, wanted], [ca.vertcat(*leaves(following).values()), *columns, output.u_sat]
     )
@@ -141,7 +136,7 @@ def record(given: Experiment) -> Programs:
     linear, lower, upper, sides, force, after = (np.array(column) for column in zip(*rows, strict=True))
     if np.abs(after.ravel() - result["u_sat"]).max() > 1e-6 * limits.force:
         raise RuntimeError("the law's forces are not those of the run")
-    quadratic = np.array(ca.evalf(ca.SX(ca.vertcat(*(ca.horzcat(*row) for row in programs[0].quadratic)))))
+    quadratic = np.array(ca.evalf(ca.SX(ca.vertcat(*(ca.horzcat(*row) for row in program.quadratic)))))
     mass = given.plant.vehicle.mass + given.plant.vehicle.added_mass
     return Programs(
         law, quadratic, linear, lower, upper, sides, force.ravel(), after.ravel(), mass, limits.force, sample_time
@@ -156,8 +151,9 @@ def ours(programs: Programs) -> Solver:
     """The law's own method, compiled: a call of C for all programs, each with its guess of the sample before."""
     n = len(programs.quadratic)
     parts = {name: ca.SX.sym(name, n) for name in ("linear", "lower", "upper", "sides")}
-    columns = [ca.vertsplit(part) for part in parts.values()]
-    values, sides = least_in_box(tuple(map(tuple, programs.quadratic.tolist())), *columns, programs.law.iterations)
+    linear, lower, upper, guess = (ca.vertsplit(part) for part in parts.values())
+    quadratic = tuple(map(tuple, programs.quadratic.tolist()))
+    values, sides = least_in_box(quadratic, linear, lower, upper, guess, programs.law.iterations)
     function = native.compile(
         ca.Function("box", [*parts.values()], [ca.vertcat(*values), ca.vertcat(*sides)], [*parts], ["values", "after"])
     )
@@ -180,12 +176,10 @@ def casadis(programs: Programs, name: str) -> Solver:
     buffer, evaluate = solver.buffer()
     quadratic, found = np.ascontiguousarray(programs.quadratic), np.zeros(n)
     tables = {"g": programs.linear, "lbx": programs.lower, "ubx": programs.upper}
-    inputs = {key: np.zeros(n) for key in tables}
-    buffer.set_arg(solver.index_in("h"), quadratic.data)
-    for key, array in inputs.items():
-        buffer.set_arg(solver.index_in(key), array.data)
-    buffer.set_arg(solver.index_in("x0"), found.data)
-    buffer.set_res(solver.index_out("x"), found.data)
+    inputs = {key: np.zeros(n) for key in (*tables, "x0")}
+    for key, array in {"h": quadratic, **inputs}.items():
+        buffer.set_arg(solver.index_in(key), array.data)  # pyright: ignore[reportCallIssue]  # C's arguments in the stub
+    buffer.set_res(solver.index_out("x"), found.data)  # pyright: ignore[reportCallIssue]
 
     def passed(call: Callable[[], object]) -> float:
         """Time in s in which all numbers are handed over, and `call` is called for each program."""
@@ -194,7 +188,7 @@ def casadis(programs: Programs, name: str) -> Solver:
             for key, table in tables.items():
                 inputs[key][:] = table[k]
             call()
-            firsts[k] = found[0]
+            firsts[k], inputs["x0"][:] = found[0], found
         return time.process_time() - began
 
     firsts = np.empty(len(programs.linear))

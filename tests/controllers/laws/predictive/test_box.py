@@ -1,5 +1,7 @@
 """Quadratic programs within a box, beside a solver that shares nothing with it."""
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from dualwinch.controllers.laws.predictive.box import least_in_box
 
 
-def problem(seed: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def problem(seed: int, n: int) -> tuple[Any, Any, Any, Any]:
     """A random problem: positive definite, its box around zero."""
     draws = np.random.default_rng(seed)
     root = draws.standard_normal((n, n))
@@ -48,7 +50,7 @@ def test_it_settles_in_a_few_iterations_nearly_always() -> None:
 
 def test_without_bounds_one_iteration_is_exact() -> None:
     quadratic, linear, *_ = problem(3, 6)
-    values, sides = least_in_box(quadratic, linear, np.full(6, -1e9), np.full(6, 1e9), started(6), 1)
+    values, sides = least_in_box(quadratic, linear, [-1e9] * 6, [1e9] * 6, started(6), 1)
     assert values == pytest.approx(np.linalg.solve(quadratic, -linear), rel=1e-9)
     assert sides == started(6)
 
