@@ -37,6 +37,7 @@ from .controllers.laws.nftsm import Nftsm as Nftsm
 from .controllers.laws.nominal_forces import nominal_forces as nominal_forces
 from .controllers.laws.pid_cascade import PidCascade as PidCascade
 from .controllers.laws.position_law import PositionLaw as PositionLaw
+from .controllers.laws.predictive.mpc import Mpc as Mpc
 from .controllers.laws.rbf_sliding_mode import RbfSlidingMode as RbfSlidingMode
 from .controllers.laws.super_twisting import SuperTwisting as SuperTwisting
 from .controllers.limits import Limits as Limits

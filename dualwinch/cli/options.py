@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc, lqi, eid, rbf-sliding-mode"
+LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc, lqi, eid, rbf-sliding-mode, mpc"
 ESTIMATORS = "none, lowpass, kalman, calibrating-kalman, self-calibrating-kalman"
 OWN = "or the kind of a part of your own (see --plugin)"
 

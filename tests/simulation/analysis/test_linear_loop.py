@@ -25,6 +25,7 @@ LAWS = (
     {"controller.kind": "lqi"},
     {"controller.kind": "eid"},
     {"controller.kind": "rbf-sliding-mode"},
+    {"controller.kind": "mpc"},
     {"controller.estimator": "kalman"},
     {"controller.coordination.kind": "force-position"},
     {"simulation.delay_samples": 2},

@@ -33,6 +33,7 @@ OWN_OF_LAWS = {
     "lqi": {},
     "eid": {"d_hat": "m/s^2"},
     "rbf-sliding-mode": {"s": "m", "d_hat": "m/s^2"},
+    "mpc": {"d_hat": "m/s^2"},
 }
 ESTIMATED = {"x_est": "m", "v_est": "m/s", "d_est": "m/s^2"}
 OWN_OF_ESTIMATORS = {

@@ -29,6 +29,7 @@ OWN = {
     "lqi": [],
     "eid": ["d_hat"],
     "rbf-sliding-mode": ["s", "d_hat"],
+    "mpc": ["d_hat"],
 }
 
 
