@@ -16,6 +16,8 @@ from benchmarks.scored import HELD_OUT_SEED, SCENARIOS, SEED, searched
 from dualwinch import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
+from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.simulation.analysis.least_preload import least_preload
 from dualwinch.simulation.analysis.required_force import within_authority
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -29,8 +31,8 @@ CHATTER = {"sea": QUIET, "rig": NO_LOUDER}
 LOAD = "mean.continuous_load<=1.05*paper"
 SCHEDULED = "controller.coordination.kind=scheduled-preload"
 
-LOWER = (2000.0, 2500.0, 3000.0, 5000.0)
-"""Preloads in N that the gains tuned with a constant one are tried with."""
+OTHERS = (2000.0, 2500.0, 3000.0, 5000.0)
+"""Constant preloads in N that tuned gains are tried with."""
 
 BOUNDED, STEP = 50, 200
 """Scenarios for which the least load is solved for, and samples in a step of that."""
@@ -47,20 +49,28 @@ HEADINGS = (
 
 
 def controllers(ensemble: str) -> Iterator[tuple[str, Controller]]:
-    """What is compared, by name: tuned for a minute each, and one of them with other preloads."""
+    """What is compared, by name: tuned for a minute each, and two of them with other preloads."""
     usual = [NO_SLACK, NO_PEAK, CHATTER[ensemble]]
+    bounded = [*usual, LOAD]
     sys.stderr.write(f"{ensemble}: three searches\n")
     free = searched(tuning_problem(ensemble=ensemble, seed=SEED, constraints=usual))
     yield "constant, tuned", free
-    for preload in LOWER:
-        yield f"the same gains, {preload:.0f} N", replace(free, limits=replace(free.limits, preload=preload))
-    bounded = [*usual, LOAD]
-    yield (
-        "constant, tuned within that load",
-        searched(tuning_problem(ensemble=ensemble, seed=SEED, constraints=bounded)),
-    )
-    scheduled = tuning_problem(ensemble=ensemble, seed=SEED, constraints=bounded, settings=[SCHEDULED])
-    yield "scheduled, tuned within that load", searched(scheduled)
+    yield from _with_others(free)
+    problem = tuning_problem(ensemble=ensemble, seed=SEED, constraints=bounded)
+    yield "constant, tuned within that load", searched(problem)
+    problem = tuning_problem(ensemble=ensemble, seed=SEED, constraints=bounded, settings=[SCHEDULED])
+    scheduled = searched(problem)
+    yield "**scheduled, tuned within that load**", scheduled
+    schedule = scheduled.coordination
+    if isinstance(schedule, ScheduledPreload):
+        constant = DifferentialTension(schedule.winch_1, schedule.winch_2)
+        yield from _with_others(replace(scheduled, coordination=constant), "again ")
+
+
+def _with_others(tuned: Controller, again: str = "") -> Iterator[tuple[str, Controller]]:
+    for preload in OTHERS:
+        other = replace(tuned, limits=replace(tuned.limits, preload=preload))
+        yield f"these gains {again}at {preload:.0f} N", other
 
 
 def table(name: str) -> str:
@@ -89,13 +99,13 @@ def _row(result: Comparison, name: str) -> list[str]:
     paper, metrics = result.contenders["paper"].metrics, result.contenders[name].metrics
     controller = result.contenders[name].controller
     error = result.mean_mse_within_authority("paper") / result.mean_mse_within_authority(name)
-    scheduled = name.startswith("scheduled")
+    scheduled = isinstance(controller.coordination, ScheduledPreload)
     lost = np.isnan(metrics["mse"]).sum()
     return [
         name,
         "scheduled" if scheduled else f"{controller.limits.preload:.0f}",
         f"{np.nanmean(metrics['continuous_load']) / np.mean(paper['continuous_load']):.3f}",
-        f"{lost} runs lost" if lost else times(error),
+        f"{lost} runs lost" if lost else times(error) if error > 1 else "–",
         f"{np.nanmin(metrics['min_tension']):.0f}",
         f"{np.nanmax(metrics['peak_tension']):.0f}",
         f"{np.nanmean(metrics['chatter']) / np.mean(paper['chatter']):.2f}",

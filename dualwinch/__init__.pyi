@@ -77,6 +77,8 @@ from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint
 from .simulation.analysis.describing_function import amplitude_sweep as amplitude_sweep
+from .simulation.analysis.least_preload import LeastPreload as LeastPreload
+from .simulation.analysis.least_preload import least_preload as least_preload
 from .simulation.analysis.linear_loop import linear_broken_loop as linear_broken_loop
 from .simulation.analysis.linear_loop import linear_closed_loop as linear_closed_loop
 from .simulation.analysis.margins import Margins as Margins

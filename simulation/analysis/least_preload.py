@@ -23,7 +23,7 @@ from dualwinch.codegen.errors import DualwinchError
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import numbers
-from dualwinch.model.ropes.kelvin_voigt import compliance, tangent_rope
+from dualwinch.model.ropes.kelvin_voigt import compliance, kelvin_voigt, tangent_rope
 from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.scalar import absolute
 from dualwinch.simulation.analysis.required_force import motor_torque, outside_at, outside_symbols, pull
@@ -186,7 +186,7 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
     lengths = rope_lengths(outside[1, :] + deviation, plant.track)
     ropes = ((plant.winch_1, plant.rope_1, 1), (plant.winch_2, plant.rope_2, -1))
     for tension, length, (winch, rope, way) in zip((F1 / KILONEWTONS, F2 / KILONEWTONS), lengths, ropes, strict=True):
-        stretch = tension * compliance(length, rope) if elastic else ca.SX.zeros(1, instants)
+        stretch = tension * compliance(length, kelvin_voigt(rope)) if elastic else ca.SX.zeros(1, instants)
         _, stretching = _differences(stretch, step)
         speed, acceleration = way * moved[2, :], way * moved[3, :] + stretching
         torque = motor_torque(speed, acceleration, tension[:, 1:-1], winch)

@@ -36,8 +36,8 @@ def preloads(found: Preloads, *, ax: GivenAxes = None) -> Figure:
         panels = page.panels(3, sharex=True, height_ratios=(1.3, 1, 1))
         unit, name_of_unit = length_unit(max(largest(run["e"]) for run in kept.values()))
         for name, run in kept.items():
-            t, both = run["t"], (run["F1"], run["F2"])
-            for axes, values in zip(panels, (sum(both) / 1e3, np.minimum(*both) / 1e3, run["e"] / unit), strict=False):
+            t, F1, F2 = run["t"], run["F1"], run["F2"]
+            for axes, values in zip(panels, ((F1 + F2) / 1e3, np.minimum(F1, F2) / 1e3, run["e"] / unit), strict=False):
                 _draw(axes, t, values, COLOURS[name])
         least = found.least
         for axes, values in zip(panels, (least.preload, np.minimum(least.F1, least.F2)), strict=False):

@@ -12,6 +12,8 @@ from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.signals import Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 
@@ -117,3 +119,16 @@ def test_with_all_foreseen_it_is_the_least_sum_of_that_rate_that_is_large_enough
     assert below.max() < 0.4 * rate
     assert np.diff(run["preload"]).max() < 400
     assert np.all(run["preload"] > enough - 1)
+
+
+def test_around_a_cruise_the_loop_is_that_of_a_constant_preload() -> None:
+    """At 1 m/s and the same tensions: a force of 1390 N leaves 300 N above tension_min of a sum of 2390 N."""
+    scheduled, constant = (
+        margins(linear_broken_loop(override(case(2), values), v=1.0))
+        for values in (
+            {"controller.coordination.kind": "scheduled-preload"},
+            {"controller.coordination.preload": 2390.0},
+        )
+    )
+    for name in ("gain", "phase", "delay", "disk"):
+        assert getattr(scheduled, name) == pytest.approx(getattr(constant, name), rel=0.02), name
