@@ -39,7 +39,7 @@ def shortened(text: str) -> str:
 def without_secrets(text: str) -> str:
     """A text without what could be a password: in URLs, in their queries, after ``password=``, in the environment."""
     text = re.sub(r"([a-zA-Z][\w.+-]*://[^\s'\":@/]*):(?!\*\*\*@)[^\s'\"]*@", r"\1:***@", text)
-    text = re.sub(r"(postgres[\w+]*:[^\s'\"?]*)\?[^\s'\"]*", r"\1?***", text, flags=re.IGNORECASE)
+    text = re.sub(r"(postgres[\w+]*:[^\s'\"?]*)\?(?!\*\*\*)[^\s'\"]*", r"\1?***", text, flags=re.IGNORECASE)
     text = re.sub(r"(?i)(passw\w*|pwd|secret)(\s*=\s*)('[^']*'|\"[^\"]*\"|[^\s&;,'\"]+)", r"\1\2***", text)
     for name in SECRET_VARIABLES:
         if value := os.environ.get(name):
