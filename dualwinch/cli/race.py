@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import ESTIMATORS, LAWS, OWN, AssignmentsInBrief, Plugins, use_parts
+from dualwinch.cli.options import ESTIMATORS, LAWS, OWN, WHOLE, AssignmentsInBrief, Plugins, use_parts
 
 app = App(
     name="race",
@@ -44,19 +44,21 @@ def race(
         bool, Parameter(help="The paper's law without each of its parts takes part, too.", negative="")
     ] = False,
     plugin: Plugins = None,
-    rollouts: Annotated[int, Parameter(help="Rollouts of each search.")] = 30_000,
+    rollouts: Annotated[int, WHOLE, Parameter(help="Rollouts of each search.")] = 30_000,
     searches: Annotated[
-        int, Parameter(help="Searches of each entry, by seeds of their own: more than one tell how much is luck.")
+        int,
+        WHOLE,
+        Parameter(help="Searches of each entry, by seeds of their own: more than one tell how much is luck."),
     ] = 1,
-    scenarios: Annotated[int | None, Parameter(help="Scenarios a candidate is tuned on (default 8).")] = None,
-    held_out: Annotated[int, Parameter(help="Unseen scenarios that score.")] = 200,
+    scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios a candidate is tuned on (default 8).")] = None,
+    held_out: Annotated[int, WHOLE, Parameter(help="Unseen scenarios that score.")] = 200,
     set_: AssignmentsInBrief = None,
     constraint: Annotated[
         list[str] | None,
         Parameter(help="As of `dualwinch tune`, for all; may be repeated; none: no constraint.", negative=""),
     ] = None,
     method: Annotated[str | None, Parameter(help="Optimiser, as of `dualwinch tune`.")] = None,
-    seed: Annotated[int, Parameter(help="Seed of all scenarios and searches.")] = 0,
+    seed: Annotated[int, WHOLE, Parameter(help="Seed of all scenarios and searches.")] = 0,
     stress: Annotated[
         bool, Parameter(help="Find out what breaks the best of each first (`dualwinch stress`).", negative="")
     ] = False,
