@@ -132,8 +132,9 @@ def law_dashes(experiment: Experiment) -> LineStyleType:
 
 def legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:
     """One legend for all panels, below them, where it covers nothing."""
-    width = sum(len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles)
-    columns = -(-len(handles) // -(-width // LEGEND_WIDTH))
+    widths = [len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles]
+    rows = -(-sum(widths) // LEGEND_WIDTH)
+    columns = min(-(-len(handles) // rows), max(LEGEND_WIDTH // max(widths), 1))  # all columns fit that are as the widest
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6, columnspacing=1.6)
 
 

@@ -65,7 +65,9 @@ class Mpc(PositionLaw):
     rise_time: Annotated[
         float, at.Gt(0), Quantity("s", "least time in which the force goes from none to its limit", "assumption")
     ] = 0.1
-    horizon: Annotated[float, at.Gt(0), Quantity("s", "how far ahead it looks", "assumption"), Mark.SHAPES_CODE] = 0.6
+    horizon: Annotated[
+        float, at.Ge(0.01), at.Le(60), Quantity("s", "how far ahead it looks", "assumption"), Mark.SHAPES_CODE
+    ] = 0.6
     stages: Annotated[
         int, at.Ge(2), at.Le(12), Quantity("1", "stages of the horizon", "assumption"), Mark.SHAPES_CODE
     ] = 6
