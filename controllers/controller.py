@@ -1,5 +1,6 @@
 """The whole controller: estimator, position law, coordination of the winches (paper Section 3, Figure 4)."""
 
+import math
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any
 
@@ -25,6 +26,7 @@ from dualwinch.controllers.signals import (
     PositionOutput,
 )
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.motions.preview import Previewed, previewed
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.part import Choice
@@ -54,6 +56,21 @@ class Controller:
         Choice("coordination.kind", COORDINATIONS),
     ] = field(default_factory=DifferentialTension)
     nominal: Nominal = field(default_factory=Nominal)
+
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """Times in s ahead, ascending, of which a part wants to know the setpoint.
+
+        Raises:
+            ConfigurationError: a part asks for something else.
+        """
+        times: set[float] = set()
+        for part in (self.estimator, self.law, self.coordination):
+            for time in part.preview:
+                if not (isinstance(time, int | float) and 0 < time < math.inf):
+                    raise ConfigurationError(f"{part.kind}: its preview gives {time}: must be times > 0 s")
+            times |= set(part.preview)
+        return tuple(sorted(times))
 
 
 @dataclass(frozen=True)
@@ -92,7 +109,7 @@ def controller_step(
     Args:
         state: the controller's state.
         measurement: this sample's sensor values.
-        setpoint: this sample's reference.
+        setpoint: this sample's reference; where it has no preview, it goes on as it is.
         controller: its parts and their gains.
         nominal: the plant as the controller believes it to be.
         sample_time: in s.
@@ -105,6 +122,8 @@ def controller_step(
         ConfigurationError: a part's step does not do what it has to.
     """
     context = Context(nominal, controller.limits, sample_time)
+    if not isinstance(setpoint, Previewed):
+        setpoint = previewed(setpoint, controller.preview)
     estimator, estimate = stepped(controller.estimator, state.estimator, Estimate, measurement, setpoint, context)
     law, position = stepped(controller.law, state.law, PositionOutput, estimate, setpoint, context)
     force = position.u_sat if shared_force is None else shared_force
@@ -151,16 +170,21 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
     Returns:
         ``fando_nftsm(state, measurement, setpoint, sample_time) -> (next_state, torques, commands)`` (named after
         the law), with the state in the order of ``leaves(initial_controller_state(controller))``, the fields of
-        `Measurement` and `Setpoint`, the motor torques (2) in N m and the tension commands (2) in N.
+        `Measurement` and `Setpoint`, the motor torques (2) in N m and the tension commands (2) in N. A controller that
+        looks ahead has a further input ``ahead``, a setpoint (3) in a column for each time of its `preview`.
     """
     start = initial_controller_state(controller)
     state = ca.SX.sym("state", len(leaves(start)))
     measurement, setpoint = ca.SX.sym("measurement", len(fields(Measurement))), ca.SX.sym("setpoint", 3)
     sample_time = ca.SX.sym("sample_time")
+    times = controller.preview
+    ahead = {"ahead": ca.SX.sym("ahead", 3, len(times))} if times else {}
+    known = {time: Setpoint(*ca.vertsplit(ahead["ahead"][:, index])) for index, time in enumerate(times)}
+    inputs = {"state": state, "measurement": measurement, "setpoint": setpoint, "sample_time": sample_time} | ahead
     next_state, output = controller_step(
         with_leaves(start, dict(zip(leaves(start), ca.vertsplit(state), strict=True))),
         Measurement(*ca.vertsplit(measurement)),
-        Setpoint(*ca.vertsplit(setpoint)),
+        Previewed(*ca.vertsplit(setpoint), known=known),
         controller,
         nominal,
         sample_time,
@@ -168,12 +192,12 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
     winches = output.winches
     return ca.Function(
         controller.law.table(),
-        [state, measurement, setpoint, sample_time],
+        list(inputs.values()),
         [
             ca.vertcat(*leaves(next_state).values()),
             ca.vertcat(winches.tau_1, winches.tau_2),
             ca.vertcat(winches.F1_cmd, winches.F2_cmd),
         ],
-        ["state", "measurement", "setpoint", "sample_time"],
+        list(inputs),
         ["next_state", "torques", "commands"],
     )

@@ -7,6 +7,7 @@ from .commands.export import export_c as export_c
 from .commands.export import export_casadi as export_casadi
 from .commands.export import export_mex as export_mex
 from .commands.export_fmu import export_fmu as export_fmu
+from .commands.race import race as race
 from .commands.stress import stress as stress
 from .commands.sweep import sweep as sweep
 from .commands.tuning_setup import tuning_problem as tuning_problem
@@ -21,6 +22,7 @@ from .controllers.coordinations.coordination import Coordination as Coordination
 from .controllers.coordinations.differential_tension import DifferentialTension as DifferentialTension
 from .controllers.coordinations.force_position import ForcePosition as ForcePosition
 from .controllers.coordinations.master_slave import MasterSlave as MasterSlave
+from .controllers.coordinations.scheduled_preload import ScheduledPreload as ScheduledPreload
 from .controllers.estimators.calibrating_kalman import CalibratingKalman as CalibratingKalman
 from .controllers.estimators.estimator import Estimator as Estimator
 from .controllers.estimators.kalman import Kalman as Kalman
@@ -28,11 +30,15 @@ from .controllers.estimators.low_pass import LowPass as LowPass
 from .controllers.estimators.self_calibrating_kalman import SelfCalibratingKalman as SelfCalibratingKalman
 from .controllers.estimators.unfiltered import Unfiltered as Unfiltered
 from .controllers.laws.adrc import Adrc as Adrc
+from .controllers.laws.equivalent_input_disturbance import Eid as Eid
 from .controllers.laws.fando_nftsm import FandoNftsm as FandoNftsm
+from .controllers.laws.lqi import Lqi as Lqi
 from .controllers.laws.nftsm import Nftsm as Nftsm
 from .controllers.laws.nominal_forces import nominal_forces as nominal_forces
 from .controllers.laws.pid_cascade import PidCascade as PidCascade
 from .controllers.laws.position_law import PositionLaw as PositionLaw
+from .controllers.laws.predictive.mpc import Mpc as Mpc
+from .controllers.laws.rbf_sliding_mode import RbfSlidingMode as RbfSlidingMode
 from .controllers.laws.super_twisting import SuperTwisting as SuperTwisting
 from .controllers.limits import Limits as Limits
 from .controllers.signals import CoordinationOutput as CoordinationOutput
@@ -71,6 +77,8 @@ from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint
 from .simulation.analysis.describing_function import amplitude_sweep as amplitude_sweep
+from .simulation.analysis.least_preload import LeastPreload as LeastPreload
+from .simulation.analysis.least_preload import least_preload as least_preload
 from .simulation.analysis.linear_loop import linear_broken_loop as linear_broken_loop
 from .simulation.analysis.linear_loop import linear_closed_loop as linear_closed_loop
 from .simulation.analysis.margins import Margins as Margins
@@ -110,6 +118,7 @@ from .simulation.simulate import simulate as simulate
 from .simulation.stepper.observation import Observation as Observation
 from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
+from .tuning.race.result import Race as Race
 from .tuning.stress.result import Stress as Stress
 from .tuning.tune import tune as tune
 from .tuning.tuned import Tuned as Tuned

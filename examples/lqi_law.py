@@ -1,4 +1,4 @@
-"""A position law of one's own: LQI, whose gains solve a Riccati equation of its weights."""
+"""A position law of one's own: an LQI, whose gains solve a Riccati equation of its weights."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -25,7 +25,7 @@ class Lqi(dw.PositionLaw):
     s: Annotated[float, at.Gt(0), dw.Quantity("m s", "integral of the error, weight 1"), dw.Tunable(1e-5, 1e-2)] = 1e-3
     a: Annotated[float, at.Gt(0), dw.Quantity("m/s^2", "acceleration, weight 1"), dw.Tunable(1e-3, 10)] = 0.1
 
-    kind: ClassVar = "lqi"
+    kind: ClassVar = "my-lqi"
     label: ClassVar = "LQI"
 
     def initial_state(self):

@@ -6,6 +6,7 @@ exactly the paper's. The step of `uniform` becomes the shortest S-curve from res
 constant acceleration.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import fspath
 from pathlib import Path
@@ -14,9 +15,10 @@ from typing import Annotated, Literal
 import annotated_types as at
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.motions.preview import Departures
 from dualwinch.model.motions.recorded import RecordedMotion, recorded_motion
 from dualwinch.model.motions.s_curve import least_duration, speed_up
-from dualwinch.model.motions.setpoint import Setpoint, piece_at
+from dualwinch.model.motions.setpoint import Setpoint, later, piece_at
 from dualwinch.model.motions.way_points import Limits, Move, longest_cruise, moves, way_point_motion
 from dualwinch.model.quantities.numbers import NONE, numbers_of
 from dualwinch.model.quantities.quantity import Mark, Quantity
@@ -191,3 +193,16 @@ def setpoint(t: Scalar, reference: Reference) -> Setpoint:
         (t_3, Setpoint(x_3 - braking.x, braking.v, -braking.a)),
     )
     return piece_at(t, pieces, Setpoint(x_3, 0.0, 0.0))
+
+
+def departures(t: Scalar, times: Sequence[float], reference: Reference) -> Departures:
+    """How the reference departs, at some times in s ahead of t, from going on as it is at t: lists of what t is.
+
+    Beyond the end of a run the motion goes on: at rest where it has ended, at its speed where it has not.
+    """
+    now, found = setpoint(t, reference), []
+    for by in times:
+        then, expected = setpoint(t + by, reference), later(now, by)
+        found.append((then.x - expected.x, then.v - expected.v, then.a - expected.a))
+    x, v, a = zip(*found, strict=True) if found else ((), (), ())
+    return Departures(list(x), list(v), list(a))

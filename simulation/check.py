@@ -3,15 +3,19 @@
 import math
 import os
 from functools import lru_cache
+from typing import Any
+
+import numpy as np
 
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.s_curve import least_duration
+from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.validation import check_rules
 from dualwinch.model.reference import Reference, cruise_speed, setpoint
 from dualwinch.model.ropes.kelvin_voigt import kelvin_voigt
 from dualwinch.model.ropes.track import Track
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.solver import FINE, is_automatic, solver_of, swing_rates
 from dualwinch.simulation.integrators.swing_rate import swing_rate
@@ -44,7 +48,7 @@ def check(experiment: Experiment) -> None:
 
 
 def _check_time(experiment: Experiment) -> None:
-    if not 1 <= experiment.samples <= LONGEST:
+    if not 1 <= experiment.duration / experiment.simulation.sample_time <= LONGEST + 0.5:
         raise ConfigurationError(
             f"simulation.duration = {experiment.duration:g}: must be one to {LONGEST:g} sample times "
             f"of {experiment.simulation.sample_time:g} s"
@@ -136,17 +140,27 @@ def _check_substeps(experiment: Experiment) -> None:
     if is_automatic(experiment):
         _check_automatic_substeps(experiment)
         return
-    reach = INTEGRATORS[simulation.integrator].reach
-    fastest = max(
-        swing_rate(kelvin_voigt(rope), winch, plant.track)
-        for rope, winch in ((plant.rope_1, plant.winch_1), (plant.rope_2, plant.winch_2))
-    )
-    needed = math.ceil(fastest * simulation.sample_time / reach)
+    fastest = fastest_swing(plant)
+    needed = math.ceil(substeps_for(fastest, simulation))
     if simulation.substeps < needed:
         raise ConfigurationError(
             f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {simulation.integrator} at "
             f"simulation.sample_time = {simulation.sample_time:g} s (the shortest rope swings at {fastest:.4g} rad/s)"
         )
+
+
+def fastest_swing(plant: Plant) -> Any:
+    """How fast in rad/s the Kelvin–Voigt ropes of a plant swing with their drums; an array where its numbers are."""
+    rates = [
+        swing_rate(kelvin_voigt(rope), winch, plant.track)
+        for rope, winch in ((plant.rope_1, plant.winch_1), (plant.rope_2, plant.winch_2))
+    ]
+    return np.maximum(*rates)
+
+
+def substeps_for(fastest: Any, simulation: Simulation) -> Any:
+    """How many sub-steps, not rounded, keep up with a swing in rad/s."""
+    return fastest * simulation.sample_time / INTEGRATORS[simulation.integrator].reach
 
 
 def _check_automatic_substeps(experiment: Experiment) -> None:

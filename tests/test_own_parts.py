@@ -134,8 +134,8 @@ def test_their_gains_stand_below_their_kind() -> None:
             {"controller.kind": "state-fedback"},
             (
                 'controller.kind = "state-fedback": must be "fando-nftsm" or "nftsm" or "pid-cascade" or '
-                '"super-twisting" or "adrc" or "state-feedback" (a kind of your own: dw.register(YourClass), '
-                "or --plugin FILE)"
+                '"super-twisting" or "adrc" or "lqi" or "eid" or "rbf-sliding-mode" or "mpc" or "state-feedback" '
+                "(a kind of your own: dw.register(YourClass), or --plugin FILE)"
             ),
         ),
     ],

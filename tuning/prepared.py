@@ -13,7 +13,7 @@ from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.progress import DRAWING, REFERENCES, SILENT, Watch
 from dualwinch.tuning.scoring.machines import hardest_machines, survey
 from dualwinch.tuning.scoring.runs import over, run_pairs
-from dualwinch.tuning.scoring.scenarios import Pick, pick
+from dualwinch.tuning.scoring.scenarios import Pick, drawn, pick
 
 STRESS = 16
 """Number of the scenarios in which only the best candidates are tried."""
@@ -99,4 +99,4 @@ def _drawn(problem: Problem, picks: Sequence[Pick], experiment: Experiment) -> t
     if problem.ensemble is None:
         return (experiment,)
     ensemble = replace(problem.ensemble, experiment=experiment)
-    return tuple(chosen.drawn(ensemble, problem.seed) for chosen in picks)
+    return tuple(drawn(picks, ensemble, problem.seed))

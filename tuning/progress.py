@@ -27,6 +27,8 @@ class Progress:
         rollouts: rollouts of this process.
         rollout_seconds: wall time they took.
         seconds: wall time of the search in this process.
+        spent: rollouts of the finished trials, of all workers, and of this process's gradients.
+        share: of the rollouts that there may be; 0 where the budget does not say.
     """
 
     trials: int = 0
@@ -35,11 +37,14 @@ class Progress:
     rollouts: int = 0
     rollout_seconds: float = 0.0
     seconds: float = 0.0
+    spent: int = 0
+    share: float = 0.0
 
     def add(self, evaluations: Sequence[Evaluation]) -> None:
         """Count further finished trials."""
         self.trials += len(evaluations)
         self.feasible += sum(evaluation.feasible for evaluation in evaluations)
+        self.spent += sum(evaluation.scenarios for evaluation in evaluations)
         for evaluation in evaluations:
             if self.best is None or best_first([self.best, evaluation])[0]:
                 self.best = evaluation

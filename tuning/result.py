@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.codegen.files import atomic
+from dualwinch.codegen.text import one_line
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
@@ -54,7 +55,9 @@ def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, An
         lines += ["least stability margins:", *(f"    {words}" for words in places)]
     lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in tuned.gains.items())]
     with atomic(Path(path)) as unfinished:
-        unfinished.write_text("".join(f"# {line}".rstrip() + "\n" for line in lines) + "\n" + toml, encoding="utf-8")
+        unfinished.write_text(
+            "".join(f"# {one_line(line)}".rstrip() + "\n" for line in lines) + "\n" + toml, encoding="utf-8"
+        )
 
 
 def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], configuration: str) -> None:

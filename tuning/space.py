@@ -1,7 +1,7 @@
 """The search space: which gains vary, between which bounds, and how a candidate becomes parameters of a rollout."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -164,6 +164,10 @@ class Space:
     def decoded(self, shares: Sequence[float] | NDArray[np.float64]) -> Point:
         """The point of the unit cube whose shares these are, in the order of the dimensions."""
         return {d.name: d.decoded(float(share)) for d, share in zip(self.dimensions, shares, strict=True)}
+
+    def without(self, keys: Collection[str]) -> "Space":
+        """The space without the dimensions of some configuration keys."""
+        return Space(tuple(dimension for dimension in self.dimensions if not set(dimension.keys) & set(keys)))
 
     def difference(self, other: "Space") -> str:
         """How another space differs, in words; empty where it does not."""

@@ -12,6 +12,7 @@ from typing import Any
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Tunable, behind_number, nearest
+from dualwinch.model.quantities.validation import shown
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import Structure, structure_of
@@ -33,6 +34,11 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Mappin
         ConfigurationError: an unknown gain, one without effect or without bounds, or bounds that are no range.
     """
     gains = _Gains(experiment)
+    standard = gains.standard()
+    for name, entry in entries.items():  # what is wrong with the words, before the closed loop is made
+        if not any(known.startswith(f"{name}.") for known in standard):
+            gains.keys(name)
+        _check_entry(name, entry)
     effective = _effective(structure_of(experiment))
     dimensions: dict[str, Dimension] = {}
     for name, entry in (entries or {name: {} for name in gains.standard()} | dict(further or {})).items():
@@ -132,24 +138,44 @@ def _effective(structure: Structure) -> frozenset[str]:
     return frozenset(loop.parameters[column] for column in used)
 
 
-def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Interval:
-    leaf = gains.leaves[keys[0]]
+LARGEST = 1e30
+"""Bounds are of at most this magnitude, and on a log scale at least its inverse: beyond, searches lose their way."""
+
+
+def _check_entry(name: str, entry: Any) -> None:
+    """Raise `ConfigurationError` where an entry's bounds or pairs are none."""
+    if "/" in name:
+        if isinstance(entry, Mapping) and not entry:
+            return
+        if not isinstance(entry, (list, tuple)):
+            raise ConfigurationError(f"space: {name}: must be a list of pairs such as 5/3")
+        return
     if not isinstance(entry, Mapping) or set(entry) - {"lower", "upper", "log"}:
         raise ConfigurationError(f"space: {name}: must be a table of lower, upper and log")
+    if not isinstance(entry.get("log", False), bool):
+        raise ConfigurationError(f"space: {name}: log must be true or false")
+    bounds = [entry[word] for word in ("lower", "upper") if word in entry]
+    for bound in bounds:
+        if isinstance(bound, bool) or not isinstance(bound, (int, float)) or not abs(bound) < math.inf:
+            raise ConfigurationError(f"space: {name}: bounds must be finite numbers, not {shown(bound)}")
+        if abs(bound) > LARGEST:
+            raise ConfigurationError(f"space: {name}: bounds must be within ±{LARGEST:g}, not {shown(bound)}")
+
+
+def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Interval:
+    leaf = gains.leaves[keys[0]]
+    _check_entry(name, entry)
     given = _own(keys, leaf.tunable, gains.experiment) | dict(entry)
     if not {"lower", "upper"} <= set(given):
         raise ConfigurationError(f"space: {name}: has no bounds of its own; give them, e.g. {name}=0.1:10:log")
     lower, upper = given["lower"], given["upper"]
-    for bound in (lower, upper):
-        if isinstance(bound, bool) or not isinstance(bound, (int, float)) or not math.isfinite(bound):
-            raise ConfigurationError(f"space: {name}: bounds must be finite numbers, not {bound!r}")
-    if "log" in entry and not isinstance(entry["log"], bool):
-        raise ConfigurationError(f"space: {name}: log must be true or false")
     log = bool(given.get("log", False)) and ("log" in entry or lower > 0)
     if not lower < upper:
         raise ConfigurationError(f"space: {name}: lower = {lower:g} must be < upper = {upper:g}")
     if log and lower <= 0:
         raise ConfigurationError(f"space: {name}: lower = {lower:g} must be > 0 on a log scale")
+    if log and lower < 1 / LARGEST:
+        raise ConfigurationError(f"space: {name}: lower = {lower:g} must be >= {1 / LARGEST:g} on a log scale")
     for bound in (lower, upper):
         if not leaf.admits(bound):
             allowed = leaf.allowed + behind_number(leaf.quantity.unit)
@@ -165,16 +191,25 @@ def _own(keys: Sequence[str], tunable: Tunable | None, experiment: Experiment) -
     return {"lower": lower, "upper": upper, "log": tunable.log}
 
 
+MOST_DIGITS = 9
+"""Digits of the numbers of a pair."""
+
+
 def _pairs(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Pairs:
     leaf = gains.leaves[keys[0]]
     choices = entry or (leaf.ratio.choices if leaf.ratio else ())
-    if isinstance(choices, (Mapping, str)):
-        raise ConfigurationError(f"space: {name}: must be a list of pairs such as 5/3")
     for choice in choices:
-        p, _, q = str(choice).partition("/")
-        if not (p.isdecimal() and q.isdecimal()) or int(p) % 2 == 0 or int(q) % 2 == 0 or not 1 <= int(q) < int(p):
-            raise ConfigurationError(f"space: {name}: '{choice}' must be two odd numbers p/q with p > q >= 1")
+        if not _is_ratio(str(choice)):
+            raise ConfigurationError(f"space: {name}: '{str(choice)[:40]}' must be two odd numbers p/q with p > q >= 1")
     return Pairs(name, (keys[0], keys[1]), tuple(sorted({str(choice) for choice in choices}, key=Fraction)))
+
+
+def _is_ratio(choice: str) -> bool:
+    words = choice.split("/")
+    if len(words) != 2 or not all(word.isascii() and word.isdecimal() and len(word) <= MOST_DIGITS for word in words):
+        return False
+    p, q = map(int, words)
+    return p % 2 == q % 2 == 1 <= q < p
 
 
 def _check_overlap(dimensions: Iterable[Dimension]) -> None:

@@ -1,5 +1,6 @@
 """A study: batches of candidates are asked for, evaluated side by side, kept and told, until the budget is spent."""
 
+import math
 import time
 from collections.abc import Sequence
 
@@ -9,7 +10,7 @@ from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.progress import SILENT, Progress, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.storage.store import Claim, Store
+from dualwinch.tuning.storage.store import Budget, Claim, Store
 
 BATCH = 16
 """Candidates of a batch: one for each vector lane."""
@@ -49,6 +50,7 @@ def search(
     known = store.finished()
     progress.add(known)
     optimiser.tell(known)
+    counted = optimiser.rollouts
 
     def propose(count: int, first: bool) -> list[Candidate]:
         given = first_candidates(evaluator.prepared.problem)[:count] if first else []
@@ -57,9 +59,10 @@ def search(
 
     while True:
         budget = store.budget()
-        if budget.until is not None and clock.now() >= budget.until:
+        count = _batch(budget, progress.spent, evaluator.prepared.problem)
+        if not count or (budget.until is not None and clock.now() >= budget.until):
             break
-        claims = store.claim(BATCH, budget, propose)
+        claims = store.claim(count, budget, propose)
         if claims:
             done = _evaluated(claims, store, evaluator)
             optimiser.tell(done)
@@ -73,8 +76,22 @@ def search(
         progress.add(news)
         progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - ran
         progress.seconds = clock.now() - began
+        progress.spent, counted = progress.spent + optimiser.rollouts - counted, optimiser.rollouts
+        progress.share = _share(budget, progress.spent)
         watch.progress(progress, budget.until, budget.trials)
     return progress
+
+
+def _batch(budget: Budget, spent: int, problem: Problem) -> int:
+    """Number of candidates of the next batch: fewer where the rollouts that are left are enough for fewer."""
+    if budget.rollouts is None:
+        return BATCH
+    return min(BATCH, max(0, math.ceil((budget.rollouts - spent) / problem.scenarios)))
+
+
+def _share(budget: Budget, spent: int) -> float:
+    """Share of the rollouts that there may be; 0 where the budget does not say."""
+    return 0.0 if budget.rollouts is None else min(1.0, spent / budget.rollouts)
 
 
 def first_candidates(problem: Problem) -> list[Candidate]:

@@ -25,36 +25,42 @@ def tune(
     method: str | None = None,
     trials: int | None = None,
     seconds: float | None = None,
+    rollouts: int | None = None,
     held_out: int | None = None,
     threads: int | None = None,
     store: Store | None = None,
     afterwards: float = 0.0,
+    keep: bool = True,
     watch: Watch = SILENT,
 ) -> Tuned:
     """Search for gains, choose the best, and score it in scenarios that nobody saw.
 
-    An interrupt (Ctrl-C) ends the search; the best so far is chosen and scored.
+    An interrupt (Ctrl-C) ends the search; the best so far is chosen and scored, unless `keep` is false.
 
     Args:
         problem: what is tuned, from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
-        trials: number of trials; this or `seconds` or both.
+        trials: number of trials; this, `seconds` or `rollouts`, or several of them.
         seconds: wall time of the search in s. Preparing, choosing and scoring come on top; the latter two are made in
             fewer scenarios where all of that would take longer than a share of it (`tuning.scoring.plan`).
+        rollouts: number of rollouts of the search, those of trials that were given up early with what they ran, and a
+            gradient with as many as differences would take; the last batch may go beyond it by a few.
         held_out: number of scenarios that score the best, at most; default: 200.
         threads: default: one a core.
         store: where trials are kept, open; the study in it is gone on with. Default: in memory.
         afterwards: time in s that the caller needs for more of what comes on top.
+        keep: whether an interrupt keeps the best so far; else it is raised.
         watch: told of every phase (`tuning.progress.PHASES`), and of each batch of the search.
 
     Raises:
         ConfigurationError: an unknown method, or no budget.
         DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted before the first trial, or again while choosing; what the store holds is kept.
+        KeyboardInterrupt: interrupted before the first trial, or again while choosing, or where `keep` is false; what
+            the store holds is kept.
     """
-    if trials is None and seconds is None:
-        raise ConfigurationError("tune: needs a budget, trials or seconds")
-    for name, count in (("trials", trials), ("held_out", held_out)):
+    if trials is None and seconds is None and rollouts is None:
+        raise ConfigurationError("tune: needs a budget, trials, seconds or rollouts")
+    for name, count in (("trials", trials), ("rollouts", rollouts), ("held_out", held_out)):
         if count is not None and count < 1:
             raise ConfigurationError(f"{name} = {count}: must be a whole number >= 1")
     if seconds is not None and seconds <= 0:
@@ -69,11 +75,13 @@ def tune(
     proposer = optimiser(method, prepared, problem.seed + store.count())
     watch.phase(SEARCHING)
     searched = clock.now()
-    store.set_budget(Budget(trials, None if seconds is None else searched + seconds))
+    store.set_budget(Budget(trials, None if seconds is None else searched + seconds, rollouts))
     progress, interrupted = Progress(), False
     try:
         search(method, proposer, store, evaluator, watch, progress)
     except KeyboardInterrupt:
+        if not keep:
+            raise
         interrupted = True
     judged = clock.now()
     store.set_budget(Budget(store.count(), judged))  # the other workers end too

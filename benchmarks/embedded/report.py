@@ -19,6 +19,7 @@ from dualwinch.codegen.source.precision import Precision
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
@@ -39,7 +40,8 @@ VARIANTS = (("lowpass", False), ("kalman", False), ("kalman", True))
 
 def recorded(result: Result, controller: Block) -> NDArray[np.float32]:
     """The controller's inputs (samples, inputs) in a run."""
-    return np.column_stack([result.columns[variable.name] for variable in controller.inputs]).astype(np.float32)
+    columns = asked_motion(result.experiment) | result.columns
+    return np.column_stack([columns[variable.name] for variable in controller.inputs]).astype(np.float32)
 
 
 def wild(controller: Block, samples: int, seed: int = 0) -> NDArray[np.float32]:

@@ -5,6 +5,7 @@ from benchmarks.peers import (
     archimedes_loop,
     batch,
     compiled,
+    ensembles,
     hand_c,
     interpreter,
     jax_batch,
@@ -13,7 +14,6 @@ from benchmarks.peers import (
     numba_batch,
     numba_loop,
     scipy_ivp,
-    sea,
     sensitive,
 )
 from benchmarks.peers.candidates import ROLLOUTS
@@ -32,6 +32,9 @@ OURS = "dualwinch"
 
 DEFAULT = "default"
 """Key of the row with the product's default integrator, where that is not the shared algorithm."""
+
+ENSEMBLES = ("sea", "rig")
+"""Ensembles that have rows."""
 
 SENSITIVE = "sensitivities"
 """Key of the row with derivatives beside the rollout."""
@@ -83,22 +86,36 @@ def peers(duration: float) -> list[Peer]:
         Peer(f"batch-{n}", f"dualwinch {default.integrator}, {_batch(n)}", batch.prepare_with(n), preferred, ROLLOUTS)
         for n in threads
     ]
-    rows += [
+    return rows + [row for name in ENSEMBLES for row in _in_ensemble(name, preferred, threads)]
+
+
+def _in_ensemble(name: str, case: Case, threads: list[int]) -> list[Peer]:
+    """Rows of an ensemble: candidates in few scenarios, then many scenarios by the compiled code and in all."""
+    most, alone = threads[-1], ensembles.scenario_alone(name)
+    batches = [
         Peer(
-            f"sea-{n}",
-            f"sea with Kalman filter, {_batch(n)}",
-            sea.prepare_with(n),
-            preferred,
+            f"{name}-{n}",
+            f"{name} with Kalman filter, {_batch(n)}",
+            ensembles.prepare_with(name, n),
+            case,
             ROLLOUTS,
-            sea.scenario_alone,
+            alone,
         )
         for n in threads
     ]
-    most, alone = threads[-1], sea.scenario_alone
-    title = f"the same by run_ensemble, draws included, {_batch(most)}"
-    rows.append(Peer("sea-ensemble", title, sea.prepare_ensemble_with(most), preferred, ROLLOUTS, alone))
-    return rows
+    wholes = [
+        (f"{name}-kernel", "its compiled code alone", ensembles.prepare_kernel_with),
+        (f"{name}-ensemble", "the same by run_ensemble, draws included", ensembles.prepare_ensemble_with),
+    ]
+    return batches + [
+        Peer(key, f"{name}, {ROLLOUTS} scenarios, {title}, {_threads(most)}", of(name, most), case, ROLLOUTS, alone)
+        for key, title, of in wholes
+    ]
 
 
 def _batch(threads: int) -> str:
-    return f"batch of {ROLLOUTS} on {threads} thread{'s' * (threads > 1)}"
+    return f"batch of {ROLLOUTS} {_threads(threads)}"
+
+
+def _threads(threads: int) -> str:
+    return f"on {threads} thread{'s' * (threads > 1)}"

@@ -17,6 +17,7 @@ from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.precision import PRECISIONS, Precision, literal
 from dualwinch.codegen.source.rolled import rolled_statements
 from dualwinch.codegen.source.statements import Element, Strand, helpers, statements
+from dualwinch.codegen.text import c_comment
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def c_package(
 
 
 def templates(precision: Precision) -> Environment:
-    """The templates of generated files, with the filters ``member``, ``padded`` and ``literal``."""
+    """The templates of generated files, with the filters ``member``, ``padded``, ``literal`` and ``c_comment``."""
     environment = Environment(
         loader=PackageLoader("dualwinch.codegen.export"),
         undefined=StrictUndefined,
@@ -120,6 +121,7 @@ def templates(precision: Precision) -> Environment:
     environment.filters |= {
         "member": member,
         "padded": _padded,
+        "c_comment": c_comment,
         "literal": lambda value: literal(value, precision),
     }
     return environment

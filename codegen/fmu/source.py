@@ -7,6 +7,7 @@ from importlib.resources import files
 
 from dualwinch.codegen.fmu.model import FmuModel, Signal
 from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.text import c_comment
 
 ROLES = ("input", "parameter", "output", "state", "derivative")
 """What the vectors in an instance's memory hold, in this order."""
@@ -27,7 +28,8 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
     ]
     digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
     token = f"{{{'-'.join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]))}}}"
-    heading = f"/* {model.block.name}: {model.block.description}; functional mock-up unit, FMI {model.version}.0 */"
+    what = f"{model.block.name}: {model.block.description}; functional mock-up unit, FMI {model.version}.0"
+    heading = f"/* {c_comment(what)} */"
     return "\n".join([heading, f'#define TOKEN "{token}"', *body]), token
 
 

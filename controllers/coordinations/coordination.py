@@ -13,6 +13,11 @@ from dualwinch.model.scalar import Scalar
 class Coordination(Part):
     """From the position law's force to the torques of both winches: a frozen dataclass of its own gains."""
 
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """Times in s ahead at which the step looks by ``setpoint.ahead``; they may follow from what shapes code."""
+        return ()
+
     @abstractmethod
     def initial_state(self) -> Any:
         """State before the first sample: a dataclass of floats, vectors and matrices; it may depend on the gains."""

@@ -25,8 +25,9 @@ from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances, vector
+from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 from dualwinch.controllers.estimators.shrinkage import shrunk
+from dualwinch.model.quantities.arrays import vector
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
 from dualwinch.model.winding import TURN

@@ -19,6 +19,11 @@ class Estimator(Part):
     silent: ClassVar[frozenset[str]] = frozenset()
     """Names of measurements that may be no number."""
 
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """Times in s ahead at which the step looks by ``setpoint.ahead``; they may follow from what shapes code."""
+        return ()
+
     @abstractmethod
     def initial_state(self) -> Any:
         """State before the first sample: a dataclass of floats, vectors and matrices; it may depend on the gains."""

@@ -13,9 +13,9 @@ A taut rope turns its drum encoder into a precise position sensor: ``R_1 theta_1
 2.2, E1, without damping). While a rope is slack its encoder says nothing and is left out.
 
 All three positions measure the same state, so they are one measurement with the weights of their variances. The gain
-solves the discrete Riccati equation by structure-preserving doubling (Chu, Fan, Lin and Wang, Int. J. Control 77
-(2004) 767); it depends on parameters alone. It is exact as long as all sensors are in use and the noise is white,
-which a position rounded to 1 mm is not quite: its noise level is to include the rounding.
+solves the discrete Riccati equation (`controllers.riccati`); it depends on parameters alone. It is exact as long as all
+sensors are in use and the noise is white, which a position rounded to 1 mm is not quite: its noise level is to include
+the rounding.
 
 The rate r stands for what comes and goes in seconds, such as vortices: behind them the estimate would stay by a time of
 1/bandwidth, and the speed with it. It integrates what d learns, times `ramp` and the bandwidth. Without a speed sensor
@@ -34,8 +34,9 @@ import annotated_types as at
 
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.estimator import Estimator
+from dualwinch.controllers.riccati import riccati
 from dualwinch.controllers.signals import Estimate, Measurement
-from dualwinch.model.matrix import Matrix, diagonal, plus, solve, times, transpose
+from dualwinch.model.matrix import Matrix, diagonal, plus, solve, transpose
 from dualwinch.model.plant import Environment, Plant, vehicle_acceleration
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
@@ -134,16 +135,7 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scal
     if position_variance is None:
         position_variance = 1 / sum(_information(gains))
     speed_variance = gains.speed_noise**2 * sample_time**2 / position_variance
-    identity = diagonal(1.0, 1.0, 1.0)
-    a, g, h = transpose(motion), diagonal(1.0, 1 / speed_variance, 0.0), covariance
-    for _ in range(DOUBLINGS):
-        w = plus(identity, times(g, h))
-        w_a, w_g = solve(w, a), solve(w, g)
-        a, g, h = (
-            times(a, w_a),
-            plus(g, times(a, w_g, transpose(a))),
-            plus(h, times(transpose(a), h, w_a)),
-        )
+    h = riccati(transpose(motion), diagonal(1.0, 1 / speed_variance, 0.0), covariance, DOUBLINGS)
     seen = tuple(row[:2] for row in h)
     innovation = plus(seen[:2], diagonal(1.0, speed_variance))
     gain = transpose(solve(innovation, transpose(seen)))

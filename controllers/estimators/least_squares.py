@@ -26,10 +26,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import casadi as ca
 import numpy as np
 
 from dualwinch.model.matrix import Matrix, factorised, solved
+from dualwinch.model.quantities.arrays import vector
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.scalar import Scalar
 
@@ -119,12 +119,6 @@ def variances(known: Knowledge, n: int) -> tuple[Scalar, ...]:
 def element(known: Knowledge, row: int, column: int) -> Scalar:
     """Element of the samples' information, a symmetric matrix."""
     return known.information[_index(max(row, column), min(row, column))]
-
-
-def vector(values: Sequence[Scalar]) -> Any:
-    """Numbers, or symbols, as a vector of a state."""
-    symbolic = any(isinstance(value, (ca.SX, ca.MX)) for value in values)
-    return ca.vertcat(*values) if symbolic else np.array(values, dtype=float)
 
 
 def _with_prior(known: Knowledge, n: int, fade: Scalar) -> Matrix:

@@ -12,6 +12,11 @@ from dualwinch.model.reference import Setpoint
 class PositionLaw(Part):
     """From estimated motion and setpoint to a force on the vehicle: a frozen dataclass of the law's own gains."""
 
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """Times in s ahead at which the step looks by ``setpoint.ahead``; they may follow from what shapes code."""
+        return ()
+
     @abstractmethod
     def initial_state(self) -> Any:
         """State before the first sample: a dataclass of floats, vectors and matrices; it may depend on the gains."""

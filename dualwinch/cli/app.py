@@ -1,5 +1,6 @@
 """The application: every command, and failures as one line with an exit code."""
 
+import io
 import os
 import signal
 import sys
@@ -15,6 +16,8 @@ from dualwinch.cli import (
     doctor,
     export,
     linearise,
+    preload,
+    race,
     reproduce,
     simulate,
     stress,
@@ -35,6 +38,8 @@ Start with `dualwinch reproduce`, or look at one run:
     dualwinch simulate --case 4 --plot run.png
     dualwinch simulate --case 4 --set controller.observer.l0=20 --out run.csv
     dualwinch config --case 4 > my.toml && dualwinch simulate --config my.toml
+
+Where it fails, `--traceback` among the words says in which lines of the program.
 """,
     help_format="markdown",
     version=__version__,
@@ -42,15 +47,48 @@ Start with `dualwinch reproduce`, or look at one run:
     suppress_keyboard_interrupt=False,
 )
 
-for module in (reproduce, simulate, sweep, linearise, compare, tune, stress, worker, config, certify, export, doctor):
+COMMANDS = (
+    reproduce,
+    simulate,
+    sweep,
+    linearise,
+    compare,
+    tune,
+    race,
+    stress,
+    preload,
+    worker,
+    config,
+    certify,
+    export,
+    doctor,
+)
+"""In the order of the help."""
+
+for module in COMMANDS:
     app.command(module.app)
 
 
+TRACEBACK = "--traceback"
+"""Option of every command: print the traceback of a failure that nobody foresaw, in place of writing it to a file."""
+
+
 def _fail(message: object, code: int) -> NoReturn:
-    text = " ".join(str(message).split())
-    sys.stderr.write(f"dualwinch: error: {text}\n")
+    from dualwinch.codegen.text import shortened, without_secrets
+
+    sys.stderr.write(f"dualwinch: error: {shortened(without_secrets(str(message)))}\n")
     sys.stderr.flush()
     raise SystemExit(code)
+
+
+def _check_text(words: list[str]) -> None:
+    """Refuse words that are no text, and have output show what a terminal lacks letters for."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    for word in words:
+        if any("\ud800" <= letter <= "\udfff" for letter in word):  # bytes that are none, in the name of a file
+            _fail(f"{word!a}: must be UTF-8 text", WRONG_INPUT)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -59,8 +97,11 @@ def main(arguments: list[str] | None = None) -> None:
     Args:
         arguments: default: those of the process.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    _check_text(words)
     try:
-        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        wanted = [word for word in words if word != TRACEBACK]
+        app(wanted, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except CycloptsError as error:
         _fail(str(error), WRONG_INPUT)
@@ -72,10 +113,12 @@ def main(arguments: list[str] | None = None) -> None:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}", FAILED)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001  # what nobody foresaw is one line, too
         from dualwinch.codegen.errors import DualwinchError
         from dualwinch.model.errors import ConfigurationError
 
         if not isinstance(error, DualwinchError):
-            raise
+            from dualwinch.cli.unforeseen import unforeseen
+
+            _fail(unforeseen(error, printed=TRACEBACK in words), FAILED)
         _fail(error, WRONG_INPUT if isinstance(error, ConfigurationError) else FAILED)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import Figure, Plugins, use_parts
+from dualwinch.cli.options import WHOLE, Figure, Plugins, use_parts
 
 app = App(
     name="compare",
@@ -22,8 +22,8 @@ app = App(
 def compare(
     *files: Annotated[str, Parameter(help="TOML files of gains; `paper` means the paper's gains.")],
     ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, `rig`, or a TOML file.")] = "sea",
-    scenarios: Annotated[int, Parameter(help="Scenarios, the same for every file.")] = 200,
-    seed: Annotated[int, Parameter(help="Seed of the draws and of the intervals.")] = 0,
+    scenarios: Annotated[int, WHOLE, Parameter(help="Scenarios, the same for every file.")] = 200,
+    seed: Annotated[int, WHOLE, Parameter(help="Seed of the draws and of the intervals.")] = 0,
     config: Annotated[
         Path | None, Parameter(help="Experiment that gives the values the ensemble's file does not have.")
     ] = None,

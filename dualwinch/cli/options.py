@@ -2,12 +2,13 @@
 
 import sys
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
-LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc"
+LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc, lqi, eid, rbf-sliding-mode, mpc"
 ESTIMATORS = "none, lowpass, kalman, calibrating-kalman, self-calibrating-kalman"
 OWN = "or the kind of a part of your own (see --plugin)"
 
@@ -22,7 +23,23 @@ Plugins = Annotated[
     ),
 ]
 
-Case = Annotated[int | None, Parameter(help="Case 1 to 4 of the paper.")]
+MOST_DIGITS = 18
+"""Digits of a whole number on the command line."""
+
+
+def whole(kind: Any, tokens: Sequence[Token]) -> int:  # noqa: ARG001
+    """A whole number as it is written; cyclopts would round 1.5."""
+    text = tokens[0].value.strip()
+    digits = text.removeprefix("-").removeprefix("+")
+    if not (digits.isascii() and digits.isdecimal() and len(digits) <= MOST_DIGITS):
+        raise ValueError(f"{text!r} must be a whole number of at most {MOST_DIGITS} digits")
+    return int(text)
+
+
+WHOLE = Parameter(converter=whole)
+"""Beside the type of every option that is a whole number."""
+
+Case = Annotated[int | None, WHOLE, Parameter(help="Case 1 to 4 of the paper.")]
 
 Config = Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")]
 

@@ -5,7 +5,18 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import Assignments, Case, Config, Estimator, Figure, Law, Plugins, use_parts, with_estimator
+from dualwinch.cli.options import (
+    WHOLE,
+    Assignments,
+    Case,
+    Config,
+    Estimator,
+    Figure,
+    Law,
+    Plugins,
+    use_parts,
+    with_estimator,
+)
 
 app = App(
     name="simulate",
@@ -35,14 +46,14 @@ def simulate(
         str | None,
         Parameter(help="Run an ensemble of scenarios: `sea`, `rig`, or a TOML file (see `config --ensemble`)."),
     ] = None,
-    scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble (default 100).")] = None,
-    seed: Annotated[int | None, Parameter(help="Seed of the ensemble's draws (default 0).")] = None,
+    scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios of the ensemble (default 100).")] = None,
+    seed: Annotated[int | None, WHOLE, Parameter(help="Seed of the ensemble's draws (default 0).")] = None,
     out: Annotated[
         Path | None,
         Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
     ] = None,
     plot: Figure = None,
-    stride: Annotated[int, Parameter(help="Keep every n-th sample in the data.")] = 1,
+    stride: Annotated[int, WHOLE, Parameter(help="Keep every n-th sample in the data.")] = 1,
     engine: Annotated[
         Literal["compiled", "interpreter"], Parameter(help="Compiled C, or CasADi's interpreter (slow).")
     ] = "compiled",

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import AssignmentsInBrief, Case, Plugins, use_parts
+from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Plugins, use_parts
 
 app = App(
     name="stress",
@@ -45,8 +45,8 @@ def stress(
             negative="",
         ),
     ] = None,
-    scenarios: Annotated[int, Parameter(help="Scenarios, the same at every size and for all gains.")] = 20,
-    seed: Annotated[int, Parameter(help="Seed of the draws.")] = 0,
+    scenarios: Annotated[int, WHOLE, Parameter(help="Scenarios, the same at every size and for all gains.")] = 20,
+    seed: Annotated[int, WHOLE, Parameter(help="Seed of the draws.")] = 0,
     out: Annotated[
         Path | None,
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),

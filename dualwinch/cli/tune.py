@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import AssignmentsInBrief, Case, Plugins, use_parts
+from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Plugins, use_parts
 
 app = App(
     name="tune",
@@ -33,7 +33,9 @@ def tune(
     ensemble: Annotated[
         str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, or a TOML file.")
     ] = None,
-    scenarios: Annotated[int | None, Parameter(help="Scenarios of the ensemble a candidate is tuned on.")] = None,
+    scenarios: Annotated[
+        int | None, WHOLE, Parameter(help="Scenarios of the ensemble a candidate is tuned on.")
+    ] = None,
     space: Annotated[
         list[str] | None,
         Parameter(
@@ -64,16 +66,19 @@ def tune(
             help="hybrid (default), cmaes, gradient, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
         ),
     ] = None,
-    trials: Annotated[int | None, Parameter(help="Trials (default 1000 without --time).")] = None,
+    trials: Annotated[int | None, WHOLE, Parameter(help="Trials (default 1000 without --time and --rollouts).")] = None,
     time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds come on top.")] = None,
+    rollouts: Annotated[
+        int | None, WHOLE, Parameter(help="Rollouts of the search, so that a slow law is tried as often as a fast one.")
+    ] = None,
     storage: Annotated[
         str | None,
         Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
-    workers: Annotated[int, Parameter(help="Processes on this machine; more than one needs a database.")] = 1,
+    workers: Annotated[int, WHOLE, Parameter(help="Processes on this machine; more than one needs a database.")] = 1,
     resume: Annotated[bool, Parameter(help="Go on with a study that has trials.", negative="")] = False,
-    seed: Annotated[int, Parameter(help="Seed of scenarios and optimiser.")] = 0,
+    seed: Annotated[int, WHOLE, Parameter(help="Seed of scenarios and optimiser.")] = 0,
     out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results"),
     stress: Annotated[
         bool, Parameter(help="Then find out what breaks the best first (`dualwinch stress`), for the report.")
@@ -89,14 +94,15 @@ def tune(
 
     with StatusLine() as status:
         status.phase("reading the problem")
-        from dualwinch.commands.tune import Options, recall_parts, seconds_from
+        from dualwinch.commands.tune import Options, check_options, recall_parts, seconds_from
         from dualwinch.commands.tune import tune as run
-        from dualwinch.commands.tuning_setup import tuning_problem
+        from dualwinch.commands.tuning_setup import check_words, tuning_problem
 
         options = Options(
             method=method,
             trials=trials,
             seconds=None if time is None else seconds_from(time),
+            rollouts=rollouts,
             storage=storage,
             study=study,
             workers=workers,
@@ -104,6 +110,9 @@ def tune(
             out=out,
             stress=stress,
         )
+        check_options(options)
+        for text in space or []:
+            check_words(text)
         use_parts(plugin)
         recall_parts(options)
         problem = tuning_problem(

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import Plugins, use_parts
+from dualwinch.cli.options import WHOLE, Plugins, use_parts
 
 app = App(
     name="worker",
@@ -23,7 +23,7 @@ def worker(
         str | None, Parameter(help="postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE")
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
-    threads: Annotated[int | None, Parameter(help="Threads (default: one a core).")] = None,
+    threads: Annotated[int | None, WHOLE, Parameter(help="Threads (default: one a core).")] = None,
     plugin: Plugins = None,
 ) -> None:
     """Join a study that `dualwinch tune` has begun in a database, and work on it until it is over.

@@ -143,6 +143,7 @@ def as_json(result: Comparison) -> dict[str, Any]:
             "beyond_authority": {
                 "scenarios": int((result.least_mse > 0).sum()),
                 "least_mean_mse": float(result.least_mse.mean()),
+                "least_mean_mse_foreseeing": float(result.least_mse_foreseeing.mean()),
             },
             "files": files,
             "configuration": ensemble_to_toml(result.ensemble),
@@ -187,10 +188,13 @@ def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
         table.add_row(outcome.replace("_", " "), *(str(file["outcomes"].get(outcome, 0)) for file in files), "")
     console.print(table)
     if beyond := facts["beyond_authority"]["scenarios"]:
-        least = 1e6 * facts["beyond_authority"]["least_mean_mse"]
+        least, foreseeing = (
+            1e6 * facts["beyond_authority"][key] for key in ("least_mean_mse", "least_mean_mse_foreseeing")
+        )
         console.print(
             f"{beyond} scenarios are beyond the actuators' authority: they ask for more force than the motors can "
-            f"give. No controller that does not foresee them gets below a mean MSE of {least:.3g} mm².",
+            f"give. No controller that does not foresee them gets below a mean MSE of {least:.3g} mm², and none that "
+            f"foresees all below {foreseeing:.3g} mm².",
             soft_wrap=True,
         )
     if any(set(file["outcomes"]) != {"completed"} for file in files):

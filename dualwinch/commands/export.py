@@ -15,7 +15,7 @@ from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.folders import make_folder
 from dualwinch.config.experiment_file import to_toml
-from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import BLOCKS, block
 
@@ -98,6 +98,5 @@ def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
         The files.
     """
     controller, plant = block("controller", experiment), block("plant", experiment)
-    x_ref, v_ref, a_ref = exogenous_signals(experiment)[:, :3].T
-    reference = {"x_ref": x_ref, "v_ref": v_ref, "a_ref": a_ref}
+    reference = asked_motion(experiment)
     return write(mex_files(plant, controller, symbol, reference, provenance(experiment)), out)

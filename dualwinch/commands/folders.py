@@ -1,6 +1,8 @@
 """Folders results go to, checked before any work is done."""
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dualwinch.model.errors import ConfigurationError
@@ -32,3 +34,21 @@ def make_folder(folder: Path) -> None:
     except OSError as error:
         raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
     check_folder(folder)
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """`make_folder` for what is done in here; where that fails, no folder is left that is new and still empty.
+
+    Raises:
+        ConfigurationError: it cannot be made or written to.
+    """
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        make_folder(folder)
+        yield
+    except BaseException:
+        for path in new:
+            with suppress(OSError):  # it was not made, or something is in it
+                path.rmdir()
+        raise

@@ -27,9 +27,11 @@ def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
         raise ConfigurationError(wrong) from None
     if not all(map(math.isfinite, (first, last, step))) or step == 0 or (last - first) / step < 0:
         raise ConfigurationError(f"{wrong}; the step must be finite, not 0, and lead from first to last")
+    if not math.isfinite((last - first) / step):
+        raise ConfigurationError(f"{wrong}; these are too many points, must be <= {MOST}")
     count = math.floor((last - first) / step * (1 + 1e-12) + 1e-9) + 1
     if count > MOST:
-        raise ConfigurationError(f"{wrong}; these are {count} points, must be <= {MOST}")
+        raise ConfigurationError(f"{wrong}; these are {count:.12g} points, must be <= {MOST}")
     if all(word.strip().lstrip("+-").isdecimal() for word in words):
         return [int(first) + k * int(step) for k in range(count)]
     return [round(first + k * step, 12) for k in range(count)]

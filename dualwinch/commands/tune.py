@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch import __version__
+from dualwinch.codegen.text import one_line
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import check_folder, make_folder
+from dualwinch.commands.folders import check_folder, made_folder
 from dualwinch.commands.tuning_print import print_study
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import configuration, definition_of
@@ -28,7 +29,7 @@ from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.result import write_best, write_study
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.noted_parts import Noted, in_words, noted_parts
-from dualwinch.tuning.storage.opening import is_database, kept_definition, open_store
+from dualwinch.tuning.storage.opening import check_storage, is_database, kept_definition, open_store
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.summary import controller_in_words
 from dualwinch.tuning.tune import tune as run
@@ -39,6 +40,9 @@ REPORT_SECONDS = 2.0
 
 PREPARING_SECONDS = 600.0
 """Time in s after which workers give a study up whose first process has not begun to search."""
+
+LONGEST_TIME = 1e7
+"""Largest number of a time."""
 
 TRIALS = 1000
 """Trials where no budget is given."""
@@ -55,6 +59,7 @@ class Options:
         method: name of the optimiser; ``None``: the default for the number of objectives.
         trials: number of trials; ``None``: no limit.
         seconds: wall time of the search in s; ``None``: no limit.
+        rollouts: number of rollouts of the search; ``None``: no limit.
         storage: file or URL; ``None``: ``study.journal`` in `out`.
         study: the study's name.
         workers: processes on this machine.
@@ -66,6 +71,7 @@ class Options:
     method: str | None = None
     trials: int | None = None
     seconds: float | None = None
+    rollouts: int | None = None
     storage: str | Path | None = None
     study: str = "tuning"
     workers: int = 1
@@ -81,7 +87,7 @@ def seconds_from(text: str) -> float:
         ConfigurationError: it is none.
     """
     parts = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|m|h|)\s*", text)
-    if not parts or not float(parts[1]):
+    if not parts or not 0 < float(parts[1]) <= LONGEST_TIME:
         raise ConfigurationError(f"--time {text}: must be a time such as 60s, 5min or 2h")
     return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
 
@@ -109,19 +115,27 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
         KeyboardInterrupt: interrupted; the best so far is written.
     """
     method = options.method or default_method(len(problem.objectives))
-    trials = TRIALS if options.trials is None and options.seconds is None else options.trials
-    _check(options, trials)
+    budgets = options.trials, options.seconds, options.rollouts
+    trials = TRIALS if budgets == (None, None, None) else options.trials
+    check_options(options)
     if options.stress:
         check_stress(problem)
     check_method(method, len(problem.objectives))
     out = Path(options.out)
-    make_folder(out)
-    storage = _storage(options)
+    with made_folder(out):
+        return _tune(problem, options, status, method, trials)
+
+
+def _tune(problem: Problem, options: Options, status: StatusLine, method: str, trials: int | None) -> Tuned:
+    """The same, once everything is checked and there is a folder."""
+    out, storage = Path(options.out), _storage(options)
     until = None if options.seconds is None else time.time() + options.seconds + PREPARING_SECONDS
     definition = definition_of(problem, method)
     if options.workers > 1:
         _check_sources(definition["parts"])
-    store = open_store(storage, options.study, problem, definition, Budget(trials, until), resume=options.resume)
+    store = open_store(
+        storage, options.study, problem, definition, Budget(trials, until, options.rollouts), resume=options.resume
+    )
     with closing(store), _workers(options, storage):
         _announce(status, problem, method, storage, store.count())
         tuned = run(
@@ -129,6 +143,7 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
             method=method,
             trials=trials,
             seconds=options.seconds,
+            rollouts=options.rollouts,
             threads=max(1, cores() // options.workers),
             store=store,
             afterwards=REPORT_SECONDS,
@@ -157,9 +172,9 @@ def write(tuned: Tuned, storage: str, options: Options) -> None:
         "code version": f"dualwinch {__version__}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": problem.seed,
-        "ensemble": problem.ensemble.name if problem.ensemble else "none",
-        "study": options.study,
-        "storage": shown(storage) if is_database(storage) else storage,
+        "ensemble": one_line(problem.ensemble.name) if problem.ensemble else "none",
+        "study": one_line(options.study),
+        "storage": shown(storage) if is_database(storage) else one_line(storage),
         "method": tuned.method,
     }
     parts = noted_parts(problem)
@@ -173,13 +188,16 @@ def write(tuned: Tuned, storage: str, options: Options) -> None:
     write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best)
 
 
-def _check(options: Options, trials: int | None) -> None:
-    if trials is not None and trials < 1:
-        raise ConfigurationError(f"--trials {trials}: must be a whole number >= 1")
+def check_options(options: Options) -> None:
+    """Raise `ConfigurationError` where options alone are wrong, before anything is read."""
+    for name, count in (("trials", options.trials), ("rollouts", options.rollouts)):
+        if count is not None and count < 1:
+            raise ConfigurationError(f"--{name} {count}: must be a whole number >= 1")
     if options.workers < 1:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
     if options.workers > 1 and not (options.storage and is_database(str(options.storage))):
         raise ConfigurationError("--workers: needs a database, --storage postgresql+psycopg://USER@HOST/DATABASE")
+    check_storage(_storage(options))
 
 
 def _check_sources(parts: Sequence[Noted]) -> None:

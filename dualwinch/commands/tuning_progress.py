@@ -97,4 +97,6 @@ def _left(now: "Progress", until: float | None, trials: int | None) -> float:
         left.append(until - time.time())
     if trials is not None and now.trials:
         left.append(now.seconds * (trials / now.trials - 1))
+    if now.share:
+        left.append(now.seconds * (1 / now.share - 1))
     return max(min(left, default=0.0), 0.0)

@@ -1,6 +1,6 @@
 """A tuning problem from the words of the command line, and as text that a study keeps for its workers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,7 @@ def tuning_problem(
     constraints: Sequence[str] | None = None,
     scenarios: int | None = None,
     seed: int = 1,
+    held: Collection[str] = (),
 ) -> Problem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
 
@@ -59,6 +60,7 @@ def tuning_problem(
         constraints: such as ``mean.chatter<=0.25*paper``; default: no slack, no peak, little chatter.
         scenarios: of the ensemble, that a candidate is tuned on.
         seed: of scenarios and search.
+        held: keys that are left out of the space, so that they keep the values that settings give them.
 
     Raises:
         ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
@@ -93,7 +95,7 @@ def tuning_problem(
     problem = Problem(
         experiment=base,
         ensemble=drawn,
-        space=space_of(_entries(space), base, further_gains(drawn) if drawn else None),
+        space=space_of(_entries(space), base, further_gains(drawn) if drawn else None).without(held),
         objectives=objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics),
         constraints=constraints_from(wanted, base),
         scenarios=count if drawn else 1,
@@ -142,6 +144,12 @@ def configuration(problem: Problem) -> str:
     if problem.ensemble is None:
         return to_toml(problem.experiment)
     return ensemble_to_toml(replace(problem.ensemble, experiment=problem.experiment))
+
+
+def check_words(text: str) -> None:
+    """Raise `ConfigurationError` where one of ``--space``'s texts is none."""
+    if not text.endswith(".toml"):
+        entry_from(text)
 
 
 def _entries(texts: Sequence[str]) -> dict[str, Any]:

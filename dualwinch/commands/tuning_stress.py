@@ -24,7 +24,7 @@ def check_stress(problem: Problem) -> None:
     Raises:
         ConfigurationError: there is none, or gains are drawn.
     """
-    base, ensemble = base_and_ensemble(problem.experiment, ENSEMBLE, _base(problem))
+    base, ensemble = base_and_ensemble(problem.experiment, ENSEMBLE, stress_base(problem))
     try:
         imperfections(base, union(base, ensemble))
     except ConfigurationError as error:
@@ -41,7 +41,7 @@ def print_stress(tuned: Tuned, out: Path, status: StatusLine) -> None:
         found = stress(
             tuned.best,
             ensemble=ENSEMBLE,
-            base=_base(problem),
+            base=stress_base(problem),
             noted=[constraint.text for constraint in problem.constraints],
             scenarios=SCENARIOS,
             seed=problem.seed,
@@ -52,7 +52,7 @@ def print_stress(tuned: Tuned, out: Path, status: StatusLine) -> None:
     status.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
 
 
-def _base(problem: Problem) -> Ensemble | str | None:
+def stress_base(problem: Problem) -> Ensemble | str | None:
     """What the gains were tuned in, without the imperfections."""
     tuned_in = problem.ensemble
     return KIND if tuned_in and tuned_in.name == ENSEMBLE else tuned_in

@@ -5,6 +5,7 @@ built-in ones are shorter as ``{ uniform = [0.9, 1.1] }``.
 """
 
 import difflib
+import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
@@ -14,9 +15,10 @@ import annotated_types as at
 from dualwinch.config.settings import leaf_of
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.numbers import numbers_of
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.quantities.validation import validated
+from dualwinch.model.quantities.validation import shown, validated
 from dualwinch.simulation.ensembles.distributions import DISTRIBUTIONS, Choice, Distribution, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.simulation.experiment import Experiment
@@ -153,10 +155,10 @@ def _in_short(key: str, entry: Mapping[str, Any]) -> Distribution:
 
 
 def _pair(key: str, word: str, value: Any) -> tuple[float, float]:
-    numbers = isinstance(value, list) and all(type(end) in {int, float} and abs(end) < float("inf") for end in value)
-    if not numbers or len(value) != 2:
-        raise ConfigurationError(f"{key}: {word} = {value}: must be two finite numbers, [a, b]")
-    return float(value[0]), float(value[1])
+    ends = numbers_of(value) if isinstance(value, list) else ()
+    if len(ends) != 2 or not all(type(end) is float and math.isfinite(end) for end in ends):
+        raise ConfigurationError(f"{key}: {word} = {shown(value)}: must be two finite numbers, [a, b]")
+    return ends
 
 
 def _bounds(key: str, word: str, value: Any) -> tuple[float, float]:

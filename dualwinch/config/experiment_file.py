@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
+from dualwinch.codegen.text import one_line
 from dualwinch.config.metric_entries import with_metric_kinds
 from dualwinch.config.settings import describe_choices, from_folder, override, with_settings, without_digests
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
@@ -141,4 +142,4 @@ def _comment(leaf: Leaf) -> str:
 def _said(quantity: Quantity, allowed: str = "") -> str:
     unit = "" if quantity.unit in {"", "1"} else f"[{quantity.unit}] "
     source = f" ({quantity.source})" if quantity.source else ""
-    return f"{unit}{quantity.meaning}{allowed}{source}"
+    return one_line(f"{unit}{quantity.meaning}{allowed}{source}")

@@ -34,7 +34,9 @@ class Source:
             ConfigurationError: it is no TOML.
         """
         try:
-            return tomllib.loads(self.text)
+            return _parsed(self.text)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{self.name}: {error}") from error
         except tomllib.TOMLDecodeError as error:
             raise ConfigurationError(f"{self.name}: not valid TOML: {error}") from error
 
@@ -62,6 +64,35 @@ def read_source(path: str | PathLike[str]) -> Source:
         raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
 
 
+DEEPEST = 50
+"""Tables and lists within each other, at most."""
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    """A TOML text, as plain data of moderate size.
+
+    Raises:
+        tomllib.TOMLDecodeError: it is none.
+        ConfigurationError: it has whole numbers that nothing can be, or is nested too deep.
+    """
+    too_deep = f"is nested too deep, must be at most {DEEPEST} tables and lists within each other"
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except RecursionError:
+        raise ConfigurationError(too_deep) from None
+    except ValueError as error:  # a whole number of more digits than Python reads
+        raise ConfigurationError("has a whole number of thousands of digits, must be a 64-bit number") from error
+    level: list[Any] = [table]
+    for _ in range(DEEPEST):
+        level = [inner for outer in level for inner in (outer.values() if isinstance(outer, dict) else outer)]
+        level = [inner for inner in level if isinstance(inner, (dict, list))]
+    if level:
+        raise ConfigurationError(too_deep)
+    return table
+
+
 def flattened(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted keys and values of nested tables."""
     for name, value in table.items():
@@ -81,8 +112,10 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise ConfigurationError(f"{text!r}: must be key=value, e.g. plant.vehicle.mass=1.1e4")
     try:
-        parsed = tomllib.loads(f"value = {value.strip()}")
+        parsed = _parsed(f"value = {value.strip()}")
         return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{key.strip()}: {error}") from error
     except tomllib.TOMLDecodeError:
         return key.strip(), value.strip()
 
@@ -95,7 +128,13 @@ def toml_value(value: Any) -> str:
         return f"{value:g}"
     if isinstance(value, tuple):
         return f"[{', '.join(map(toml_value, value))}]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    return _quoted(value) if isinstance(value, str) else repr(value)
+
+
+def _quoted(text: str) -> str:
+    """A text in quotes. Halves of characters, which no TOML file can hold, are replaced by a question mark."""
+    whole = text.encode("utf-8", errors="replace").decode("utf-8")
+    return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _line_of(key: str, text: str) -> str:

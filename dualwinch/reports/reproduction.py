@@ -115,7 +115,7 @@ def write_report(
     """
     page = render_report(runs, figures, configuration, versions)
     with atomic(path) as unfinished:
-        unfinished.write_text(page, encoding="utf-8")
+        unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def render_report(

@@ -70,7 +70,7 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
         configuration=configuration.strip(),
     )
     with atomic(Path(path)) as unfinished:
-        unfinished.write_text(page, encoding="utf-8")
+        unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def _sentence(words: str) -> str:

@@ -107,7 +107,11 @@ class LinearSystem:
         n, m = self.B.shape
         block = np.zeros((n + m, n + m))
         block[:n, :n], block[:n, n:] = self.A, self.B
-        exponential = expm(block * dt)
+        with np.errstate(over="ignore", invalid="ignore"):
+            scaled = block * dt
+            exponential = expm(scaled) if np.isfinite(scaled).all() else np.full_like(block, np.inf)
+        if not np.isfinite(exponential).all():
+            raise ConfigurationError(f"dt = {dt:g}: is too long a sample time, the matrices overflow")
         return replace(self, A=exponential[:n, :n], B=exponential[:n, n:], dt=dt)
 
     def to_control(self) -> Any:

@@ -16,6 +16,13 @@ class Setpoint:
     v: Annotated[Scalar, Quantity("m/s", "reference speed")]
     a: Annotated[Scalar, Quantity("m/s^2", "reference acceleration")]
 
+    def ahead(self, by: float) -> "Setpoint":
+        """Where it should be a time in s later, as far as that is known: it goes on with its acceleration.
+
+        A setpoint with a preview (`model.motions.preview.Previewed`) knows better.
+        """
+        return later(self, by)
+
 
 def later(setpoint: Setpoint, by: Scalar) -> Setpoint:
     """Where it should be a short time in s later, the acceleration being what it is."""

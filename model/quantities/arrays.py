@@ -1,6 +1,6 @@
 """Vectors and matrices in states: taken apart into scalars, and put together again."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.scalar import Scalar
 
 
 @dataclass(frozen=True, init=False)
@@ -40,6 +41,12 @@ def is_array(value: Any) -> bool:
     if isinstance(value, np.ndarray):
         return value.ndim > 0
     return isinstance(value, (ca.SX, ca.MX, ca.DM)) and value.shape != (1, 1)
+
+
+def vector(values: Sequence[Scalar]) -> Any:
+    """Numbers, or symbols, as a vector of a state."""
+    symbolic = any(isinstance(value, (ca.SX, ca.MX)) for value in values)
+    return ca.vertcat(*values) if symbolic else np.array(values, dtype=float)
 
 
 def elements(value: Any) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Lists of numbers as fields of groups."""
 
+import math
 from typing import Any
 
 
@@ -28,7 +29,15 @@ def numbers_of(values: Any) -> Any:
     if isinstance(values, Numbers) or not isinstance(values, (list, tuple)):
         return values
     plain = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-    return Numbers(map(float, values) if plain else values)
+    return Numbers(map(_as_float, values) if plain else values)
+
+
+def _as_float(value: float) -> float:
+    """A number as a float; a whole number beyond every float is infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 NONE = Numbers()

@@ -33,7 +33,7 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False) -> float:
     Args:
         experiment: what is run.
         anticipating: whether the vehicle may leave its reference beforehand, for the sake of what is to come. A
-            controller that only sees what is, as all of `controllers` do, stays on it as long as it can.
+            controller that sees only what is stays on it as long as it can; one with a preview may not.
 
     Raises:
         DualwinchError: the solver found no optimum.

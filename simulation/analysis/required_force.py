@@ -13,7 +13,7 @@ from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.model.reference import setpoint
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import Vehicle, inertia
-from dualwinch.model.winch import drum_acceleration
+from dualwinch.model.winch import Winch, drum_acceleration
 from dualwinch.simulation.exogenous.signals import sea_signals
 from dualwinch.simulation.experiment import Experiment
 
@@ -78,20 +78,37 @@ def force_parameters(experiment: Experiment) -> Floats:
 @cache
 def force_law() -> ca.Function:
     """``force(outside, parameters)`` of time, position, speed, acceleration and what acts on the vehicle (`Sea`)."""
+    outside, parameters, disturbance, plant = outside_symbols()
+    _, _, v, a, *_ = ca.vertsplit(outside)
+    force = pull(outside, disturbance, plant)
+    for winch, way in ((plant.winch_1, 1), (plant.winch_2, -1)):
+        turn = way / winch.drum_radius
+        force += turn * winch.gear_ratio * motor_torque(way * v, way * a, 0.0, winch)
+    return ca.Function("force", [outside, parameters], [force])
+
+
+def outside_symbols() -> tuple[ca.SX, ca.SX, Disturbance, Plant]:
+    """What `force_law` receives, as symbols, and disturbance and plant that are made of its parameters."""
     plant, p = symbolic_plant(Plant())
     vortices, outside = numbers(Disturbance()), ca.SX.sym("outside", 7)
     switches = ca.SX.sym("switches", len(vortices))
     disturbance = with_leaves(Disturbance(), dict(zip(vortices, ca.vertsplit(switches), strict=True)))
+    return outside, ca.vertcat(p, switches), disturbance, plant
+
+
+def pull(outside: ca.SX, disturbance: Disturbance, plant: Plant) -> Scalar:
+    """Net force F_1 − F_2 in N that the vehicle's motion asks of the ropes (paper Section 2.3)."""
     t, x, v, a, push, current, load = ca.vertsplit(outside)
     vehicle = plant.vehicle
     vortex = vortex_force(t, v, _phase(x, disturbance, vehicle), disturbance, vehicle)
     free = vehicle_acceleration(v, 0.0, Environment(push + vortex, current, load), vehicle)
-    force = inertia(vehicle) * (a - free)
-    for winch, way in ((plant.winch_1, 1), (plant.winch_2, -1)):
-        turn = way / winch.drum_radius
-        idle = drum_acceleration(turn * v, 0.0, 0.0, winch)
-        force += turn * winch.inertia * (turn * a - idle)
-    return ca.Function("force", [outside, ca.vertcat(p, switches)], [force])
+    return inertia(vehicle) * (a - free)
+
+
+def motor_torque(v: Scalar, a: Scalar, tension: Scalar, winch: Winch) -> Scalar:
+    """Motor torque in N m that winds rope at v m/s and a m/s² against a tension in N (paper Section 2.4)."""
+    idle = drum_acceleration(v / winch.drum_radius, tension, 0.0, winch)
+    return winch.inertia / winch.gear_ratio * (a / winch.drum_radius - idle)
 
 
 def _phase(x: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:

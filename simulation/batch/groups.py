@@ -1,18 +1,16 @@
 """Batches whose scenarios take different numbers of sub-steps, as the laws of their ropes ask for: run one by one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.batch.family import Scenarios, experiment_of, families
 from dualwinch.simulation.integrators.solver import is_automatic, solver_of
 from dualwinch.simulation.loop.structure import structure_of
 
-Scenarios = Sequence[Experiment | Scenario]
 Progress = Callable[[float], None] | None
 
 NOT_RUN = "not_run"
@@ -41,12 +39,13 @@ def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scena
         ConfigurationError: scenarios of different groups do not go together.
     """
     groups: dict[int, list[int]] = {}
-    experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
-    for index, experiment in enumerate(experiments):
-        groups.setdefault(solver_of(experiment).substeps if is_automatic(experiment) else 0, []).append(index)
+    for family in families(scenarios):
+        experiment = family.experiment
+        substeps = solver_of(experiment).substeps if is_automatic(experiment) else 0
+        groups.setdefault(substeps, []).extend(family.members.tolist())
     if len(groups) <= 1:
         return run(scenarios, progress)
-    _check_together(experiments, [indices[0] for indices in groups.values()])
+    _check_together(scenarios, [indices[0] for indices in groups.values()])
     results, done = [], 0
     for indices in groups.values():
         if results and results[-1].interrupted:
@@ -62,8 +61,9 @@ def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scena
     return _merged(results, list(groups.values()))
 
 
-def _check_together(experiments: list[Experiment], indices: list[int]) -> None:
-    shapes = [(replace(structure_of(experiments[k]), substeps=0), experiments[k].samples) for k in indices]
+def _check_together(scenarios: Scenarios, indices: list[int]) -> None:
+    experiments = [experiment_of(scenarios[index]) for index in indices]
+    shapes = [(replace(structure_of(experiment), substeps=0), experiment.samples) for experiment in experiments]
     for index, shape in zip(indices, shapes, strict=True):
         if shape != shapes[0]:
             raise ConfigurationError(f"scenarios[{index}]: must have the structure and the length of scenarios[0]")

@@ -7,13 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.batch.family import Scenarios, experiment_of
 from dualwinch.simulation.batch.request import check_batch
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_source
+from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop
 from dualwinch.simulation.loop.start import starts
-from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
+from dualwinch.simulation.loop.structure import structure_of, zeros_of
 from dualwinch.simulation.metrics.metric import Metric
 
 Floats = NDArray[np.float64]
@@ -25,13 +25,12 @@ class Pairs:
     Attributes:
         names: keys of the parameters that vary.
         values: (n, names).
-        experiments: of the scenarios.
         structure, loop: the closed loop of them all.
         zeros: parameters and signals that are zero in all scenarios and do not vary; the loop leaves them out.
         indices: (set, scenario) of all pairs, a scenario's together; (pairs, 2).
     """
 
-    def __init__(self, names: Sequence[str], parameters: ArrayLike, scenarios: Sequence[Experiment | Scenario]) -> None:
+    def __init__(self, names: Sequence[str], parameters: ArrayLike, scenarios: Scenarios) -> None:
         """Check that everything goes together.
 
         Raises:
@@ -39,33 +38,38 @@ class Pairs:
                 together.
         """
         self.names, self.values = tuple(names), np.asarray(parameters, float)
-        self.experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
-        check_batch(self.names, self.values, scenarios)
-        believed = [given.nominal if isinstance(given, Scenario) else None for given in scenarios]
-        numbers = [parameters_of(*pair) for pair in zip(self.experiments, believed, strict=True)]
-        drawn = {key for given in scenarios if isinstance(given, Scenario) for key in given.draws}
-        self.structure = structure_of(self.experiments[0])
-        self.zeros = zeros_of(self.structure, *numbers, varying=[*names, *drawn])
-        self.zeros |= absent_signals(*self.experiments)
+        self._scenarios = scenarios
+        self._families = kin = check_batch(self.names, self.values, scenarios)
+        shared = [family.experiment for family in kin]
+        drawn = frozenset[str]().union(*(family.drawn for family in kin))
+        there = {key for family in kin for key, column in family.columns.items() if column.any()}
+        self.structure = structure_of(shared[0])
+        self.zeros = zeros_of(self.structure, *(family.numbers for family in kin), varying=[*names, *drawn])
+        self.zeros |= absent_signals(*shared, varying=there)
         self.loop = closed_loop(self.structure, self.zeros)
         self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
-        self._vectors = np.array([self.loop.vector(values) for values in numbers])
+        self._vectors = np.empty((len(scenarios), len(self.loop.parameters)))
+        self._at = np.empty((len(scenarios), 2), np.int64)  # family, and number in it
+        for number, family in enumerate(kin):
+            self.loop.vector(family.numbers)
+            self._vectors[family.members] = family.vectors
+            self._at[family.members] = np.stack(np.broadcast_arrays(number, np.arange(len(family.members))), axis=1)
 
     @property
     def shape(self) -> tuple[int, int]:
         """(n, m)."""
-        return len(self.values), len(self.experiments)
+        return len(self.values), len(self._scenarios)
 
     @property
     def samples(self) -> int:
         """Samples of every run."""
-        return self.experiments[0].samples
+        return self._shared.samples
 
     @property
     def sample_time(self) -> float:
         """Sampling period in s."""
-        return self.experiments[0].simulation.sample_time
+        return self._shared.simulation.sample_time
 
     @property
     def metrics(self) -> tuple[Metric, ...]:
@@ -78,7 +82,7 @@ class Pairs:
             numbers[name] = float(given[0]) if (given == given[0]).all() else given[np.newaxis]
             if name in self.names:
                 numbers[name] = self.values[:, [self.names.index(name)]]
-        return tuple(with_leaves(metric, numbers, "metrics.") for metric in self.experiments[0].metrics)
+        return tuple(with_leaves(metric, numbers, "metrics.") for metric in self._shared.metrics)
 
     def vectors(self, indices: NDArray[np.int64]) -> Floats:
         """All parameters of some pairs as the loop takes them, (pairs, parameters)."""
@@ -93,10 +97,24 @@ class Pairs:
 
     def sources(self, scenarios: Iterable[int]) -> list[Signals]:
         """What runs of some scenarios receive from outside, drawn while they run; the same for the same scenario."""
-        chosen = list(scenarios)
-        made = {j: exogenous_source(self.experiments[j]) for j in set(chosen)}
-        return [made[j] for j in chosen]
+        chosen = np.array(list(scenarios))
+        made: dict[int, Signals] = {}
+        for number in set(self._at[chosen, 0].tolist()):
+            family = self._families[number]
+            members = np.unique(self._at[chosen[self._at[chosen, 0] == number], 1])
+            columns = {key: column[members] for key, column in family.columns.items()}
+            sources = exogenous_sources(family.experiment, columns, len(members))
+            made |= zip(family.members[members].tolist(), sources, strict=True)
+        return [made[j] for j in chosen.tolist()]
+
+    def experiment(self, j: int) -> Experiment:
+        """What is simulated in a scenario."""
+        return experiment_of(self._scenarios[j])
 
     def signals(self, j: int) -> Floats:
-        """The same of a scenario drawn ahead, (samples, exogenous)."""
-        return exogenous_signals(self.experiments[j])
+        """What runs of a scenario receive, drawn ahead, (samples, exogenous)."""
+        return exogenous_signals(self.experiment(j))
+
+    @property
+    def _shared(self) -> Experiment:
+        return self._families[0].experiment

@@ -10,8 +10,8 @@ from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.exogenous.signals import SIGNALS
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import exogenous_names
 
 BLOCKS = 2
 """Blocks of lanes a thread runs in a portion: with one, a thread that is done early would wait for the others."""
@@ -42,7 +42,8 @@ def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]
     if hasattr(os, "sysconf"):
         room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
         given = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
-        sample = 8 * (SIGNALS + LANES * given)  # what is random is drawn while it is used
+        signals = len(exogenous_names(experiment.controller))
+        sample = 8 * (signals + LANES * given)  # what is random is drawn while it is used
         if experiment.samples * sample > room:
             raise ConfigurationError(
                 f"simulation.duration = {experiment.duration:g}: must be <= "

@@ -10,24 +10,27 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
+from dualwinch.simulation.batch.doubts import breaks, doubtful, out_of_range
+from dualwinch.simulation.batch.family import Family, Scenarios, experiment_of, families, name_of
 from dualwinch.simulation.check import check
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators.solver import solver_of
 from dualwinch.simulation.loop.structure import Structure, described_parameters, structure_of
 
 Floats = NDArray[np.float64]
 
-BOUNDS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
-"""Bound of a constraint of `annotated_types` → what holds between a value and it."""
 
+def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> list[Family]:
+    """The scenarios of a batch as families.
 
-def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experiment | Scenario]) -> None:
-    """Raise `ConfigurationError` where a batch cannot be run as asked; see `simulation.batch.rollout.rollout`."""
+    Raises:
+        ConfigurationError: it cannot be run as asked; see `simulation.batch.rollout.rollout`.
+    """
     if not scenarios:
         raise ConfigurationError("scenarios: must be at least one experiment")
-    experiments = [given.experiment if isinstance(given, Scenario) else given for given in scenarios]
-    first, structure = experiments[0], structure_of(experiments[0])
+    kin = families(scenarios)
+    first = kin[0].experiment
+    structure = structure_of(first)
     described = described_parameters(structure)
     known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
     for name in names:
@@ -37,30 +40,38 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Sequence[Experi
         raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
     columns = dict(zip(names, values.T, strict=True))
     _check_bounds(columns, described)
-    for number, (scenario, experiment) in enumerate(zip(scenarios, experiments, strict=True)):
+    scaling = [name for name in names if Mark.SCALES_DRAWS in described[name].marks]
+    for family in kin:
+        _check_family(family, scenarios, scaling)
+        if structure_of(family.experiment) != structure or family.experiment.samples != first.samples:
+            place = family.members[0]
+            raise ConfigurationError(f"scenarios[{place}]: must have the structure and the length of scenarios[0]")
+    _check_together(columns, kin, scenarios, structure)
+    return kin
+
+
+def _check_family(family: Family, scenarios: Scenarios, scaling: Iterable[str]) -> None:
+    """Members in doubt are shown to `check`, which has the words for what is wrong with them."""
+    for place in family.members[doubtful(family)]:
         try:
-            check(experiment)
-            _check_draws([name for name in names if Mark.SCALES_DRAWS in described[name].marks], experiment)
+            check(experiment_of(scenarios[place]))
         except ConfigurationError as error:
-            where = f"scenario {scenario.index}" if isinstance(scenario, Scenario) else f"scenarios[{number}]"
-            raise ConfigurationError(f"{where}: {error}") from error
-        if structure_of(experiment) != structure or experiment.samples != first.samples:
-            raise ConfigurationError(f"scenarios[{number}]: must have the structure and the length of scenarios[0]")
-    _check_together(columns, experiments, structure)
+            raise ConfigurationError(f"{name_of(scenarios[place], place)}: {error}") from error
+    for name in scaling:
+        values = family.columns[name] if name in family.columns else leaves(family.experiment)[name]
+        silent = np.broadcast_to(values == 0, len(family.members))
+        if silent.any():  # what is drawn is drawn for the scenario, and without any there is nothing to scale
+            place = family.members[silent.argmax()]
+            where = name_of(scenarios[place], place)
+            raise ConfigurationError(f"{where}: {name} = 0: must be > 0 where it varies (without it nothing is drawn)")
 
 
 def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) -> None:
     """Each value's own range, whole columns at a time."""
     for name, column in columns.items():
         leaf = described[name]
-        wrong, allowed = ~np.isfinite(column), leaf.allowed or "finite"
-        for constraint in leaf.constraints:
-            for word, holds in BOUNDS.items():
-                bound = getattr(constraint, word, None)
-                if bound is not None:
-                    wrong |= ~holds(column, bound)
+        wrong, allowed = out_of_range(leaf, column), leaf.allowed or "finite"
         if leaf.kind is int:
-            wrong |= column != np.rint(column)
             allowed = f"a whole number {leaf.allowed}".strip()
         elif leaf.kind is bool:
             wrong |= (column != 0) & (column != 1)
@@ -70,35 +81,38 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
             raise ConfigurationError(f"parameters[{row}]: {name} = {column[row]:g}: must be {allowed}")
 
 
-def _check_draws(names: Iterable[str], experiment: Experiment) -> None:
-    """What is drawn is drawn for the scenario, and without any there is nothing to scale."""
-    given = leaves(experiment)
-    for name in names:
-        if given[name] == 0:
-            raise ConfigurationError(f"{name} = 0: must be > 0 where it varies (without it nothing is drawn)")
-
-
-def _check_together(columns: Mapping[str, Floats], experiments: Sequence[Experiment], structure: Structure) -> None:
+def _check_together(
+    columns: Mapping[str, Floats], kin: Sequence[Family], scenarios: Scenarios, structure: Structure
+) -> None:
     """Rules between values: rows that break one are shown to `check`, which has the words for it."""
-    described = described_parameters(structure)
+    if not columns:
+        return
+    rows = len(next(iter(columns.values())))
     whole_plant = any(name.startswith("plant.") for name in columns)
-    checked: set[Controller] = set()
-    for number, experiment in enumerate(experiments):
-        if experiment.controller in checked and not whole_plant:
-            continue
-        checked.add(experiment.controller)
-        suspect = np.full(len(next(iter(columns.values()))), whole_plant) if columns else np.zeros(0, bool)
-        varied = with_leaves(experiment.controller, columns, "controller.")
-        for _, group, rule in rules(varied):
-            suspect |= ~np.asarray(rule.holds(group))
-        for row in np.flatnonzero(suspect):
-            where = f"parameters[{row}]" + (f" in scenarios[{number}]" if len(experiments) > 1 else "")
-            changed = with_leaves(experiment, {name: _typed(described[name], c[row]) for name, c in columns.items()})
+    if whole_plant:  # ropes, drums and loads of each scenario
+        suspects = [(place, range(rows)) for place in range(len(scenarios))]
+    else:
+        first = {family.experiment.controller: family.members[0] for family in reversed(kin)}
+        suspects = [(place, _breaking(controller, columns)) for controller, place in first.items()]
+    described = described_parameters(structure)
+    for place, chosen in suspects:
+        for row in chosen:
+            where = f"parameters[{row}]" + (f" in scenarios[{place}]" if len(scenarios) > 1 else "")
+            values = {name: _typed(described[name], column[row]) for name, column in columns.items()}
+            changed = with_leaves(experiment_of(scenarios[place]), values)
             try:
                 check(changed)
                 _check_substeps(changed, structure)
             except ConfigurationError as error:
                 raise ConfigurationError(f"{where}: {error}") from error
+
+
+def _breaking(controller: Controller, columns: Mapping[str, Floats]) -> Iterable[int]:
+    """Rows that break a rule of a controller."""
+    broken = np.zeros(len(next(iter(columns.values()))), bool)
+    for _, group, rule in rules(with_leaves(controller, columns, "controller.")):
+        broken |= breaks(rule, group)
+    return np.flatnonzero(broken)
 
 
 def _check_substeps(experiment: Experiment, structure: Structure) -> None:

@@ -107,7 +107,7 @@ def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Pro
     )
 
     def one(i: int, j: int) -> None:
-        own = pairs.experiments[j].metrics
+        own = pairs.experiment(j).metrics
         outside = pairs.signals(j)
         for first in range(0, p, run.directions):
             gains = range(first, min(first + run.directions, p))
@@ -117,7 +117,7 @@ def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Pro
             gradients = _gradients(pairs.loop.states, final, tangent, own, completed=completed)
             for name, gradient in gradients.items():
                 result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
-            wanted = _wanted(outside, pairs.loop.exogenous, pairs.experiments[j])[:: max(stride, 1)]
+            wanted = _wanted(outside, pairs.loop.exogenous, pairs.experiment(j))[:: max(stride, 1)]
             result.errors[i, j, : len(x)] = x - wanted[: len(x)]
             reached = dict(zip(pairs.loop.states, final.tolist(), strict=True))
             metrics = metrics_of(reached, completed=completed, own=own)

@@ -11,6 +11,7 @@ from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.batch.family import families
 from dualwinch.simulation.batch.groups import NOT_RUN
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
@@ -116,10 +117,10 @@ def run_grid(
     """
     flat: Sequence[Experiment | Scenario] = experiments.ravel().tolist()
     groups: dict[Any, list[int]] = {}
-    for index, given in enumerate(flat):
-        experiment = given.experiment if isinstance(given, Scenario) else given
+    for family in families(flat):
+        experiment = family.experiment
         alike = structure_of(experiment), experiment.samples, experiment.simulation.sample_time
-        groups.setdefault(alike, []).append(index)
+        groups.setdefault(alike, []).extend(family.members.tolist())
     outcomes, end_times = np.full(len(flat), NOT_RUN, dtype="U10"), np.full(len(flat), np.nan)
     metrics: dict[str, Floats] = {}
     done, interrupted = 0, False

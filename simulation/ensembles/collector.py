@@ -1,13 +1,14 @@
-"""Gathers finished scenarios into a result; each takes about 2 kB, however long its run was."""
+"""Gathers finished scenarios into a result; each takes about 1 kB, however long its run was."""
 
+from array import array
 from dataclasses import dataclass
+from sys import intern
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
-from dualwinch.simulation.metrics.metrics import Metrics
 
 TRACED = ("e", "F1", "F2")
 """Columns whose traces are kept."""
@@ -22,13 +23,14 @@ class Finished:
 
     Attributes:
         scenario: what was run.
-        metrics, outcome, end_time: what it came to; the time in s.
+        metrics: figure of merit → value.
+        outcome, end_time: how it ended, and when in s.
         t: (rows,) times in s of the trace.
         trace: (columns of `TRACED`, rows) float32.
     """
 
     scenario: Scenario
-    metrics: Metrics
+    metrics: dict[str, float]
     outcome: str
     end_time: float
     t: NDArray[np.float64]
@@ -41,15 +43,16 @@ class Collector:
     def __init__(self, ensemble: Ensemble) -> None:
         self.ensemble = ensemble
         self._draws: list[tuple] = []
-        self._ends: list[tuple[str, float]] = []
+        self._outcomes: list[str] = []
+        self._end_times, self._metrics = array("d"), array("d")
         self._merits: tuple[str, ...] = ()
-        self._metrics: list[NDArray[np.float64]] = []
+        self._count = 0
         self._t = np.empty(0)
         self._sampled: list[NDArray[np.float32]] = []
         self._lowest = self._highest = np.empty(0, np.float32)
 
     def __len__(self) -> int:
-        return len(self._metrics)
+        return self._count
 
     def add(self, run: Finished) -> None:
         """Take a scenario in."""
@@ -61,9 +64,11 @@ class Collector:
             self._lowest = np.minimum(self._lowest, run.trace)
             self._highest = np.maximum(self._highest, run.trace)
         self._draws.append(tuple(run.scenario.draws.values()))
-        self._ends.append((run.outcome, run.end_time))
+        self._outcomes.append(intern(run.outcome))
+        self._end_times.append(run.end_time)
         self._merits = tuple(run.metrics)
-        self._metrics.append(np.array(list(vars(run.metrics).values())))
+        self._metrics.extend(run.metrics.values())
+        self._count += 1
 
     def result(self, seed: int, asked: int) -> EnsembleResult:
         """The result of the scenarios taken in; of an interrupted `add` nothing is seen.
@@ -73,16 +78,16 @@ class Collector:
             asked: number of scenarios asked for.
         """
         count = len(self)
-        outcomes, end_times = zip(*self._ends[:count], strict=True)
+        merits = np.array(self._metrics[: count * len(self._merits)]).reshape(count, -1).T
         draws = zip(*self._draws[:count], strict=True)
         return EnsembleResult(
             ensemble=self.ensemble,
             seed=seed,
             asked=asked,
             draws={key: np.array(values) for key, values in zip(self.ensemble.drawn_keys, draws, strict=True)},
-            outcomes=outcomes,
-            end_times=np.array(end_times),
-            metrics=dict(zip(self._merits, np.array(self._metrics).T, strict=True)),
+            outcomes=tuple(self._outcomes[:count]),
+            end_times=np.array(self._end_times[:count]),
+            metrics=dict(zip(self._merits, merits, strict=True)),
             traces=self._traces() if self._sampled else None,
         )
 

@@ -1,14 +1,18 @@
 """An ensemble: an experiment some of whose values are drawn anew in every scenario."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.ensembles.distributions import Distribution, Value
-from dualwinch.simulation.exogenous.streams import stream
+from dualwinch.simulation.exogenous.first_words import MOST, first_words
 from dualwinch.simulation.experiment import Experiment
 
 SEED_KEY = "simulation.seed"
@@ -17,8 +21,11 @@ SEED_KEY = "simulation.seed"
 EDGE = 0.02
 """Share of all draws that lie beyond the box of draws, on either side of every value."""
 
-SEEDS = 2**53
-"""Number of seeds a scenario's own is drawn from: whole numbers that every file format keeps."""
+DIGITS = 53
+"""Binary digits of a draw: all that a float has, and of a seed as many as every file format keeps."""
+
+AT_ONCE = 64
+"""Scenarios that are drawn together: enough that each of them costs little."""
 
 
 @dataclass(frozen=True)
@@ -52,21 +59,39 @@ def _scaled(factor: Value, nominal: Value) -> float:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One draw of an ensemble.
+    """One draw of an ensemble: what was drawn. What is simulated follows from it, and is made where it is asked for.
 
     Attributes:
         index: its number in the ensemble, from 0.
-        experiment: what is simulated, the drawn values in it.
+        base: what is simulated, but for the draws.
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``simulation.seed`` among them.
         vertex: whether it is a vertex of the box of draws, not a draw like the others.
     """
 
     index: int
-    experiment: Experiment
+    base: Experiment
     nominal: Plant
     draws: dict[str, Value]
     vertex: bool = False
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """What is simulated, the drawn values in it.
+
+        Raises:
+            ConfigurationError: a drawn value is out of its range.
+        """
+        return with_leaves(self.base, self.draws)
+
+    def having(self, settings: Mapping[str, Any]) -> "Scenario":
+        """The scenario with other values of some keys, whether these were drawn or not.
+
+        Raises:
+            ConfigurationError: a value that the base refuses.
+        """
+        draws = {key: value for key, value in self.draws.items() if key not in settings}
+        return replace(self, base=with_leaves(self.base, settings), draws=draws)
 
 
 @dataclass(frozen=True)
@@ -104,30 +129,55 @@ class Ensemble:
         return (*(key for key in self.distributions if key != SEED_KEY), SEED_KEY)
 
     def scenario(self, index: int, seed: int, *, vertex: bool = False) -> Scenario:
-        """Draw one scenario.
+        """Draw one scenario; arguments as of `chosen`."""
+        return self.chosen([index], seed, vertex=vertex)[0]
+
+    def chosen(self, indices: Sequence[int], seed: int, *, vertex: bool = False) -> list[Scenario]:
+        """Draw some scenarios.
 
         Every value has a random stream of its own, named by seed, index and key (or group). So a scenario is the same
         bits however many are drawn, and a further distribution leaves the draws of the others as they are.
 
         Args:
-            index: number of the scenario, from 0.
+            indices: numbers of the scenarios, from 0.
             seed: the ensemble's seed, a whole number >= 0.
             vertex: whether every value lies at an end of its distribution, by chance at the lower or the upper: a
                 vertex of the box of draws, which a few draws hardly ever come near.
+
+        Raises:
+            ConfigurationError: a number that is too large.
         """
+        if max(indices, default=0) > MOST:
+            raise ConfigurationError(f"scenario {max(indices)}: must be a whole number from 0 to {MOST}")
+        drawn = self._drawn
+        names = [
+            key if of is None or of.together is None else f"together: {of.together}" for key, (of, _) in drawn.items()
+        ]
+        words = (first_words(seed, indices, names) >> np.uint64(64 - DIGITS)).T.tolist()
+        plant = self.experiment.plant
+        return [
+            Scenario(index, self.experiment, plant, self._values(row, vertex=vertex), vertex)
+            for index, row in zip(indices, words, strict=True)
+        ]
+
+    @cached_property
+    def _drawn(self) -> dict[str, tuple[Drawn | None, Value]]:
+        """Key → how it is drawn, None for a seed, and the nominal value."""
         nominal = leaves(self.experiment)
+        return {key: (self.distributions.get(key), nominal[key]) for key in self.drawn_keys}
+
+    def _values(self, words: Sequence[int], *, vertex: bool) -> dict[str, Value]:
+        """The values of random words, whole numbers of so many `DIGITS`."""
         draws: dict[str, Value] = {}
-        for key in self.drawn_keys:
-            drawn = self.distributions.get(key)
+        for (key, (drawn, nominal)), word in zip(self._drawn.items(), words, strict=True):
             if drawn is None:
-                draws[key] = int(stream(seed, index, key).integers(SEEDS))
+                draws[key] = word
             else:
-                name = key if drawn.together is None else f"together: {drawn.together}"
-                share = stream(seed, index, name).random()
+                share = word * 2.0**-DIGITS
                 if vertex:
                     share = EDGE if share < 0.5 else 1 - EDGE
-                draws[key] = drawn.value(share, nominal[key])
-        return Scenario(index, with_leaves(self.experiment, draws), self.experiment.plant, draws, vertex)
+                draws[key] = drawn.value(share, nominal)
+        return draws
 
     def controlled_as(self, experiment: Experiment) -> "Ensemble":
         """The ensemble with the controller of an experiment, and with its metrics where it has some."""
@@ -137,4 +187,5 @@ class Ensemble:
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
         """The first `count` scenarios, one after the other."""
-        return (self.scenario(index, seed) for index in range(count))
+        for first in range(0, count, AT_ONCE):
+            yield from self.chosen(range(first, min(first + AT_ONCE, count)), seed)

@@ -161,6 +161,21 @@ class Comparison:
         scenarios = self.ensemble.scenarios(len(self), self.seed)
         return np.array([least_mse(scenario.experiment) for scenario in scenarios])
 
+    @cached_property
+    def least_mse_foreseeing(self) -> Floats:
+        """(scenarios,) What no controller gets below that foresees all that is to come, in m²; 0 as in `least_mse`.
+
+        Raises:
+            DualwinchError: the solver found no optimum.
+        """
+        scenarios = self.ensemble.scenarios(len(self), self.seed)
+        return np.array(
+            [
+                least_mse(scenario.experiment, anticipating=True) if blind else 0.0
+                for scenario, blind in zip(scenarios, self.least_mse, strict=True)
+            ]
+        )
+
     def mean_mse_within_authority(self, name: str) -> float:
         """Mean of a controller's MSE in m² over the completed scenarios within the actuators' authority.
 

@@ -13,7 +13,6 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.collector import TRACED, Collector, Finished
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.result import EnsembleResult
-from dualwinch.simulation.metrics.metrics import metrics_with
 
 POINTS = 500
 """Instants of a trace."""
@@ -39,8 +38,8 @@ def rollout_scenarios(
     """
     stream = iter(scenarios)
     for first in islice(stream, 1):
-        size, threads = portion_size(first.experiment, workers)
-        stride = -(-first.experiment.samples // points) if points else 0
+        size, threads = portion_size(first.base, workers)
+        stride = -(-first.base.samples // points) if points else 0
         for portion in in_portions(chain((first,), stream), size):
             result = rollout([], np.empty((1, 0)), portion, stride=stride, threads=threads)
             yield from _finished(portion, result)
@@ -50,16 +49,17 @@ def rollout_scenarios(
 
 def _finished(portion: list[Scenario], result: BatchResult) -> Iterator[Finished]:
     """The scenarios of a portion up to the first that an interrupt left out."""
+    outcomes, end_times = result.outcomes[0].tolist(), result.end_times[0].tolist()
+    rows = np.array(list(result.metrics.values()))[:, 0].T.tolist()
+    t, traces = np.empty((len(portion), 0)), np.empty((len(portion), 0, 0), np.float32)
+    if result.columns:
+        traced = np.array([result.columns[name][0] for name in TRACED])
+        t, traces = result.columns["t"][0], traced.clip(-LARGEST, LARGEST).astype(np.float32).swapaxes(0, 1)
     for index, scenario in enumerate(portion):
-        outcome = str(result.outcomes[0, index])
-        if outcome == NOT_RUN:
+        if outcomes[index] == NOT_RUN:
             return
-        reached = {name: float(values[0, index]) for name, values in result.metrics.items()}
-        metrics = metrics_with(scenario.experiment.metrics)(**reached)
-        columns = {name: result.columns[name][0, index] for name in ("t", *TRACED)} if result.columns else {}
-        trace = np.array([columns[name].clip(-LARGEST, LARGEST) for name in TRACED if columns], dtype=np.float32)
-        t = columns.get("t", np.empty(0))
-        yield Finished(scenario, metrics, outcome, float(result.end_times[0, index]), t, trace)
+        metrics = dict(zip(result.metrics, rows[index], strict=True))
+        yield Finished(scenario, metrics, outcomes[index], end_times[index], t[index], traces[index])
 
 
 def run_ensemble(

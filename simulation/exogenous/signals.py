@@ -1,9 +1,10 @@
 """Signals a run receives from outside, drawn or read sample by sample ahead of it: reference, sea, sensor noise."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal  # its exp gives the same bits everywhere
 from functools import lru_cache
-from typing import NamedTuple, TypeAlias
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +12,19 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.disturbance import given_signals
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.reference import Reference, Setpoint, setpoint
+from dualwinch.model.motions.preview import no_departures
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.reference import Reference, departures, setpoint
 from dualwinch.simulation.exogenous.sensors import silence_of
 from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import Exogenous
+from dualwinch.simulation.loop.closed_loop import exogenous_names
+from dualwinch.simulation.loop.equations import reference_inputs
 
 Floats: TypeAlias = NDArray[np.float64]
 
-NAMES = tuple(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0))))
-"""Names of the signals a sample receives, in the closed loop's order."""
-
-SIGNALS = len(NAMES)
-"""Number of signals a sample receives."""
-
+NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
+"""Columns of an experiment that stands for itself."""
 
 MOST_SAMPLES = 2**31 - 1
 """Longest outage, and longest time between two, in samples."""
@@ -42,59 +41,75 @@ class Sea(NamedTuple):
     """change of the force on the rail in N."""
 
 
-def random_signals(experiment: Experiment) -> dict[str, Drawn]:
+def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] = NO_COLUMNS) -> dict[str, Drawn]:
     """The random signals of an experiment by name, each with a stream of its own.
 
     So switching one on leaves the others as they are. Noises of sensors are drawn with a standard deviation of 1.
+
+    Args:
+        experiment: whose.
+        columns: key → numbers of many experiments, (n,), which this one stands for.
     """
-    sea, sensors, simulation = experiment.disturbance, experiment.sensors, experiment.simulation
+    simulation = with_leaves(experiment.simulation, columns, "simulation.")
+    sensors = with_leaves(experiment.sensors, columns, "sensors.")
+    sea = with_leaves(experiment.disturbance, columns, "disturbance.")
+    vehicle = with_leaves(experiment.plant.vehicle, columns, "plant.vehicle.")
     found: dict[str, Drawn] = {}
 
-    def add(name: str, sigma: float, time: float = 0.0, limit: float = NO_LIMIT, *, from_zero: bool = False) -> None:
-        if sigma > 0:
-            decay = float((Decimal(-simulation.sample_time) / Decimal(time)).exp()) if time else 0.0
+    def add(name: str, sigma: Any, time: Any = 0.0, limit: Any = NO_LIMIT, *, from_zero: bool = False) -> None:
+        if np.any(sigma > 0):
+            decay = _decay(simulation.sample_time, time)
             found[name] = RandomSignal(simulation.seed, stream_number(name), sigma, decay, limit, from_zero)
 
     add("current", sea.current_sigma, sea.current_time, sea.current_limit)
-    load = sea.normal_force_sigma * experiment.plant.vehicle.normal_force
-    add("normal_force_variation", load, sea.normal_force_time)
-    add("noise.position", float(sensors.position_noise > 0))
-    add("noise.speed", float(sensors.speed_noise > 0))
-    add("noise.tension_1", float(sensors.tension_noise > 0))
-    add("noise.tension_2", float(sensors.tension_noise > 0))
-    add("noise.drift", float(sensors.position_drift > 0), sensors.position_drift_time, from_zero=True)
+    add("normal_force_variation", sea.normal_force_sigma * vehicle.normal_force, sea.normal_force_time)
+    add("noise.position", np.sign(sensors.position_noise))
+    add("noise.speed", np.sign(sensors.speed_noise))
+    add("noise.tension_1", np.sign(sensors.tension_noise))
+    add("noise.tension_2", np.sign(sensors.tension_noise))
+    add("noise.drift", np.sign(sensors.position_drift), sensors.position_drift_time, from_zero=True)
     seed, sample_time = simulation.seed, simulation.sample_time
     if simulation.jitter > 0:
         found["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))
     if silence_of(sensors):
         period, length = (
-            min(max(1, round(time / sample_time)), MOST_SAMPLES)
+            np.clip(np.rint(np.divide(time, sample_time)), 1, MOST_SAMPLES).astype(np.int64)
             for time in (sensors.outage_period, sensors.outage_length)
         )
         found["noise.silent"] = OutageSignal(seed, stream_number("noise.silent"), period, length)
     return found
 
 
+def _decay(sample_time: float, time: Any) -> Any:
+    """Of the autocorrelation from sample to sample, of signals that last some times in s; 0 of white noise."""
+    if np.ndim(time):
+        return np.array([_decay(sample_time, each) for each in time.tolist()])
+    return float((Decimal(-sample_time) / Decimal(time)).exp()) if time else 0.0
+
+
 class Outside:
     """What an experiment receives from outside: its signals, drawn and read piece by piece."""
 
-    def __init__(self, experiment: Experiment, names: Sequence[str] = NAMES) -> None:
+    def __init__(self, experiment: Experiment, names: Sequence[str] | None = None) -> None:
         """Set the signals up.
 
         Args:
             experiment: whose.
-            names: of the signals.
+            names: of the signals; default: all that its closed loop receives.
         """
         random = random_signals(experiment)
-        self._experiment, self._names = experiment, names
-        self.signals = Signals([random.get(name) for name in names])
+        self._experiment = experiment
+        self._names = exogenous_names(experiment.controller) if names is None else names
+        self.signals = Signals([random.get(name) for name in self._names])
 
     def give(self, start: int, n: int) -> None:
         """Read what is given of `n` samples from the sample `start` on."""
         experiment = self._experiment
         sample_time, given = experiment.simulation.sample_time, {}
         if "steady" in self._names:
+            times = experiment.controller.preview
             given |= _reference(experiment.reference, experiment.steady_window, sample_time, start, n)
+            given |= _ahead(experiment.reference, times, sample_time, start, n)
         for name, (signal, unit) in given_signals(experiment.disturbance).items():
             if signal.given:
                 t: Floats = np.arange(start, start + n, dtype=np.float64) * sample_time
@@ -128,6 +143,16 @@ def _reference(
     }
 
 
+@lru_cache(maxsize=4)
+def _ahead(reference: Reference, times: tuple[float, ...], sample_time: float, start: int, n: int) -> dict[str, Floats]:
+    """How the reference departs at some times ahead from going on as it is; kept, as `_reference`."""
+    if not times:
+        return {}
+    found = departures(np.arange(start, start + n) * sample_time, times, reference)
+    columns = (np.broadcast_to(column, n).astype(float) for of_times in vars(found).values() for column in of_times)
+    return dict(zip(leaves(no_departures(times), "ahead."), columns, strict=True))
+
+
 def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = None) -> Iterator[Floats]:
     """Everything a run receives from outside, in pieces of at most `length` samples.
 
@@ -144,16 +169,32 @@ def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = 
     return Outside(experiment).pieces(length, samples)
 
 
-def exogenous_source(experiment: Experiment) -> Signals:
-    """Everything a run receives from outside, for compiled code that draws it while it runs."""
+def exogenous_sources(experiment: Experiment, columns: Mapping[str, NDArray[Any]], count: int) -> list[Signals]:
+    """Everything that runs receive from outside, for compiled code that draws it while it runs.
+
+    Args:
+        experiment: what the runs share, all that is given among it.
+        columns: key → their own numbers, (count,).
+        count: number of the runs.
+    """
     outside = Outside(experiment)
     outside.give(0, experiment.samples)
-    return outside.signals
+    random = random_signals(experiment, columns)
+    return outside.signals.of_many([random.get(name) for name in exogenous_names(experiment.controller)], count)
 
 
 def exogenous_signals(experiment: Experiment) -> Floats:
     """Everything a run receives from outside in one piece, (samples, exogenous)."""
     return next(exogenous_pieces(experiment, experiment.samples))
+
+
+def asked_motion(experiment: Experiment) -> dict[str, Floats]:
+    """The reference of every sample as its controller takes it, by the names of `loop.equations.reference_inputs`."""
+    sample_time, reference = experiment.simulation.sample_time, experiment.reference
+    t = np.arange(experiment.samples) * sample_time
+    points = [setpoint(t + time, reference) for time in (0.0, *experiment.controller.preview)]
+    columns = [np.broadcast_to(column, len(t)) for point in points for column in (point.x, point.v, point.a)]
+    return dict(zip(reference_inputs(experiment.controller), columns, strict=True))
 
 
 def sea_signals(experiment: Experiment) -> Sea:

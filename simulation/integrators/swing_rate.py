@@ -2,6 +2,9 @@
 
 import math
 from functools import lru_cache
+from typing import Any
+
+import numpy as np
 
 from dualwinch.model.ropes.kelvin_voigt import Rope, stiffness
 from dualwinch.model.ropes.rope_law import RopeLaw
@@ -10,10 +13,13 @@ from dualwinch.model.winch import Winch
 from dualwinch.model.winding import base_radius
 
 
-def swing_rate(rope: Rope, winch: Winch, track: Track) -> float:
-    """How fast in rad/s a Kelvin–Voigt rope and its drum swing, or settle, where the rope is shortest."""
+def swing_rate(rope: Rope, winch: Winch, track: Track) -> Any:
+    """How fast in rad/s a Kelvin–Voigt rope and its drum swing, or settle, where the rope is shortest.
+
+    An array where numbers of rope or winch are.
+    """
     mobility = base_radius(winch) ** 2 / winch.inertia
-    return max(math.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * rope.damping / 2)
+    return np.maximum(np.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * rope.damping / 2)
 
 
 @lru_cache(maxsize=1024)

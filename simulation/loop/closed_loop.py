@@ -14,6 +14,7 @@ from dualwinch.controllers.signals import ControllerOutput
 from dualwinch.model.actuators.actuator import Actuator
 from dualwinch.model.actuators.drive import drive
 from dualwinch.model.actuators.ideal import NoState, is_ideal
+from dualwinch.model.motions.preview import no_departures, previewed
 from dualwinch.model.motions.setpoint import later
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions, torques_amid
 from dualwinch.model.quantities.description import describe_parts
@@ -56,6 +57,18 @@ class Exogenous:
     normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
     force: Annotated[Scalar, Quantity("N", "force on the vehicle along the track")] = 0.0
     steady: Annotated[Scalar, Quantity("1", "1 in the steady-state window")] = 0.0
+    ahead: Any = field(default_factory=NoState)
+
+
+def nothing_from_outside(controller: Controller) -> Exogenous:
+    """What names the signals that one sample receives under a controller; all zero."""
+    times, rest = controller.preview, Setpoint(0.0, 0.0, 0.0)
+    return Exogenous(rest, ahead=no_departures(times)) if times else Exogenous(rest)
+
+
+def exogenous_names(controller: Controller) -> tuple[str, ...]:
+    """Names of the signals that one sample receives under a controller."""
+    return tuple(leaves(nothing_from_outside(controller)))
 
 
 FORCE, DRIFT, SILENT, LATENESS = "force", "noise.drift", "noise.silent", "noise.lateness"
@@ -231,10 +244,11 @@ def _instant(state: LoopState, exogenous: Exogenous, sample_time: Scalar, jitter
 
 def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
     template = template_of(structure)
+    calm = nothing_from_outside(template.controller)
     queued = _queue_names(structure.delay_samples)
     vectors = {
         "state": tuple(initial_state_of(template)),
-        "exogenous": tuple(leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)))),
+        "exogenous": tuple(leaves(calm)),
         "parameters": tuple(parameters_of(template)),
     }
     symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
@@ -254,7 +268,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     sample_time = values["simulation.sample_time"]
     start = initial_loop_state(structure, template.controller, template.plant, template.sensors, template.actuator)
     state = with_leaves(start, of_state)
-    exogenous = with_leaves(Exogenous(Setpoint(0.0, 0.0, 0.0)), outside)
+    exogenous = with_leaves(calm, outside)
     plant_state = state.motion.plant
 
     # the sample's beginning: sense and control
@@ -267,7 +281,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     controller_state, output = controller_step(
         state.controller,
         measurement,
-        exogenous.reference,
+        previewed(exogenous.reference, template.controller.preview, exogenous.ahead),
         controller,
         nominal,
         sample_time,

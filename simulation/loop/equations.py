@@ -1,7 +1,7 @@
 """Equations of controller, plant and closed loop over symbols, from the functions that `simulate` runs."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -11,6 +11,7 @@ import numpy as np
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.signals import Measurement
+from dualwinch.model.motions.preview import Previewed
 from dualwinch.model.plant import (
     Environment,
     Plant,
@@ -30,7 +31,7 @@ from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.integrators.solver import solver_of
-from dualwinch.simulation.loop.closed_loop import Exogenous, closed_loop, initial_loop_state, starting_state
+from dualwinch.simulation.loop.closed_loop import closed_loop, initial_loop_state, nothing_from_outside, starting_state
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.loop.structure import structure_of
 
@@ -87,15 +88,34 @@ def _facts(described: Mapping[str, Leaf]) -> Facts:
     return {name: (leaf.quantity, leaf.bounds) for name, leaf in described.items()}
 
 
+def reference_inputs(controller: Controller) -> Facts:
+    """Setpoints as inputs of a controller: of now, and of each time of its preview."""
+    of_now = {name: COLUMNS[name] for name in ("x_ref", "v_ref", "a_ref")}
+    ahead = {
+        f"{name}_ahead_{number}": replace(quantity, meaning=f"{quantity.meaning} {time:g} s ahead")
+        for number, time in enumerate(controller.preview, start=1)
+        for name, quantity in of_now.items()
+    }
+    return {name: (quantity, ANY) for name, quantity in (of_now | ahead).items()}
+
+
+def _setpoint(wanted: Sequence[Scalar], times: Sequence[float]) -> Previewed:
+    """The setpoint of `reference_inputs`."""
+    points = [Setpoint(*wanted[first : first + 3]) for first in range(0, len(wanted), 3)]
+    return Previewed(**vars(points[0]), known=dict(zip(times, points[1:], strict=True)))
+
+
 def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the controller: sensor values and reference in, torques and inner signals out."""
     controller, _, nominal = _symbolic(experiment, symbols)
     start = initial_controller_state(experiment.controller)
-    state, sensed, wanted = _new(leaves(start)), _new(describe(Measurement)), _new(("x_ref", "v_ref", "a_ref"))
+    state, sensed = _new(leaves(start)), _new(describe(Measurement))
+    references = reference_inputs(experiment.controller)
+    wanted = _new(references)
     following, output = controller_step(
         with_leaves(start, state),
         Measurement(**sensed),
-        Setpoint(*wanted.values()),
+        _setpoint(list(wanted.values()), experiment.controller.preview),
         controller,
         nominal,
         symbols["simulation.sample_time"],
@@ -106,7 +126,6 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     flat |= {"saturated": output.saturated, "torque_saturated": winches.torque_saturated}
     about = _facts(describe_parts(winches)) | _facts(describe_parts(position))
     about |= {name: (quantity, ANY) for name, (_, quantity) in own.items()} | {"saturated": (SATURATED, ANY)}
-    references = {name: (COLUMNS[name], ANY) for name in wanted}
     return Equations(
         state=state,
         input=sensed | wanted,
@@ -177,6 +196,17 @@ def _swings(plant: Plant, preload: float) -> dict[str, float]:
     return {name: 10.0 ** round(math.log10(square) / 2) for name, square in squares.items()}
 
 
+def _outside(controller: Controller) -> Facts:
+    """What the signals are that the closed loop receives."""
+    calm = nothing_from_outside(controller)
+    found = _facts(describe_parts(calm))
+    if times := controller.preview:
+        for (name, _), time in zip(leaves(calm.ahead, "ahead.").items(), 3 * times, strict=True):
+            quantity, allowed = found[name]
+            found[name] = replace(quantity, meaning=f"{quantity.meaning}, {time:g} s ahead"), allowed
+    return found
+
+
 def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the closed loop, without the sums behind the figures of merit."""
     structure = structure_of(experiment)
@@ -207,7 +237,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
         output=dict(zip(loop.columns, ca.vertsplit(row), strict=True)),
         about=(
             _facts(describe_parts(parts)) | queue,
-            _facts(describe(Exogenous)),
+            _outside(experiment.controller),
             {name: (quantity, ANY) for name, quantity in loop.quantities.items()},
         ),
     )

@@ -7,6 +7,7 @@ from functools import cache, lru_cache
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
 from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
@@ -88,7 +89,12 @@ def structure_of(experiment: Experiment) -> Structure:
 @lru_cache(maxsize=KEPT)
 def _alike(controller: Controller) -> Controller:
     """A controller of the same structure with numbers of no controller in particular; nothing computes with them."""
-    return replace(alike(controller), nominal=Nominal())
+    found = replace(alike(controller), nominal=Nominal())
+    if found.preview != controller.preview:
+        raise ConfigurationError(
+            "preview: a part's times ahead follow from a number that may change at run time; mark it Mark.SHAPES_CODE"
+        )
+    return found
 
 
 @cache

@@ -10,6 +10,7 @@ from dualwinch.simulation.plots.ensemble import fan_chart
 from dualwinch.simulation.plots.files import encode, save
 from dualwinch.simulation.plots.motion import error, trajectory
 from dualwinch.simulation.plots.overview import overview
+from dualwinch.simulation.plots.preloads import preloads
 from dualwinch.simulation.plots.ropes import commands, tensions
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "fan_chart",
     "lyapunov",
     "overview",
+    "preloads",
     "save",
     "steady_state_bars",
     "tensions",

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.typing import LineStyleType
 
+from dualwinch.codegen.text import one_line
 from dualwinch.simulation.experiment import Experiment
 
 WIDTH = 7.0
@@ -110,7 +111,7 @@ def law_kind(experiment: Experiment) -> str:
 
 def plain(text: str) -> str:
     r"""A name that somebody gave, for matplotlib: ``$`` begins no formula, a leading ``_`` leaves no label out."""
-    shown = text.replace("$", r"\$")
+    shown = one_line(text).replace("$", r"\$")
     return f"\u200b{shown}" if shown.startswith("_") else shown
 
 
@@ -131,8 +132,9 @@ def law_dashes(experiment: Experiment) -> LineStyleType:
 
 def legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:
     """One legend for all panels, below them, where it covers nothing."""
-    width = sum(len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles)
-    columns = -(-len(handles) // -(-width // LEGEND_WIDTH))
+    widths = [len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles]
+    rows = -(-sum(widths) // LEGEND_WIDTH)
+    columns = min(-(-len(handles) // rows), max(LEGEND_WIDTH // max(widths), 1))  # all columns fit that are as the widest
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6, columnspacing=1.6)
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.exogenous.signals import SIGNALS, exogenous_pieces
+from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import exogenous_names
 
 Floats = NDArray[np.float64]
 
@@ -52,9 +53,10 @@ class Page:
             return self._following
 
 
-def page_length(runs: int) -> int:
-    """Samples of a page where so many runs have pages of their own."""
-    return min(max(ROOM // (8 * SIGNALS * runs), SHORTEST), LONGEST)
+def page_length(experiment: Experiment, runs: int) -> int:
+    """Samples of a page where so many runs like `experiment` have pages of their own."""
+    signals = len(exogenous_names(experiment.controller))
+    return min(max(ROOM // (8 * signals * runs), SHORTEST), LONGEST)
 
 
 def first_page(experiment: Experiment, length: int) -> Page:

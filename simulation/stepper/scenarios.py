@@ -89,7 +89,7 @@ class Scenarios:
                 raise ConfigurationError(f"scenarios: {number!r} is none: must be whole numbers >= 0, or scenarios")
         if self.ensemble is None:
             return [Scenario(0, self._base, self._base.plant, {})] * len(numbers)
-        return [self.ensemble.scenario(int(number), seed) for number in numbers]
+        return self.ensemble.chosen([int(number) for number in numbers], seed)
 
     def lanes(self, scenarios: Sequence[Scenario]) -> list[Lane]:
         """What lanes of scenarios start from.
@@ -107,8 +107,8 @@ class Scenarios:
         Lanes of one experiment read the same pages. They are kept where they are small: they hold all that follow.
         """
         if self.ensemble:
-            return [first_page(lane.experiment, page_length(batch)) for lane in lanes]
-        page = self._only_page or first_page(self.experiment, page_length(1))
+            return [first_page(lane.experiment, page_length(self.experiment, batch)) for lane in lanes]
+        page = self._only_page or first_page(self.experiment, page_length(self.experiment, 1))
         if self.experiment.samples * page.table.itemsize * page.table.shape[1] < ROOM:
             self._only_page = page
         return [page] * len(lanes)

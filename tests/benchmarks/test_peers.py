@@ -145,8 +145,9 @@ def test_missing_peer_is_a_row_that_says_so(rows: dict[str, Peer]) -> None:
     assert timings[1].missing == "nothing for 0.5 s"
 
 
-def test_the_sea_is_checked_against_a_scalar_rollout_of_a_scenario(rows: dict[str, Peer]) -> None:
-    peer = rows["sea-1"]
+@pytest.mark.parametrize("key", ["sea-1", "rig-1", "sea-kernel", "rig-ensemble"])
+def test_ensembles_are_checked_against_a_scalar_rollout_of_a_scenario(key: str, rows: dict[str, Peer]) -> None:
+    peer = rows[key]
     assert peer.expected is not None
     assert difference(_answer(peer), peer.expected(peer.case)) < 1e-9
 
@@ -159,6 +160,7 @@ def test_slopes_change_nothing_about_the_rollout(rows: dict[str, Peer]) -> None:
 
 def test_rates_stand_beside_what_they_are_to_reach(rows: dict[str, Peer], monkeypatch: pytest.MonkeyPatch) -> None:
     seconds = {ADAPTIVE_LIMIT: 8.0, DEFAULT: 9.0, "batch-1": 1.0, "batch-2": 0.5, "sea-1": 2.0}
+    seconds |= {"rig-1": 1.9, "rig-kernel": 2.0, "rig-ensemble": 2.5}
     timings = [
         Timing(replace(rows[DEFAULT], key=key, title=key), [value], deviation=1e-9) for key, value in seconds.items()
     ]
@@ -167,7 +169,9 @@ def test_rates_stand_beside_what_they_are_to_reach(rows: dict[str, Peer], monkey
         ["0.89 ×", "1 ×", "no"],
         ["8.00 ×", "8 ×", "yes"],
         ["2.00 ×", "1.8 ×", "yes"],
-        ["0.50 ×", "0.6 ×", "no"],
+        ["0.50 ×", "0.75 ×", "no"],
+        ["0.53 ×", "0.5 ×", "yes"],
+        ["0.80 ×", "0.77 ×", "yes"],
     ]
     monkeypatch.setattr(limits, "vector_features", lambda: ("avx2",))
     assert limits.rows(timings, 1)[1][3:5] == ["4 ×", "yes"]

@@ -19,11 +19,15 @@ from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
+from dualwinch.controllers.laws.equivalent_input_disturbance import Eid
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.lqi import Lqi
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.observer import ObserverGains
 from dualwinch.controllers.laws.pid_cascade import PidCascade
 from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.laws.predictive.mpc import Mpc
+from dualwinch.controllers.laws.rbf_sliding_mode import RbfSlidingMode
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.laws.super_twisting import SuperTwisting
 from dualwinch.controllers.nominal import Nominal, nominal_plant
@@ -51,6 +55,10 @@ TUNED: tuple[PositionLaw, ...] = (
     PidCascade(kd1=0.4, kd2=0.02),
     SuperTwisting(auxiliary=AUXILIARY),
     Adrc(),
+    Lqi(),
+    Eid(),
+    RbfSlidingMode(),
+    Mpc(),
 )
 CONTROLLERS = {
     law.kind: Controller(
@@ -97,6 +105,12 @@ def random_samples(count: int) -> list[tuple[Measurement, Setpoint]]:
     ]
 
 
+def ahead(point: Setpoint, controller: Controller) -> list[np.ndarray]:
+    """The input of a controller that looks ahead, where it does: the setpoint goes on as it is."""
+    columns = [list(leaves(point.ahead(time)).values()) for time in controller.preview]
+    return [np.array(columns).T] if columns else []
+
+
 @pytest.mark.parametrize("kind", LAWS)
 def test_every_sample_equals_the_independent_laws(kind: str) -> None:
     controller = CONTROLLERS[kind]
@@ -127,7 +141,7 @@ def test_symbols_and_floats_give_the_same(kind: str) -> None:
     function = controller_function(controller, NOMINAL)
     for measured, point in random_samples(100):
         inputs = [np.array(list(leaves(group).values()), float) for group in (state, measured, point)]
-        found = [np.array(output).ravel() for output in function(*inputs, SAMPLE_TIME)]
+        found = [np.array(output).ravel() for output in function(*inputs, SAMPLE_TIME, *ahead(point, controller))]
         state, output = controller_step(state, measured, point, controller, NOMINAL, SAMPLE_TIME)
         winches = output.winches
         expected = [
@@ -154,7 +168,9 @@ def test_the_function_is_named_after_its_law_and_has_jacobians(kind: str) -> Non
     assert function.name() == kind.replace("-", "_")
     state = np.array(list(leaves(initial_controller_state(controller)).values()), float)
     jacobian = function.factory("jacobian", function.name_in(), ["jac:torques:measurement"])
-    slopes = np.array(jacobian(state, [0.1, 0.2, 1500.0, 900.0, 0.1, -0.1, 0.3, -0.3], [0.1, 0.2, 0.0], SAMPLE_TIME))
+    sensed, point = [0.1, 0.2, 1500.0, 900.0, 0.1, -0.1, 0.3, -0.3], Setpoint(0.1, 0.2, 0.0)
+    seen = ahead(point, controller)
+    slopes = np.array(jacobian(state, sensed, list(leaves(point).values()), SAMPLE_TIME, *seen))
     assert np.isfinite(slopes).all()
     assert (slopes[:, 4:] == 0).all(), "drum speeds would close an algebraic loop (E9)"
 
@@ -168,7 +184,8 @@ def test_every_estimator_goes_with_every_coordination(estimator: str, coordinati
     state, function = initial_controller_state(controller), controller_function(controller, Plant())
     for measured, point in random_samples(50):
         inputs = [np.array(list(leaves(group).values()), float) for group in (state, measured, point)]
-        following, torques, _ = (np.array(output).ravel() for output in function(*inputs, SAMPLE_TIME))
+        given = *inputs, SAMPLE_TIME, *ahead(point, controller)
+        following, torques, _ = (np.array(output).ravel() for output in function(*given))
         state, output = controller_step(state, measured, point, controller, Plant(), SAMPLE_TIME)
         assert following == pytest.approx(np.array(list(leaves(state).values()), float), rel=1e-9, abs=1e-9)
         assert torques == pytest.approx([output.winches.tau_1, output.winches.tau_2], rel=1e-9)

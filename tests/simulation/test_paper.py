@@ -30,7 +30,7 @@ def test_a_case_that_is_not_there(number: Any) -> None:
 @pytest.mark.parametrize(
     ("controller", "near"),
     [
-        ("lqi", "fando-nftsm|nftsm|pid-cascade|super-twisting|adrc"),
+        ("bang-bang", "fando-nftsm|nftsm|pid-cascade|super-twisting|adrc|lqi|eid|rbf-sliding-mode|mpc"),
         ("nftms", "nftsm"),
         ("ADRC", "adrc"),
         (3, ""),

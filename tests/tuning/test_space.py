@@ -29,7 +29,7 @@ def test_every_search_range_is_allowed_and_holds_its_default() -> None:
     """The metadata beside a gain must agree with its own bounds, else the default space would be refused."""
     found = {key: leaf for key, leaf in describe(Experiment).items() if leaf.tunable}
     everything = {key: {} for key in found}
-    for kind in ("fando-nftsm", "pid-cascade", "super-twisting", "adrc"):
+    for kind in ("fando-nftsm", "pid-cascade", "super-twisting", "adrc", "lqi", "eid", "rbf-sliding-mode", "mpc"):
         for estimator in ("lowpass", "kalman"):
             experiment = override(case(4, kind), {"controller.estimator": estimator})
             for key in everything:

@@ -9,10 +9,12 @@ from optuna.storages.journal import JournalFileBackend
 from dualwinch.commands.tuning_setup import definition_of, problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.optimisers.gradient import Gradient
+from dualwinch.tuning.prepared import STRESS, prepare
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.storage.memory import Memory
 from dualwinch.tuning.storage.opening import open_store
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.study import search
@@ -111,3 +113,25 @@ def test_another_laws_first_trial_is_its_own_start(make_problem: MakeProblem, tm
     found = studied(problem, tmp_path / "a", 4)
     assert [trial.candidate.origin for trial in found[:2]] == ["start", "cmaes"]
     assert found[0].point == problem.start
+
+
+def test_rollouts_are_a_budget_and_what_was_given_up_early_counts_with_what_it_ran(make_problem: MakeProblem) -> None:
+    """The last batch has so few candidates that it goes beyond the budget by no more than they and the stress take."""
+    problem = make_problem(scenarios=4)
+    prepared = prepare(problem)
+    evaluator, store = Evaluator(prepared), Memory(Budget(rollouts=1000))
+    progress = search("cmaes", optimiser("cmaes", prepared, 0), store, evaluator)
+    assert progress.spent == evaluator.rollouts == sum(trial.scenarios for trial in store.finished())
+    assert any(trial.pruned and trial.scenarios == 2 for trial in store.finished())
+    assert 1000 <= progress.spent < 1000 + 4 + 2 * STRESS
+    assert progress.share == 1
+
+
+def test_a_gradient_counts_as_many_rollouts_as_differences_take(make_problem: MakeProblem) -> None:
+    problem = make_problem(scenarios=2)
+    prepared = prepare(problem)
+    evaluator, store, proposer = Evaluator(prepared), Memory(Budget(rollouts=300)), Gradient(prepared, 0)
+    progress = search("gradient", proposer, store, evaluator)
+    assert proposer.gradients >= 1
+    assert proposer.rollouts == proposer.gradients * (2 + STRESS) * (1 + 3)
+    assert progress.spent == evaluator.rollouts + proposer.rollouts >= 300

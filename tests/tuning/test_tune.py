@@ -44,6 +44,8 @@ class Recorded:
 class Stubborn:
     """An optimiser that proposes nothing but much error."""
 
+    rollouts = 0
+
     def __init__(self, prepared: Prepared, seed: int) -> None:  # noqa: ARG002
         self._start = prepared.problem.start
 
@@ -79,7 +81,7 @@ def test_a_notebook_and_a_prompt_show_what_was_found(tuned: Tuned) -> None:
 
 
 def test_a_budget_is_needed(make_problem: MakeProblem) -> None:
-    with pytest.raises(ConfigurationError, match="needs a budget, trials or seconds"):
+    with pytest.raises(ConfigurationError, match="needs a budget, trials, seconds or rollouts"):
         tune(make_problem())
     with pytest.raises(ConfigurationError, match="seconds = 0: must be > 0"):
         tune(make_problem(), seconds=0)

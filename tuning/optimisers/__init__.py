@@ -15,7 +15,17 @@ from dualwinch.tuning.space import Point
 
 
 class Optimiser(Protocol):
-    """Proposes candidates and learns from what they came to."""
+    """Proposes candidates and learns from what they came to.
+
+    Attributes:
+        rollouts: of its own so far, beside those of its candidates; one with derivatives counts as many as differences
+            would take.
+    """
+
+    @property
+    def rollouts(self) -> int:
+        """See above."""
+        ...
 
     def ask(self, count: int) -> list[Point]:
         """Candidates to evaluate next, `count` of them or fewer, at least one."""

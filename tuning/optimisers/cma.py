@@ -36,7 +36,10 @@ class Cma:
 
     Attributes:
         finished: how many times it got no further.
+        rollouts: none of its own.
     """
+
+    rollouts = 0
 
     def __init__(self, prepared: Prepared, seed: int) -> None:
         """The strategy of a problem; the same seed gives the same candidates."""

@@ -56,6 +56,8 @@ class Gradient:
     Attributes:
         gradients: how many gradients it took.
         minima: where steps got no further, in their order; there is more than one.
+        rollouts: what the gradients took: in every scenario as many as differences would have taken, which is about
+            what exact derivatives cost.
     """
 
     def __init__(self, prepared: Prepared, seed: int) -> None:
@@ -68,7 +70,7 @@ class Gradient:
         self._smooth = [
             index for index, dimension in enumerate(self._space.dimensions) if isinstance(dimension, Interval)
         ]
-        self.gradients, self.minima = 0, list[Evaluation]()
+        self.gradients, self.rollouts, self.minima = 0, 0, list[Evaluation]()
         self._smallest, self._enough = EVEN if problem.ensemble is None else UNEVEN
         self._abreast = SIDE_BY_SIDE if problem.ensemble else 1
         self._centre: Evaluation | None = None
@@ -108,6 +110,8 @@ class Gradient:
         if self._model is None:
             self._model = linearise(self._prepared, self._centre.point)
             self.gradients += 1
+            runs = len(self._prepared.scenarios) + len(self._prepared.stress)
+            self.rollouts += runs * (1 + len(self._smooth))
         attempts = ATTEMPTS[self._attempt : self._attempt + min(count, self._abreast)]
         points = [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]
         self._asked += points

@@ -23,6 +23,11 @@ class Hybrid:
         self._best: Evaluation | None = None
         self._searched, self._polishing = 0, prepared.problem.ensemble is None
 
+    @property
+    def rollouts(self) -> int:
+        """What the gradients took."""
+        return self._polish.rollouts
+
     def ask(self, count: int) -> list[Point]:
         """Candidates of the optimiser whose turn it is."""
         return (self._polish if self._polishing else self._search).ask(count)

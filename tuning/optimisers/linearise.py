@@ -1,7 +1,6 @@
 """The local model of a tuning problem at a point, from exact sensitivities of its rollouts."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,9 +103,7 @@ def _usable(slopes: Floats, steepest: float = STEEPEST) -> Floats:
 def _with(scenario: Experiment | Scenario, problem: Problem, point: Point) -> Experiment | Scenario:
     """A scenario with the point's gains, those without a derivative among them."""
     settings = problem.space.settings(point)
-    if isinstance(scenario, Scenario):
-        return replace(scenario, experiment=with_leaves(scenario.experiment, settings))
-    return with_leaves(scenario, settings)
+    return scenario.having(settings) if isinstance(scenario, Scenario) else with_leaves(scenario, settings)
 
 
 def _slope(statistic: Statistic, run: Sensitivities, counted: Sequence[bool] | NDArray[np.bool_]) -> Floats:

@@ -33,7 +33,13 @@ class Kind:
 
 
 class Sampler:
-    """An optimiser that asks one of Optuna's samplers."""
+    """An optimiser that asks one of Optuna's samplers.
+
+    Attributes:
+        rollouts: none of its own.
+    """
+
+    rollouts = 0
 
     def __init__(self, kind: Kind, prepared: Prepared, seed: int) -> None:
         """The sampler of a problem; the same seed gives the same candidates."""

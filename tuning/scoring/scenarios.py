@@ -34,9 +34,15 @@ class Pick:
     index: int
     vertex: bool = False
 
-    def drawn(self, ensemble: Ensemble, seed: int) -> Scenario:
-        """The scenario."""
-        return ensemble.scenario(self.index, seed, vertex=self.vertex)
+
+def drawn(picks: Sequence[Pick], ensemble: Ensemble, seed: int) -> list[Scenario]:
+    """The scenarios of picks, in their order."""
+    found: dict[Pick, Scenario] = {}
+    for vertex in (False, True):
+        alike = [picked for picked in picks if picked.vertex is vertex]
+        chosen = ensemble.chosen([picked.index for picked in alike], seed, vertex=vertex)
+        found |= zip(alike, chosen, strict=True)
+    return [found[picked] for picked in picks]
 
 
 def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pick], list[Pick]]:
@@ -75,7 +81,7 @@ def vertices(
         looked_at: among how many they are chosen, at least twice their number; default: `LOOKED_AT`.
     """
     among = max(LOOKED_AT if looked_at is None else looked_at, 2 * count)
-    behind = _shortfalls([ensemble.scenario(index, seed, vertex=True) for index in range(among)])
+    behind = _shortfalls(ensemble.chosen(range(among), seed, vertex=True))
     waiting = [index for index, way in enumerate(behind) if way <= furthest]
     waiting += sorted(set(range(len(behind))) - set(waiting), key=lambda index: behind[index])
     found: list[Pick] = []

@@ -21,7 +21,7 @@ from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import machine_name
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, soundest_first
-from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, vertices
+from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, drawn, vertices
 from dualwinch.tuning.scoring.verdict import Attained, Score, Verdict
 
 RUNG, GROWTH = 0.02, 1.17
@@ -164,7 +164,7 @@ def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scena
     seed = problem.seed + SELECTION
     picks = vertices(ensemble, plan.vertices, seed, furthest=CHOSEN_SHORTFALL, looked_at=plan.looked_at)
     draws = list(ensemble.scenarios(plan.draws + plan.last_draws, seed))
-    first = [*choosable(draws[: plan.draws]), *(chosen.drawn(ensemble, seed) for chosen in picks)]
+    first = [*choosable(draws[: plan.draws]), *drawn(picks, ensemble, seed)]
     return first, choosable(draws[plan.draws :])
 
 

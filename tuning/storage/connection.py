@@ -1,20 +1,27 @@
 """Connections to a database: errors in one line that never show the password, and patience while it restarts."""
 
+import re
 import time
 import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
+from urllib.parse import quote, quote_plus
 
 from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.text import one_line, without_secrets
 from dualwinch.model.errors import ConfigurationError
 
 if TYPE_CHECKING:
     import optuna
+    from sqlalchemy.engine import URL
 
 Outcome = TypeVar("Outcome")
 
 HEARTBEAT, GRACE = 5, 20
 """Time in s between two beats of a worker, and the silence after which it counts as dead."""
+
+HARMLESS = {"host", "hostaddr", "port", "user", "dbname", "sslmode", "application_name", "connect_timeout", "service"}
+"""Parameters of a URL's query that are no secrets."""
 
 PATIENCE = 120.0
 """Time in s that a database may be away before a worker gives up."""
@@ -24,11 +31,41 @@ class StorageError(DualwinchError):
     """A study's storage cannot be reached or used."""
 
 
+WANTED = "postgresql+psycopg://USER@HOST/DATABASE"
+"""What a URL has to be."""
+
+
 def shown(url: str) -> str:
-    """A URL without its password."""
+    """Where a database is, without anything that could be a secret: no password, and nothing of a query."""
+    parts = _parts(url)
+    if parts is None:
+        return "(no URL)"
+    user = f"{parts.username}:***@" if parts.password else f"{parts.username}@" if parts.username else ""
+    port = f":{parts.port}" if parts.port else ""
+    name = "***" if re.search(r"=|://", parts.database or "") else parts.database or ""
+    query = "?***" if parts.query else ""
+    return one_line(f"{parts.drivername}://{user}{parts.host or ''}{port}/{name}{query}")
+
+
+def check_url(url: str) -> None:
+    """Raise `ConfigurationError` where a URL is none; the message holds nothing of it."""
+    if _parts(url) is None:
+        raise ConfigurationError(
+            f"--storage: no URL of a database; must be {WANTED}, with a port that is a number, and with @, :, / and "
+            "others in a password written as %40, %3A, %2F"
+        )
+
+
+def _parts(url: str) -> "URL | None":
+    """A URL taken apart; nothing where that is not possible, or where a host would hold an @."""
+    import sqlalchemy.exc
     from sqlalchemy.engine import make_url
 
-    return make_url(url).render_as_string(hide_password=True)
+    try:
+        parts = make_url(url)
+    except (sqlalchemy.exc.ArgumentError, ValueError):
+        return None
+    return None if re.search(r"[@\s]", parts.host or "") else parts
 
 
 def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStorage":
@@ -47,6 +84,7 @@ def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStora
 
     from dualwinch.tuning.storage.tables import missing
 
+    check_url(url)
     url = _driver(url)
     try:
         with warnings.catch_warnings():
@@ -59,8 +97,8 @@ def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStora
                 grace_period=GRACE,
                 heartbeat_stale_trial_callback=stale,
             )
-    except sqlalchemy.exc.ArgumentError:
-        raise ConfigurationError("--storage: no URL; must be postgresql+psycopg://USER@HOST/DATABASE") from None
+    except (sqlalchemy.exc.ArgumentError, ValueError):
+        raise ConfigurationError(f"--storage: no URL of a database; must be {WANTED}") from None
     except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         raise StorageError(f"cannot use the database {shown(url)}: {_reason(error, url)}") from None
     there, here = storage.get_current_version(), storage.get_head_version()
@@ -105,11 +143,24 @@ def _driver(url: str) -> str:
 
 def _reason(error: BaseException, url: str) -> str:
     """The innermost cause in one line, without the password."""
-    from sqlalchemy.engine import make_url
-
     cause = error.__cause__ or error
     origin = getattr(cause, "orig", None) or cause
     lines = [line.strip() for line in str(origin).splitlines() if line.strip()]
     text = lines[0] if lines else type(origin).__name__
-    password = make_url(url).password
-    return text.replace(str(password), "***") if password else text
+    for secret in sorted(_secrets(url), key=len, reverse=True):
+        text = text.replace(secret, "***")
+    return without_secrets(one_line(text))
+
+
+def _secrets(url: str) -> set[str]:
+    """What of a URL is not to be seen, as it is written there and decoded."""
+    parts = _parts(url)
+    if parts is None:
+        return {url}
+    found = {str(parts.password)} if parts.password else set()
+    for name, value in parts.query.items():
+        if name not in HARMLESS:
+            found |= {value} if isinstance(value, str) else set(value)
+    if re.search(r"=|://", parts.database or ""):
+        found.add(str(parts.database))
+    return {secret for plain in found for secret in (plain, quote(plain, safe=""), quote_plus(plain)) if secret}

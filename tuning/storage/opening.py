@@ -1,5 +1,6 @@
 """Open a study: in a journal file for one process, or in a PostgreSQL database for workers on many machines."""
 
+import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,14 +32,20 @@ def check_storage(storage: str) -> None:
         ConfigurationError: a database that is none of PostgreSQL's, or a library that is missing.
     """
     if not is_database(storage):
+        if re.match(r"postgres[\w+]*:", storage, re.IGNORECASE) or re.search(r"passw\w*\s*=", storage, re.IGNORECASE):
+            raise ConfigurationError("--storage: must be a file, or postgresql+psycopg://USER@HOST/DATABASE")
         return
     kind = storage.partition("://")[0]
     if kind not in {"postgresql+psycopg", "postgresql"}:
-        raise ConfigurationError(f"--storage {kind}://...: must be a file, or postgresql+psycopg://USER@HOST/DATABASE")
+        begun = f" {kind}://..." if re.fullmatch(r"[\w+.-]{1,40}", kind) else ""
+        raise ConfigurationError(f"--storage{begun}: must be a file, or postgresql+psycopg://USER@HOST/DATABASE")
     import importlib.util
 
     if importlib.util.find_spec("psycopg") is None:
         raise ConfigurationError("--storage: PostgreSQL needs psycopg, `pip install 'dualwinch[postgresql]'`")
+    from dualwinch.tuning.storage.connection import check_url
+
+    check_url(storage)
 
 
 def kept_definition(storage: str, study: str) -> Mapping[str, Any] | None:

@@ -30,10 +30,13 @@ class Budget:
     Attributes:
         trials: number of finished trials; ``None``: no limit.
         until: time in s since the epoch; ``None``: no limit.
+        rollouts: number of rollouts of the trials, those that were given up early with what they ran; ``None``: no
+            limit.
     """
 
     trials: int | None = None
     until: float | None = None
+    rollouts: int | None = None
 
 
 class Store(Protocol):

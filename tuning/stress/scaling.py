@@ -90,15 +90,19 @@ class Scaling:
         return replace(self.base, experiment=with_leaves(self.ensemble.experiment, own), distributions=drawn)
 
     @cached_property
-    def _begun(self) -> dict[tuple[int, Controller], Experiment]:
-        """Number of a scenario and controller → the base's experiment with it: checked once for all sizes."""
+    def _bases(self) -> dict[Controller, Experiment]:
+        """Controller → the base's experiment with it: the same of all scenarios and sizes."""
         return {}
+
+    def _base_with(self, controller: Controller) -> Experiment:
+        if controller not in self._bases:
+            self._bases[controller] = replace(self._start.experiment, controller=controller)
+        return self._bases[controller]
 
     @cached_property
     def _ends(self) -> list[tuple[Scenario, dict[str, Any], dict[str, Any]]]:
         """Every scenario of the base, with its values there and in the ensemble."""
-        starts = [self._start.scenario(index, self.seed) for index in range(self.count)]
-        ends = [self.ensemble.scenario(index, self.seed) for index in range(self.count)]
+        starts, ends = (drawn.chosen(range(self.count), self.seed) for drawn in (self._start, self.ensemble))
         return [(start, self._of(start), self._of(end)) for start, end in zip(starts, ends, strict=True)]
 
     def _of(self, scenario: Scenario) -> dict[str, Any]:
@@ -139,14 +143,9 @@ class Scaling:
             sizes: key → size; 0 where it is not given.
             nominal: the plant the controller was designed for, where it is known (`nominal`).
 
-        Raises:
-            ConfigurationError: a value is out of its range, or does not go with the others.
         """
-        start, values = self._ends[index][0], self.values(index, sizes)
-        if (index, controller) not in self._begun:
-            self._begun[index, controller] = replace(start.experiment, controller=controller)
-        experiment = with_leaves(self._begun[index, controller], values)
-        return Scenario(index, experiment, nominal or self.nominal(sizes), start.draws | values)
+        draws = self._ends[index][0].draws | self.values(index, sizes)
+        return Scenario(index, self._base_with(controller), nominal or self.nominal(sizes), draws)
 
     def switched(self, imperfection: Imperfection) -> bool:
         """Whether an imperfection is there or not, with nothing in between."""

@@ -1,6 +1,7 @@
 """Signals of a run sample by sample, given or random: filled by compiled C, or by NumPy to the same bits."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import TypeAlias
 
 import numpy as np
@@ -42,13 +43,24 @@ class Signals:
         Args:
             random: the random part of each signal; ``None`` where there is none.
         """
-        self.records = np.zeros(len(random), SIGNAL)
-        for row, signal in zip(self.records, random, strict=True):
-            if signal is not None:
-                row["kind"] = KINDS[type(signal)]
-                for name, value in vars(signal).items():
-                    row[name] = value
+        (self.records,) = records_of(random, 1)
         self._held: list[Floats | None] = []
+
+    def of_many(self, random: Sequence[Drawn | None], count: int) -> "list[Signals]":
+        """Signals of many runs, of which the same is given as of these.
+
+        Args:
+            random: the random part of each signal, whose numbers may be arrays (count,).
+            count: number of the runs.
+        """
+        records = records_of(random, count)
+        records["given"], records["given_from"] = self.records["given"], self.records["given_from"]
+        return [self._with(row) for row in records]
+
+    def _with(self, records: NDArray[np.void]) -> "Signals":
+        other = copy(self)
+        other.records = records
+        return other
 
     def give(self, given: Sequence[Floats | None], first: int = 0) -> None:
         """Say what is given.
@@ -71,6 +83,20 @@ class Signals:
             first: number of its first sample.
         """
         _filler(self.records)(self.records, first, table)
+
+
+def records_of(random: Sequence[Drawn | None], count: int) -> NDArray[np.void]:
+    """What `SIGNAL` says of random parts, whose numbers may be arrays (count,); (count, signals).
+
+    Where a standard deviation is zero there is none.
+    """
+    records = np.zeros((count, len(random)), SIGNAL)
+    for column, signal in zip(records.T, random, strict=True):
+        if signal is not None:
+            column["kind"] = np.where(getattr(signal, "sigma", 1.0), KINDS[type(signal)], 0)
+            for name, value in vars(signal).items():
+                column[name] = value
+    return records
 
 
 def _filler(signals: NDArray[np.void]) -> Fill:

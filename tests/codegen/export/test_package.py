@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -299,6 +300,16 @@ def test_every_law_becomes_a_package(key: str, choice: str) -> None:
         assert not re.search(r"casadi|arg\[|res\[|\binf\b|\bnan\b", source)
         if precision == "float":
             assert not re.search(r"\d\.\d*(e[+-]?\d+)?(?![\dfe.])", source.split("static void evaluate")[1])
+
+
+def test_what_others_say_of_a_number_does_not_end_its_comment() -> None:
+    made = of("controller")
+    first, *others = made.inputs
+    wild = replace(first, description="of mine */ int evil; /*\n*/")
+    header = c_package(replace(made, inputs=(wild, *others)), "pilot", ABOUT)["pilot.h"]
+    (line,) = (line for line in header.splitlines() if "evil" in line)
+    assert line.count("*/") == line.count("/*") == 1
+    assert line.endswith("*/")
 
 
 def test_header_names_units_sources_and_provenance() -> None:

@@ -251,7 +251,7 @@ def test_lanes_are_single_runs_also_where_readings_are_no_numbers() -> None:
 
 def test_gradients_are_those_of_central_differences() -> None:
     smooth = {"sensors.position_resolution": 0.0, "sensors.encoder_counts": 0}
-    short, step = replace(rig(), experiment=override(rig(2.0).experiment, smooth)), 1e-4
+    short, step = rig(2.0).having(smooth), 1e-4
     name, value = "controller.kalman.bandwidth", 20.0
     lower, upper = rollout([name], [[value * (1 - step)], [value * (1 + step)]], [short]).metrics["mse"][:, 0]
     gradient = sensitivities([name], [[value]], [short], stride=0).gradients["mse"][0, 0, 0]

@@ -37,7 +37,7 @@ def test_on_the_reference_at_rest_it_asks_for_nothing(kind: str) -> None:
     assert first_output(kind, 0.0, 0.0).u == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in POSITION_LAWS if kind != "pid-cascade"])
+@pytest.mark.parametrize("kind", [kind for kind in POSITION_LAWS if kind not in {"pid-cascade", "mpc"}])
 def test_a_law_with_a_nominal_model_takes_off_what_the_estimator_knows_and_adds_what_is_asked(kind: str) -> None:
     still = first_output(kind, 0.02, 0.1).u
     assert first_output(kind, 0.02, 0.1, d=0.05).u == pytest.approx(still - 1e4 * 0.05)

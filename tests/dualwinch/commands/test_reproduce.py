@@ -26,9 +26,19 @@ def test_reproduce_compares_what_is_beyond_the_paper(tmp_path: Path, capsys: pyt
     main(["reproduce", *words])
     said = capsys.readouterr().out
     assert "Beyond the paper" in said
-    assert {"super-twisting", "adrc", "master-slave", "force-position"} <= set(said.split())
+    assert {
+        "super-twisting",
+        "adrc",
+        "lqi",
+        "eid",
+        "mpc",
+        "master-slave",
+        "force-position",
+        "scheduled-preload",
+    } <= set(said.split())
     extended = json.loads((tmp_path / "metrics.json").read_text())["extended"]
     found = {(run["controller"], run["coordination"]): run["steady_mae"] for run in extended}
-    assert len(found) == len(extended) == 7
-    assert found["adrc", "differential-tension"] < found["fando-nftsm", "differential-tension"]
+    assert len(found) == len(extended) == 12
+    for law in ("adrc", "lqi", "eid", "rbf-sliding-mode", "mpc"):
+        assert found[law, "differential-tension"] < found["fando-nftsm", "differential-tension"]
     assert found["fando-nftsm", "master-slave"] == pytest.approx(3.7e-3, rel=0.03)

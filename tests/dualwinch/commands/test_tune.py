@@ -162,7 +162,7 @@ def test_another_law_is_compared_with_the_papers_controller_and_with_its_own_sta
 def test_the_first_line_is_there_before_the_rest_of_the_program(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class GoneError(Exception):
+    class GoneError(BaseException):
         """Stands for what takes long."""
 
     def gone(*_: object, **__: object) -> None:

@@ -1,9 +1,13 @@
 """The least error any controller could have: against a case with a formula, and below what a controller reaches."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from dualwinch.config.settings import override
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.simulation.analysis.least_error import least_mse
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
@@ -30,6 +34,24 @@ def test_without_a_chance_to_catch_up_it_is_what_full_force_leaves(anticipating:
     )
     expected = 0.01**2 * 10**4 / 20
     assert least_mse(experiment, anticipating=anticipating) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("law", POSITION_LAWS)
+@pytest.mark.parametrize("coordination", COORDINATIONS)
+def test_no_controller_gets_below_its_line(law: str, coordination: str) -> None:
+    """The line of what it sees: with a preview of the reference, that of foresight."""
+    lacking = {"controller.coordination.tension_max": 4500.0, "controller.coordination.kind": coordination}
+    experiment = override(case(4, law), lacking)
+    line = _line(bool(experiment.controller.preview))
+    run = simulate(experiment, stride=0)
+    assert run.outcome == "completed"
+    assert 0 < line < run.metrics.mse
+
+
+@cache
+def _line(anticipating: bool) -> float:
+    """No law or coordination plays a part in it."""
+    return least_mse(override(case(4), {"controller.coordination.tension_max": 4500.0}), anticipating=anticipating)
 
 
 def test_no_controller_gets_below_and_foresight_helps() -> None:

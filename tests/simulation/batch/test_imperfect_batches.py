@@ -1,7 +1,5 @@
 """Imperfect machines in batches: lanes, threads, gradients and the linear loop know them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -41,7 +39,7 @@ def test_errors_of_sensitivities_are_those_of_runs() -> None:
 
 def test_gradients_on_a_rig_are_those_of_central_differences() -> None:
     smooth, steps = {"sensors.position_resolution": 0.0, "sensors.encoder_counts": 0}, (1e-6, 1e-5)
-    scenarios = [replace(drawn, experiment=override(drawn.experiment, smooth)) for drawn in rigs(1)]
+    scenarios = [drawn.having(smooth) for drawn in rigs(1)]
     beta, l0 = GAINS[0]
     moved = [[beta * (1 + sign * step), l0] for step in steps for sign in (-1, 1)]
     lower, upper = rollout(NAMES, moved, scenarios).metrics["mae"].reshape(len(steps), 2).T

@@ -7,6 +7,7 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
@@ -143,4 +144,21 @@ def test_what_cannot_be_drawn_is_one_line(distributions: Any, message: str) -> N
 def test_a_draw_out_of_its_range_names_the_key() -> None:
     wide = replace(SEA, distributions={"plant.vehicle.mass": Drawn(Uniform(-2, -1))})
     with pytest.raises(ConfigurationError, match=r"^plant\.vehicle\.mass = -.*: must be a finite number > 0 kg$"):
-        wide.scenario(0, 0)
+        _ = wide.scenario(0, 0).experiment
+
+
+def test_scenarios_drawn_together_are_those_drawn_alone() -> None:
+    indices = [5, 0, 2**32 - 1, 5]
+    for vertex in (False, True):
+        together = SEA.chosen(indices, 7, vertex=vertex)
+        assert together == [SEA.scenario(index, 7, vertex=vertex) for index in indices]
+    assert SEA.chosen([], 7) == []
+    with pytest.raises(ConfigurationError, match=r"^scenario 4294967296: must be a whole number from 0 to 4294967295$"):
+        SEA.scenario(2**32, 7)
+
+
+def test_an_experiment_is_made_where_it_is_asked_for() -> None:
+    scenario = SEA.scenario(3, 7)
+    assert scenario.base is SEA.experiment
+    assert {key: leaves(scenario.experiment)[key] for key in scenario.draws} == scenario.draws
+    assert scenario.experiment is scenario.experiment

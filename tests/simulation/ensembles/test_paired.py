@@ -136,3 +136,15 @@ def test_what_cannot_be_compared_is_refused(sea: Ensemble) -> None:
     for scenarios, seed in ((0, 0), (1, -1)):
         with pytest.raises(ConfigurationError, match="must be a whole number"):
             compare({"a": Controller()}, sea, scenarios, seed)
+
+
+def test_foresight_could_reach_less_error_where_motors_lack_force_and_only_there() -> None:
+    sea, weak = load_ensemble("sea"), replace(paper_controller(), limits=Limits(tension_max=4600.0))
+    experiment = replace(override(sea.experiment, {"simulation.duration": 20.0}), controller=weak)
+    result = compare({"weak": weak}, replace(sea, experiment=experiment), 4, 1)
+    lacking = result.least_mse > 0
+    assert lacking.any()
+    assert np.all(result.least_mse_foreseeing[lacking] < result.least_mse[lacking])
+    assert np.all(result.least_mse_foreseeing[lacking] > 0)
+    assert np.all(result.least_mse_foreseeing[~lacking] == 0)
+    assert np.all(result.contenders["weak"].metrics["mse"] > result.least_mse)

@@ -30,6 +30,10 @@ OWN_OF_LAWS = {
     "pid-cascade": {},
     "super-twisting": {"Z_a": "N s", "s": "m"},
     "adrc": {"d_hat": "m/s^2"},
+    "lqi": {},
+    "eid": {"d_hat": "m/s^2"},
+    "rbf-sliding-mode": {"s": "m", "d_hat": "m/s^2"},
+    "mpc": {"d_hat": "m/s^2"},
 }
 ESTIMATED = {"x_est": "m", "v_est": "m/s", "d_est": "m/s^2"}
 OWN_OF_ESTIMATORS = {
@@ -42,6 +46,12 @@ OWN_OF_ESTIMATORS = {
     | {"zero_1_sd": "m", "zero_2_sd": "m", "scale_1_sd": "1", "scale_2_sd": "1", "excess_1_sd": "1", "excess_2_sd": "1"}
     | {"doubt_1": "1", "doubt_2": "1", "position_used": "1"},
 }
+OWN_OF_COORDINATIONS = {
+    "differential-tension": {},
+    "force-position": {},
+    "master-slave": {},
+    "scheduled-preload": {"preload": "N"},
+}
 
 
 @pytest.mark.parametrize("coordination", COORDINATIONS)
@@ -52,7 +62,8 @@ def test_a_row_has_what_every_run_has_and_then_what_the_parts_give(law: str, est
     loop = closed_loop(structure_of(Experiment(controller=controller)))
     assert loop.columns[: len(COLUMNS)] == tuple(COLUMNS)
     own = {name: loop.quantities[name].unit for name in loop.columns[len(COLUMNS) :]}
-    assert list(own.items()) == [*OWN_OF_LAWS[law].items(), *OWN_OF_ESTIMATORS[estimator].items()]
+    parts = OWN_OF_LAWS[law], OWN_OF_ESTIMATORS[estimator], OWN_OF_COORDINATIONS[coordination]
+    assert list(own.items()) == [signal for part in parts for signal in part.items()]
 
 
 @dataclass(frozen=True)

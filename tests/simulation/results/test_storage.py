@@ -26,6 +26,10 @@ OWN = {
     "pid-cascade": [],
     "super-twisting": ["Z_a", "s"],
     "adrc": ["d_hat"],
+    "lqi": [],
+    "eid": ["d_hat"],
+    "rbf-sliding-mode": ["s", "d_hat"],
+    "mpc": ["d_hat"],
 }
 
 

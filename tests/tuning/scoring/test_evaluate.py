@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.paired_run import paper_controller
@@ -60,7 +59,7 @@ def test_an_evaluation_is_that_of_the_tuned_experiments(make_problem: MakeProble
     found = Evaluator(prepared, prune=False).evaluate([Candidate(point, "")])[0]
     scenarios = [scenario for scenario in prepared.scenarios if isinstance(scenario, Scenario)]
     settings = problem.space.settings(point)
-    tuned = [replace(scenario, experiment=with_leaves(scenario.experiment, settings)) for scenario in scenarios]
+    tuned = [scenario.having(settings) for scenario in scenarios]
     singles = rollout([], [[]], tuned).metrics
     draws = [not scenario.vertex for scenario in scenarios]
     assert draws == [False, True, False, False]

@@ -1,0 +1,128 @@
+"""What preload buys and costs: gains tuned with a constant and with a scheduled one, in scenarios nobody tuned on.
+
+``python -m benchmarks.preload`` prints the tables (eight minutes); ``--write FILE`` puts them between the file's marks.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.document import markdown, put, times
+from benchmarks.scored import HELD_OUT_SEED, SCENARIOS, SEED, searched
+from dualwinch import tuning_problem
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
+from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
+from dualwinch.simulation.analysis.least_preload import least_preload
+from dualwinch.simulation.analysis.required_force import within_authority
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.paired import Comparison
+from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
+from dualwinch.tuning.constraint import NO_LOUDER, NO_PEAK, NO_SLACK, QUIET
+
+CHATTER = {"sea": QUIET, "rig": NO_LOUDER}
+"""Ensemble → the bound on chatter that is the default there."""
+
+LOAD = "mean.continuous_load<=1.05*paper"
+SCHEDULED = "controller.coordination.kind=scheduled-preload"
+
+OTHERS = (2000.0, 2500.0, 3000.0, 5000.0)
+"""Constant preloads in N that tuned gains are tried with."""
+
+BOUNDED, STEP = 50, 200
+"""Scenarios for which the least load is solved for, and samples in a step of that."""
+
+HEADINGS = (
+    "",
+    "preload (N)",
+    "load over the paper's",
+    "MSE below the paper's, within authority",
+    "smallest tension (N)",
+    "largest (N)",
+    "chatter over the paper's",
+)
+
+
+def controllers(ensemble: str) -> Iterator[tuple[str, Controller]]:
+    """What is compared, by name: tuned for a minute each, and two of them with other preloads."""
+    usual = [NO_SLACK, NO_PEAK, CHATTER[ensemble]]
+    bounded = [*usual, LOAD]
+    sys.stderr.write(f"{ensemble}: three searches\n")
+    free = searched(tuning_problem(ensemble=ensemble, seed=SEED, constraints=usual))
+    yield "constant, tuned", free
+    yield from _with_others(free)
+    problem = tuning_problem(ensemble=ensemble, seed=SEED, constraints=bounded)
+    yield "constant, tuned within that load", searched(problem)
+    problem = tuning_problem(ensemble=ensemble, seed=SEED, constraints=bounded, settings=[SCHEDULED])
+    scheduled = searched(problem)
+    yield "**scheduled, tuned within that load**", scheduled
+    schedule = scheduled.coordination
+    if isinstance(schedule, ScheduledPreload):
+        constant = DifferentialTension(schedule.winch_1, schedule.winch_2)
+        yield from _with_others(replace(scheduled, coordination=constant), "again ")
+
+
+def _with_others(tuned: Controller, again: str = "") -> Iterator[tuple[str, Controller]]:
+    for preload in OTHERS:
+        other = replace(tuned, limits=replace(tuned.limits, preload=preload))
+        yield f"these gains {again}at {preload:.0f} N", other
+
+
+def table(name: str) -> str:
+    """The controllers in the held-out scenarios, as a Markdown table, and the least load below them."""
+    ensemble = load_ensemble(name)
+    ensemble = replace(ensemble, experiment=replace(ensemble.experiment, controller=paper_controller()))
+    result = compare({"paper": paper_controller(), **dict(controllers(name))}, ensemble, SCENARIOS, HELD_OUT_SEED)
+    rows = [_row(result, contender) for contender in result.contenders]
+    rows.append(["least there could be", "–", f"{least_load(ensemble, result):.3f}", "–", "–", "–", "–"])
+    return markdown(HEADINGS, rows)
+
+
+def least_load(ensemble: Ensemble, result: Comparison) -> float:
+    """Least continuous load over that of the paper's gains, in the first scenarios, but for those beyond authority."""
+    paper = result.contenders["paper"].metrics["continuous_load"][:BOUNDED]
+    scenarios = ensemble.scenarios(BOUNDED, HELD_OUT_SEED)
+    least, theirs = [], []
+    for scenario, load in zip(scenarios, paper, strict=True):
+        if within_authority(scenario.experiment):
+            least.append(least_preload(scenario.experiment, every=STEP).continuous_load)
+            theirs.append(load)
+    return float(np.mean(least) / np.mean(theirs))
+
+
+def _row(result: Comparison, name: str) -> list[str]:
+    paper, metrics = result.contenders["paper"].metrics, result.contenders[name].metrics
+    controller = result.contenders[name].controller
+    error = result.mean_mse_within_authority("paper") / result.mean_mse_within_authority(name)
+    scheduled = isinstance(controller.coordination, ScheduledPreload)
+    lost = np.isnan(metrics["mse"]).sum()
+    return [
+        name,
+        "scheduled" if scheduled else f"{controller.limits.preload:.0f}",
+        f"{np.nanmean(metrics['continuous_load']) / np.mean(paper['continuous_load']):.3f}",
+        f"{lost} runs lost" if lost else times(error) if error > 1 else "–",
+        f"{np.nanmin(metrics['min_tension']):.0f}",
+        f"{np.nanmax(metrics['peak_tension']):.0f}",
+        f"{np.nanmean(metrics['chatter']) / np.mean(paper['chatter']):.2f}",
+    ]
+
+
+def main() -> None:
+    """Tune, score, and print or write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose tables are replaced")
+    arguments = parser.parse_args()
+    for name in CHATTER:
+        text = table(name)
+        print(f"{name}\n{text}", flush=True)
+        if arguments.write:
+            put(arguments.write, f"preload in {name}", text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,30 @@
+"""Failures that nobody foresaw: a line for whoever sees them, and a traceback in a file for whoever mends them."""
+
+import os
+import platform
+import sys
+import tempfile
+import traceback
+
+from dualwinch import __version__
+from dualwinch.codegen.text import without_secrets
+
+
+def unforeseen(error: Exception, *, printed: bool) -> str:
+    """What to say of a failure. Its traceback is printed, or written to a new file that only its owner can read.
+
+    Neither holds the words of the command line, for passwords may be among them.
+    """
+    where = f"dualwinch {__version__}, Python {platform.python_version()}, {platform.platform()}\n"
+    text = without_secrets(where + "".join(traceback.format_exception(error)))
+    what = f"unforeseen {type(error).__name__}: {error}"
+    if printed:
+        sys.stderr.write(text)
+        return what
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="dualwinch-traceback-", suffix=".txt")
+        with os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(text)
+    except OSError:
+        return f"{what}; a fault of dualwinch, please report it with what --traceback prints"
+    return f"{what}; a fault of dualwinch, please report it with {path} to whoever you have dualwinch from"

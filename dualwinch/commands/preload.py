@@ -1,0 +1,157 @@
+"""``dualwinch preload``: what preload costs, constant, scheduled, and at the least."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.progress import Progress
+from rich.table import Table
+
+from dualwinch.codegen.files import atomic
+from dualwinch.commands.doctor import versions
+from dualwinch.commands.folders import check_folder
+from dualwinch.commands.measured import measured
+from dualwinch.commands.simulate import check_plot, experiment
+from dualwinch.commands.terminal import styled, terminal
+from dualwinch.config.experiment_file import to_toml
+from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.least_preload import Least
+from dualwinch.simulation.analysis.preloads import Preloads, preloads
+from dualwinch.simulation.results.result import Result
+
+COLUMNS = {
+    "continuous_load": ("load\nN m", 1.0, ".3g"),
+    "peak_tension": ("largest\nN", 1.0, ".0f"),
+    "min_tension": ("smallest\nN", 1.0, ".0f"),
+    "energy": ("work\nkJ", 1e-3, ".0f"),
+    "chatter": ("chatter\nN", 1.0, ".2g"),
+    "mse": ("MSE\nmm²", 1e6, ".3g"),
+}
+"""Figure of merit → heading, factor and format."""
+
+POINTS = 1000
+"""Points over time a file keeps of every run."""
+
+
+def preload(
+    case: int | None,
+    config: Path | None,
+    controller: str | None,
+    assignments: list[str],
+    least: Least,
+    error: float,
+    torque_rate: float | None,
+    out: Path | None,
+    plot: Path | None,
+) -> None:
+    """Run, solve, print, write. Everything that can be wrong with the files is found before the run."""
+    scheduled = f"controller.coordination.kind={ScheduledPreload.kind}"
+    asked = experiment(case, config, controller, [scheduled, *assignments])
+    if out:
+        if out.suffix.lower() != ".json":
+            raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")
+        check_folder(out.parent)
+    check_plot(plot)
+    console = terminal(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("solving and simulating", total=1.0)
+
+        def say(share: float) -> None:
+            bar.update(task, completed=share)
+
+        found = preloads(asked, least, error=error, torque_rate=torque_rate, progress=say)
+    print_preloads(found)
+    if out:
+        with atomic(out) as unfinished:
+            unfinished.write_text(json.dumps(as_json(found), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        console.print(f"wrote {out}")
+    if plot:
+        from dualwinch.simulation.plots import preloads as figure
+        from dualwinch.simulation.plots import save as save_figure
+
+        save_figure(figure(found), plot)
+        console.print(f"wrote {plot}")
+
+
+def runs(found: Preloads) -> dict[str, Result]:
+    """The runs there are, by name."""
+    named = {"constant": found.constant, "best constant": found.best, "scheduled": found.scheduled}
+    return {name: run for name, run in named.items() if run is not None}
+
+
+def print_preloads(found: Preloads) -> None:
+    """Print a row for every preload, and what the schedule saves."""
+    console = terminal()
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("preload", style="bold", no_wrap=True)
+    table.add_column("N", justify="right", no_wrap=True)
+    for heading, _, _ in COLUMNS.values():
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, run in runs(found).items():
+        ended = "" if run.outcome == "completed" else f" ({run.outcome})"
+        values = (measured(factor * run.metrics[column], form) for column, (_, factor, form) in COLUMNS.items())
+        table.add_row(name + ended, _sums(name, run), *values)
+    least = found.least
+    reached = {
+        "continuous_load": least.continuous_load,
+        "peak_tension": least.peak_tension,
+        "min_tension": float(min(least.F1.min(), least.F2.min())),
+        "energy": least.energy,
+        "mse": float((least.e**2).mean()),
+    }
+    values = (measured(factor * reached.get(name, math.nan), form) for name, (_, factor, form) in COLUMNS.items())
+    table.add_row("least", f"{least.preload.min():.0f}–{least.preload.max():.0f}", *values)
+    console.print(table)
+    if found.best is None:
+        console.print("No constant preload has an error as small and keeps both ropes as taut as the schedule.")
+        return
+    ours, theirs = (run.metrics[found.measure] for run in (found.scheduled, found.best))
+    bound = getattr(least, found.measure)
+    words = found.measure.replace("_", " ")
+    console.print(
+        styled(
+            "bold",
+            f"The schedule takes {ours / theirs:.3g} of the {words}",
+            " of the best constant preload that is as precise and keeps the ropes as taut; the least there could be is "
+            f"{bound / theirs:.3g}: {100 * found.saved:.3g} % of what can be saved is saved.",
+        ),
+        soft_wrap=True,
+    )
+
+
+def _sums(name: str, run: Result) -> str:
+    if name != "scheduled":
+        return f"{run.experiment.controller.limits.preload:.0f}"
+    asked = run["preload"]
+    return f"{asked.min():.0f}–{asked.max():.0f}"
+
+
+def as_json(found: Preloads) -> dict[str, Any]:
+    """Everything as plain values; what is not finite becomes null."""
+    report: dict[str, Any] = {}
+    for name, run in runs(found).items():
+        stride = max(1, -(-len(run["t"]) // POINTS))
+        report[name.replace(" ", "_")] = {
+            "outcome": str(run.outcome),
+            "preload": run.experiment.controller.limits.preload,
+            "metrics": {key: _plain(run.metrics[key]) for key in run.metrics},
+            "curves": {key: [_plain(value) for value in run[key][::stride]] for key in ("t", "F1", "F2", "e")},
+        }
+    least = found.least
+    report["least"] = {
+        "metrics": {key: getattr(least, key) for key in ("continuous_load", "peak_tension", "energy")},
+        "curves": {key: getattr(least, key).tolist() for key in ("t", "F1", "F2", "e")},
+    }
+    return report | {
+        "measure": found.measure,
+        "saved_share": _plain(found.saved),
+        "configuration": to_toml(found.scheduled.experiment),
+        "versions": versions(),
+    }
+
+
+def _plain(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None

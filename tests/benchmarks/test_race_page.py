@@ -1,0 +1,66 @@
+"""The page about the paper's law, from a made-up race."""
+
+from dataclasses import replace
+
+from benchmarks.race_page import claims_table, facts, least, race_table
+from dualwinch.tuning.race.entry import Entry
+from dualwinch.tuning.race.record import to_record
+from tests.tuning.race.made_up import made_up, scored
+
+RACE = to_record(made_up())
+
+
+def cells(table: str) -> list[list[str]]:
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+
+
+def test_claims_say_who_differs_and_what_was_not_run() -> None:
+    rows = {row[1]: row[2:] for row in cells(claims_table(RACE))}
+    assert rows["`pid-cascade`"] == ["–", "not run"]
+    assert rows["`nftsm`"][1] == "better without"
+    assert rows["`nftsm`"][0].startswith("0.199 (")
+    assert rows["constant observer gain"][1] == "worse without"
+    assert rows["constant observer gain"][0].startswith("1.4")
+    assert rows["linear surface"] == ["–", "not run"]
+
+
+def test_a_ratio_is_over_the_papers_law_whoever_is_ahead() -> None:
+    """Its error and both ends of its interval, in ascending order."""
+    for row in cells(claims_table(RACE)):
+        if row[3] != "not run":
+            estimate, ends = row[2].rstrip(")").split(" (")
+            low, high = map(float, ends.split("–"))
+            assert low < float(estimate) < high
+
+
+def test_parts_that_most_have_are_the_usual_ones() -> None:
+    found = made_up()
+    other = replace(scored("fando-nftsm", 0.9), entry=Entry("fando-nftsm", "kalman", "master-slave"))
+    race = to_record(replace(found, entries=(other, *found.entries)))
+    rows = {row[1]: row[2:] for row in cells(claims_table(race))}
+    assert rows["`master-slave`"][1] == "worse without"
+    assert rows["`force-position`"] == ["–", "not run"]
+
+
+def test_everybody_stands_in_the_table_with_the_papers_gains_last() -> None:
+    rows = cells(race_table(RACE))
+    assert [row[0] for row in rows] == [
+        *("1. adrc", "2. nftsm", "3. fando-nftsm", "4. fando-nftsm, constant observer gain", "the paper's gains")
+    ]
+    assert [row[6] for row in rows][2:4] == ["broken: worst.peak_tension <= 6000 N", "kept"]
+    assert [row[7] for row in rows] == ["2", "1", "–", "–", ""]
+    assert facts(RACE).startswith(
+        "*4 entries in `rig`, 4 searches of 3000 rollouts by `hybrid` (300 to 300 trials), 40 "
+    )
+    assert facts(RACE).endswith("seed 5.*")
+    entry = made_up().entries[1]
+    again = replace(scored("adrc", 0.2), entry=replace(entry.entry, search=1))
+    several = to_record(replace(made_up(), entries=(*made_up().entries, again)))
+    assert "5 searches of 3000 rollouts" in facts(several)
+    assert "are up to a factor of 2 apart" in facts(several)
+
+
+def test_the_least_error_is_told_without_and_with_foresight() -> None:
+    assert "none of the scenarios" in least(RACE)
+    found = to_record(made_up(least=4e-8, foreseeing=1e-8))
+    assert "RMS error of 0.2 mm over all scenarios, none at all below 0.1 mm" in least(found)

@@ -1,0 +1,60 @@
+"""``dualwinch preload`` as a user runs it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dualwinch.cli import main
+
+
+def test_the_table_and_the_file_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, plot = tmp_path / "p.json", tmp_path / "p.svg"
+    main(["preload", "--case", "4", "--out", str(out), "--plot", str(plot)])
+    said = capsys.readouterr().out
+    held = json.loads(out.read_text(), parse_constant=pytest.fail)
+    assert [name for name in ("constant", "best_constant", "scheduled", "least") if name in held] == [
+        "constant",
+        "best_constant",
+        "scheduled",
+        "least",
+    ]
+    loads = {name: held[name]["metrics"]["continuous_load"] for name in ("constant", "best_constant", "scheduled")}
+    for load in loads.values():
+        assert f"{load:.3g}" in said
+    assert f"The schedule takes {loads['scheduled'] / loads['best_constant']:.3g} of the continuous load" in said
+    assert f"{100 * held['saved_share']:.3g} % of what can be saved" in said
+    assert held["least"]["metrics"]["continuous_load"] == pytest.approx(38.72, abs=0.01)
+    assert len(held["scheduled"]["curves"]["F1"]) == len(held["scheduled"]["curves"]["t"]) == 1000
+    assert 'kind = "scheduled-preload"' in held["configuration"]
+    assert plot.stat().st_size > 1000
+
+
+def test_the_energy_decides_where_it_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["preload", "--case", "2", "--least", "energy"])
+    assert "of the energy of the best constant preload" in capsys.readouterr().out
+
+
+def test_wrong_input_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, message in (
+        (["--out", "p.csv"], "must be .json"),
+        (["--plot", "p.gif"], "unknown suffix '.gif'"),
+        (["--error", "-1"], "error = -1: must be a finite number >= 0 m"),
+        (["--torque-rate", "0"], "torque_rate = 0: must be a finite number > 0 N m/s"),
+        (["--least", "torque"], "torque"),
+        (["--set", "controller.coordination.kind=master-slave"], 'must be "scheduled-preload" here'),
+        (["--set", "controller.scheduled_preload.margin=-1"], "controller.scheduled_preload.margin = -1"),
+    ):
+        with pytest.raises(SystemExit) as stopped:
+            main(["preload", "--case", "4", *arguments])
+        assert stopped.value.code == 2
+        error = capsys.readouterr().err
+        assert message in error
+        assert error.count("\n") == 1
+
+
+def test_a_motion_beyond_the_motors_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["preload", "--case", "4", "--set", "controller.coordination.tension_max=4000"])
+    assert stopped.value.code == 1
+    assert "allow a larger error" in capsys.readouterr().err

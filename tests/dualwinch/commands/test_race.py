@@ -1,0 +1,187 @@
+"""``dualwinch race`` as a user runs it, with a tenth of a second of simulated time."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import dualwinch as dw
+from dualwinch.cli import main
+from dualwinch.commands import race as race_command
+from dualwinch.commands import tuning_stress
+from dualwinch.commands.race_run import write_race
+from dualwinch.config.ensemble_file import loads_ensemble
+from dualwinch.model.quantities.tree import leaves
+from tests.tuning.race.made_up import made_up, scored
+from tests.tuning.stress.ensembles import DRUMS
+
+SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--held-out", "4")
+SEA = ("race", "--ensemble", "sea", "--estimator", "kalman", *SHORT)
+
+OWN = """
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+import annotated_types as at
+import dualwinch as dw
+
+@dataclass(frozen=True)
+class Nothing:
+    pass
+
+@dataclass(frozen=True)
+class Spring(dw.PositionLaw):
+    k: Annotated[float, at.Gt(0), dw.Quantity("N/m", "stiffness"), dw.Tunable(10, 1e5)] = 1000.0
+    kind: ClassVar = "spring"
+
+    def initial_state(self):
+        return Nothing()
+
+    def step(self, state, estimate, setpoint, context):
+        u = self.k * (setpoint.x - estimate.x)
+        return state, dw.PositionOutput(u, dw.clip(u, -context.limits.force, context.limits.force))
+"""
+
+
+def test_a_race_is_printed_written_and_added_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "race"
+    main([*SEA, "--law", "nftsm", "--seed", "3", "--out", str(out)])
+    said = capsys.readouterr()
+    assert "Race: 1 entry, 60 rollouts of 'sea' each, scored in 4 unseen scenarios, seed 3" in said.out
+    assert "race: nftsm: drawing scenarios" in said.err
+    assert f"wrote race.json, race.svg, fronts.svg, report.html, gains/ in {out}" in said.err
+    plugin = tmp_path / "spring.py"
+    plugin.write_text(OWN)
+    main([*SEA, "--plugin", str(plugin), "--law", "spring", "--seed", "3", "--out", str(out)])
+    said = capsys.readouterr()
+    assert "Race: 2 entries" in said.out
+    assert "race: nftsm" not in said.err, "it is finished"
+    facts = json.loads((out / "race.json").read_text())
+    assert {entry["law"] for entry in facts["entries"]} == {"nftsm", "spring"}
+    for entry in facts["entries"]:
+        assert entry["search"]["rollouts"] >= 60
+        stem = f"{entry['law']}+kalman+differential-tension"
+        best = dw.load(out / "gains" / f"{stem}.toml")
+        values = leaves(best)
+        assert {key: values[key] for key in entry["gains"]} == entry["gains"]
+        assert values["controller.estimator"] == "kalman"
+        assert values["simulation.duration"] == 0.1
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2
+    assert "does not differ from" in page
+    assert "http" not in page.partition("<pre>")[0].replace("http-equiv", "")
+
+
+def test_python_gives_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main([*SEA, "--law", "nftsm", "--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    words = {"laws": "nftsm", "estimators": ["kalman"], "rollouts": 60, "scenarios": 2, "held_out": 4}
+    found = dw.race("sea", settings=["simulation.duration=0.1"], **words)
+    assert printed == f"{found!r}\n"
+    drawn = dw.load_ensemble("sea", dw.override(dw.Experiment(), {"simulation.duration": 0.1}))
+    assert dw.race(drawn, **words).ratios == found.ratios
+
+
+def test_searches_have_seeds_of_their_own_and_are_scored_in_the_same_scenarios() -> None:
+    words = {"laws": "nftsm", "estimators": "kalman", "rollouts": 60, "scenarios": 2, "held_out": 4}
+    settings = ["simulation.duration=0.1"]
+    two = dw.race("sea", settings=settings, searches=2, **words)
+    one = dw.race("sea", settings=settings, **words)
+    first, second = sorted(two.entries, key=lambda scored: scored.entry.search)
+    assert first.gains == one.entries[0].gains != second.gains
+    assert two.paper.runs.metrics["mse"].tolist() == one.paper.runs.metrics["mse"].tolist()
+    assert len(two.ranking) == 1
+    with pytest.raises(dw.ConfigurationError, match="searches = 0: must be a whole number >= 1"):
+        dw.race("sea", searches=0)
+
+
+def test_who_takes_part_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every law with the ensemble's filter, and nothing of what is asked for otherwise."""
+    seen: list[list[str]] = []
+
+    def noted(entrants, *_, **__):
+        seen.append([entrant.entry.key for entrant in entrants])
+
+    monkeypatch.setattr(race_command, "run", noted)
+    dw.race("rig")
+    laws = list(race_command.POSITION_LAWS)
+    assert seen[-1] == [f"{law}, self-calibrating-kalman, differential-tension" for law in laws]
+    dw.race("sea", laws=["adrc"], estimators="all", coordinations="all")
+    assert len(seen[-1]) == len(race_command.ESTIMATORS) * len(race_command.COORDINATIONS)
+    dw.race("sea", laws=["fando-nftsm"], ablations=True)
+    assert len(seen[-1]) == len(set(seen[-1])) == 5
+
+
+def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drums = tmp_path / "drums.toml"
+    drums.write_text(DRUMS)
+    monkeypatch.setattr(tuning_stress, "ENSEMBLE", drums)
+    monkeypatch.setattr(race_command, "ENSEMBLE", drums)
+    monkeypatch.setattr(race_command, "STRESS_SCENARIOS", 2)
+    words = [*SEA, "--law", "nftsm", "--out", str(tmp_path / "race")]
+    main(words)
+    before = json.loads((tmp_path / "race" / "race.json").read_text())["entries"][0]
+    assert before["stress"] is None
+    main([*words, "--stress"])
+    (entry,) = json.loads((tmp_path / "race" / "race.json").read_text())["entries"]
+    assert [row["label"] for row in entry["stress"]] == ["winch drum radius"]
+    assert entry | {"stress": None} == before, "nothing is tuned again"
+    assert "<h2>What breaks first" in (tmp_path / "race" / "report.html").read_text()
+
+
+def test_an_interrupt_writes_what_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("dualwinch.commands.race_run.race", lambda **_: replace(made_up(), left=2))
+    with pytest.raises(SystemExit) as ended:
+        main(["race", "--out", str(tmp_path)])
+    assert ended.value.code == 1
+    assert (tmp_path / "race.json").exists()
+    said = capsys.readouterr()
+    assert "2 entries are left" in said.out
+    assert "interrupted" in said.err.splitlines()[-1]
+
+
+def test_gains_of_parts_that_are_not_known_here_are_left_out(tmp_path: Path) -> None:
+    written = write_race(tmp_path, replace(made_up(), entries=(scored("nobody-knows", 1.0),)))
+    assert written[0] == "race.json"
+    assert list((tmp_path / "gains").iterdir()) == []
+
+
+def test_an_ensemble_that_draws_gains_is_refused() -> None:
+    drawn = loads_ensemble('[ensemble]\nname = "odd"\n[distributions]\ncontroller.nftsm.beta = { uniform = [1, 2] }\n')
+    with pytest.raises(
+        dw.ConfigurationError, match=r"controller\.nftsm\.beta: is drawn in 'odd'; a race needs the gains"
+    ):
+        dw.race(drawn)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--law", "adcr"), "unknown position law 'adcr'; did you mean 'adrc'"),
+        (("--estimator", "kalmann"), "did you mean 'kalman'"),
+        (("--coordination", "master"), "did you mean 'master-slave'"),
+        (("--ensemble", "rigg"), "did you mean 'rig'"),
+        (("--rollouts", "0"), "rollouts = 0: must be a whole number >= 1"),
+        (("--held-out", "1"), "held_out = 1: must be a whole number >= 2"),
+        (("--scenarios", "0"), "must be a whole number >= 1"),
+        (("--seed", "-1"), "must be a whole number >= 0"),
+        (("--method", "nsga2x"), "--method nsga2x: must be one of"),
+        (("--set", "controller.kind=adrc"), "controller.kind=adrc: give --law"),
+        (("--constraint", "worst.peak<=1"), "unknown metric 'peak'"),
+        (("--set", "plant.vehicle.mas=1"), "did you mean 'plant.vehicle.mass'"),
+    ],
+)
+def test_wrong_input_is_one_line(
+    words: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["race", "--out", str(tmp_path), *words])
+    error = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("race: reading")]
+    assert ended.value.code == 2
+    assert len(error) == 1
+    assert message in error[0]
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,242 @@
+"""Input that nobody means well: one line, exit code 2, no traceback, nothing left behind."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args, get_origin, get_type_hints
+
+import pytest
+
+from dualwinch.cli import main
+from dualwinch.cli.app import app
+from dualwinch.cli.options import WHOLE
+
+ENDLESS, BEYOND = "9" * 5000, "1" + "0" * 400
+"""A whole number of more digits than Python reads, and one beyond every float."""
+
+ENSEMBLE = '[distributions]\n"plant.vehicle.mass" = '
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The error line of a call that must fail, at the end of what is said on standard error."""
+    with pytest.raises(SystemExit) as ended:
+        main([*words])
+    error = capsys.readouterr().err
+    assert ended.value.code == 2, error
+    *said, line = error.splitlines()
+    assert line.startswith("dualwinch: error: ")
+    assert "unforeseen" not in line
+    assert len(line) < 1600
+    assert "Traceback" not in error
+    assert len(said) <= 1, "what a status line says of its phase"
+    return line
+
+
+@pytest.mark.parametrize("number", [ENDLESS, BEYOND, f"-{BEYOND}"], ids=["endless", "beyond", "below"])
+@pytest.mark.parametrize(
+    "key",
+    [
+        "plant.vehicle.mass",
+        "controller.nftsm.p",
+        "simulation.substeps",
+        "simulation.seed",
+        "simulation.delay_samples",
+        "sensors.encoder_counts",
+        "disturbance.vortex",
+        "controller.kind",
+        "metrics",
+    ],
+)
+def test_numbers_without_end(key: str, number: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert key in refused(capsys, "simulate", "--set", f"{key}={number}")
+    assert "reference.points" in refused(capsys, "simulate", "--set", f"reference.points=[{number}, 1]")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"[plant.vehicle]\nmass = {ENDLESS}",
+        f"[plant.vehicle]\nmass = {BEYOND}",
+        "x = " + "[" * 1000 + "]" * 1000,
+        "x = " + "{a = " * 1000 + "1" + "}" * 1000,
+        f"[{'.'.join('a' * 1000)}]\nx = 1",
+        f"[{'.'.join('a' * 5000)}]\nx = 1",
+        f"{'k' * 10000} = 1",
+    ],
+    ids=["endless", "beyond", "lists", "tables", "dots", "more dots", "long key"],
+)
+def test_files_without_end(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "f.toml"
+    file.write_text(text + "\n")
+    assert "f.toml" in refused(capsys, "simulate", "--config", str(file))
+    assert "f.toml" in refused(capsys, "simulate", "--ensemble", str(file))
+    assert "f.toml" in refused(capsys, "compare", "paper", str(file))
+
+
+def test_a_value_nested_too_deep(capsys: pytest.CaptureFixture[str]) -> None:
+    line = refused(capsys, "simulate", "--set", f"plant.vehicle.mass={'[' * 1000}{']' * 1000}")
+    assert "plant.vehicle.mass: is nested too deep, must be at most 50" in line
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        f"{{ uniform = [1, {BEYOND}] }}",
+        f"{{ normal = [1e4, {BEYOND}], within = [1, 2] }}",
+        f"{{ normal = [1e4, 1], within = [1, {BEYOND}] }}",
+        f"{{ choice = [1e4, {BEYOND}] }}",
+        f'{{ kind = "uniform", low = 1, high = {BEYOND} }}',
+    ],
+)
+def test_distributions_beyond_every_float(entry: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "e.toml"
+    file.write_text(f"{ENSEMBLE}{entry}\n")
+    assert "plant.vehicle.mass" in refused(capsys, "simulate", "--ensemble", str(file))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("simulate", "--set", "simulation.sample_time=1e-320"), "simulation.duration = 50: must be one to"),
+        (("linearise", "--sweep", "x=0:1e308:1e-320"), "too many points, must be <= 10000"),
+        (("linearise", "--sweep", "x=0:1e300:1"), "these are 1e+300 points"),
+        (("linearise", "--dt", "1e308"), "dt = 1e+308: is too long a sample time"),
+        (("sweep", "controller.observer.l0=0:1e308:1e-320"), "too many points"),
+        (("tune", "--space", "controller.nftsm.beta=1e-320:1e308:log"), "bounds must be within ±1e+30"),
+        (("tune", "--space", "controller.nftsm.beta=1e-320:1:log"), "must be >= 1e-30 on a log scale"),
+        (("tune", "--space", f"controller.nftsm.p/q={ENDLESS}/3"), "must be two odd numbers"),
+        (("tune", "--time", "0s"), "--time 0s: must be a time such as"),
+        (("tune", "--time", f"{BEYOND}s"), "must be a time such as"),
+        (("tune", "--trials", "-1"), "--trials -1: must be a whole number >= 1"),
+        (("tune", "--space", "controller.nftsm.beta=1:x"), "must be NAME=LOWER:UPPER"),
+        (("tune", "--space", "controller.nftsm.bta"), "did you mean 'controller.nftsm.beta'?"),
+        (("simulate", "--case", "1.5"), "Invalid value for --case: '1.5' must be a whole number"),
+        (("simulate", "--ensemble", "sea", "--scenarios", ENDLESS), "--scenarios"),
+    ],
+)
+def test_options_out_of_this_world(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(capsys, *words)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "words", [("--trials", "0"), ("--time", "0s"), ("--space", "controller.nftsm.beta=1"), ("--workers", "0")]
+)
+def test_wrong_options_of_tune_are_found_before_anything_is_read(
+    words: tuple[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def never(**_: object) -> None:
+        raise AssertionError("read a problem")
+
+    monkeypatch.setattr("dualwinch.commands.tuning_setup.tuning_problem", never)
+    refused(capsys, "tune", *words)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "space = 3",
+        "[space]\ncontroller = 3",
+        "[space]\nlower = 1",
+        "[space.controller.nftsm]\nbeta = [1, 2]",
+        "[space.controller.nftsm]\nbeta = { lower = 1, upper = [3] }",
+        f"[space.controller.nftsm]\nbeta = {{ lower = 1, upper = {BEYOND} }}",
+        "[space.controller.nftsm]\nbeta.lower = { x = 3 }",
+        '[space.controller.nftsm]\n"p/q" = 3',
+        '[space.controller.nftsm]\n"p/q" = true',
+        '[space.controller.nftsm]\n"p/q" = [3]',
+        f'[space.controller.nftsm]\n"p/q" = ["{"9" * 4400}/3"]',
+        '[space.controller.nftsm]\n"p/q" = { a = 1 }',
+    ],
+)
+def test_a_space_of_another_shape(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("s.toml").write_text(text + "\n")
+    assert "space" in refused(capsys, "tune", "--space", "s.toml", "--case", "4")
+    assert [file.name for file in tmp_path.iterdir()] == ["s.toml"]
+
+
+def test_a_refused_study_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ("--case", "4", "--storage", "postgresql://h:port/db", "--out", "a/b")
+    assert "with a port that is a number" in refused(capsys, "tune", *words)
+    assert not list(tmp_path.iterdir())
+
+
+def commands(parent: Any, name: str = "dualwinch") -> Iterator[tuple[str, Any]]:
+    """Every command of the application with its function."""
+    if parent.default_command is not None:
+        yield name, parent.default_command
+    for word in parent:
+        if not word.startswith("-"):
+            yield from commands(parent[word], f"{name} {word}")
+
+
+def test_every_option_that_is_a_whole_number_is_read_as_one() -> None:
+    """Cyclopts would round 1.5."""
+    found: dict[str, bool] = {}
+    for command, function in commands(app):
+        for option, hint in get_type_hints(function, include_extras=True).items():
+            kinds = {hint, *get_args(hint), *(inner for part in get_args(hint) for inner in get_args(part))}
+            if int in kinds:
+                found[f"{command} {option}"] = WHOLE in getattr(hint, "__metadata__", ())
+    assert found["dualwinch tune trials"]
+    assert [option for option, whole in found.items() if not whole] == []
+    assert get_origin(int | None) is not None
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names of files are text there")
+def test_names_of_files_that_are_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name = os.fsdecode(b"\xff\xfe")
+    for words in (("simulate", "--out"), ("simulate", "--config"), ("tune", "--out"), ("reproduce", "--out")):
+        assert r"\udcff\udcfe.csv': must be UTF-8 text" in refused(capsys, *words, str(tmp_path / f"{name}.csv"))
+    assert not list(tmp_path.iterdir())
+
+
+def unforeseen(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> str:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("of postgresql://me:hush@host/db?password=hush")
+
+    monkeypatch.setattr("dualwinch.commands.doctor.doctor", broken)
+    with pytest.raises(SystemExit) as ended:
+        main(["doctor", *words])
+    assert ended.value.code == 1
+    return capsys.readouterr().err
+
+
+def test_what_nobody_foresaw_is_a_line_and_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    said = unforeseen(capsys, monkeypatch)
+    (file,) = tmp_path.iterdir()
+    assert said.startswith("dualwinch: error: unforeseen ZeroDivisionError: of postgresql://me:***@host")
+    assert said.count("\n") == 1
+    assert f"please report it with {file}" in said
+    kept = file.read_text()
+    assert "Traceback" in kept
+    assert "in broken" in kept
+    assert "hush" not in said + kept
+    assert file.stat().st_mode & 0o077 == 0
+
+
+def test_a_traceback_is_printed_where_it_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    said = unforeseen(capsys, monkeypatch, "--traceback")
+    assert "Traceback" in said
+    assert said.splitlines()[-1].startswith("dualwinch: error: unforeseen ZeroDivisionError")
+    assert "hush" not in said
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,41 @@
+"""A race of two that half a minute is enough for."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from dualwinch.commands.tuning_setup import definition_of
+from dualwinch.tuning.race.entry import Entry
+from dualwinch.tuning.race.terms import Entrant, Terms
+from tests.tuning.conftest import MakeProblem
+
+MakeRace = Callable[..., tuple[list[Entrant], Terms]]
+
+
+@pytest.fixture
+def make_race(make_problem: MakeProblem) -> MakeRace:
+    """``make_race(...)``: two laws in the sea, runs of 0.1 s; words are those of `Terms`."""
+
+    def make(settings: list[str] | None = None, **words: Any) -> tuple[list[Entrant], Terms]:
+        entrants = []
+        for law, space in (("nftsm", "controller.nftsm"), ("adrc", "controller.adrc")):
+            entry = Entry(law, "kalman", "differential-tension")
+            given = [f"{key}={value}" for key, value in entry.values.items()]
+            length = [] if any("duration" in each for each in settings or []) else ["simulation.duration=0.1"]
+            problem = make_problem(settings=[*length, *(settings or []), *given], space=[space])
+            entrants.append(Entrant(entry, problem, definition_of(problem, "cmaes")))
+        first = entrants[0].problem
+        usual = {
+            "ensemble": "sea",
+            "configuration": "",
+            "constraints": tuple(constraint.text for constraint in first.constraints),
+            "method": "cmaes",
+            "rollouts": 100,
+            "scenarios": first.scenarios,
+            "held_out": 5,
+            "seed": first.seed,
+        }
+        return entrants, Terms(**(usual | words))
+
+    return make

@@ -1,0 +1,50 @@
+"""What a race keeps: files that are gone on with on the same terms, and on no others."""
+
+from pathlib import Path
+
+import pytest
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.race.folder import Folder
+
+TERMS = {"seed": 1, "rollouts": 300, "configuration": "a = 1\nb = 2\n", "constraints": ("x<=1",)}
+
+
+def test_what_is_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
+    Folder(tmp_path, TERMS).keep("adrc", {"space": (1, 2)}, {"value": 0.1 + 0.2})
+    again = Folder(tmp_path, TERMS)
+    assert again.stems == ("adrc",)
+    assert again.find("adrc", {"space": (1, 2)}) == {"value": 0.1 + 0.2}
+    assert again.find("nftsm") is None
+    assert [file.name for file in (tmp_path / "entries").iterdir()] == ["adrc.json"]
+
+
+def test_in_memory_it_does_the_same() -> None:
+    folder = Folder(None, TERMS)
+    folder.keep("adrc", {}, {"value": (1,)})
+    assert folder.find("adrc", {}) == {"value": [1]}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"seed": 2}, "holds a race with another seed, 1 and not 2; give another folder"),
+        ({"rollouts": 400}, "another rollouts, 300 and not 400"),
+        ({"configuration": "a = 2\n"}, "another configuration; give another folder"),
+        ({"constraints": ()}, r"another constraints, \['x<=1'\] and not \[\]"),
+    ],
+)
+def test_other_terms_are_refused(changed: dict[str, object], message: str, tmp_path: Path) -> None:
+    Folder(tmp_path, TERMS).keep("adrc", {}, {})
+    with pytest.raises(ConfigurationError, match=message):
+        Folder(tmp_path, TERMS | changed)
+
+
+def test_another_definition_and_what_is_no_entry_are_refused(tmp_path: Path) -> None:
+    Folder(tmp_path, TERMS).keep("adrc", {"space": 1, "parts": []}, {})
+    with pytest.raises(ConfigurationError, match=r"adrc.json was run with another space; remove it"):
+        Folder(tmp_path, TERMS).find("adrc", {"space": 2, "parts": []})
+    for text in ("[]", "{", '{"terms": {}}'):
+        (tmp_path / "entries" / "torn.json").write_text(text)
+        with pytest.raises(ConfigurationError, match=r"torn.json: is nothing that a race has left; remove it"):
+            Folder(tmp_path, TERMS)

@@ -1,0 +1,140 @@
+"""A small race: the same whoever interrupts it, its numbers those of a comparison, and no one below the least error."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
+from dualwinch.tuning.race import run as race_run
+from dualwinch.tuning.race.front import COSTS
+from dualwinch.tuning.race.record import to_record
+from dualwinch.tuning.race.run import race
+from dualwinch.tuning.race.terms import UNSEEN
+from tests.tuning.race.conftest import MakeRace
+
+
+def numbers(found: object) -> dict[str, object]:
+    """What a race says, without the time it took."""
+    record = to_record(found)  # pyright: ignore[reportArgumentType]
+    for entry in record["entries"]:
+        del entry["search"]["seconds"]
+    return record
+
+
+def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
+    make_race: MakeRace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entrants, terms = make_race()
+    whole = race(entrants, terms, folder=tmp_path / "whole")
+    assert whole.left == 0
+
+    def interrupting(share: float, words: str) -> None:  # noqa: ARG001
+        if words.startswith("2 of 2, adrc: searching"):
+            raise KeyboardInterrupt
+
+    part = race(entrants, terms, folder=tmp_path / "part", told=interrupting)
+    assert part.left == 1
+    assert [scored.entry.law for scored in part.entries] == ["nftsm"]
+    assert "Interrupted: 1 entries are left" in repr(part)
+    run: list[str] = []
+    original = race_run.scored
+
+    def counted(entrant, *words, **options):
+        run.append(entrant.entry.law)
+        return original(entrant, *words, **options)
+
+    monkeypatch.setattr(race_run, "scored", counted)
+    again = race(entrants, terms, folder=tmp_path / "part")
+    assert run == ["adrc"]
+    assert numbers(again) == numbers(whole)
+    assert numbers(race(entrants, terms)) == numbers(whole), "without a folder"
+
+
+def test_before_the_first_is_finished_an_interrupt_is_raised(make_race: MakeRace, tmp_path: Path) -> None:
+    entrants, terms = make_race()
+
+    def interrupting(share: float, words: str) -> None:  # noqa: ARG001
+        if "searching" in words:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        race(entrants, terms, folder=tmp_path, told=interrupting)
+    assert [file.name for file in (tmp_path / "entries").iterdir()] == ["paper.json"]
+
+
+def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(make_race: MakeRace) -> None:
+    entrants, terms = make_race()
+    shares: list[float] = []
+    found = race(entrants, terms, told=lambda share, _: shares.append(share))
+    assert shares == sorted(shares)
+    problem = entrants[0].problem
+    assert problem.ensemble is not None
+    controllers = {"paper": paper_controller()} | {
+        scored.entry.law: with_leaves(entrant.problem.experiment, scored.gains).controller
+        for entrant in entrants
+        for scored in found.entries
+        if scored.entry == entrant.entry
+    }
+    theirs = compare(controllers, problem.ensemble, terms.held_out, problem.seed + UNSEEN)
+    for name, runs in (("paper", found.paper.runs), *((each.entry.law, each.runs) for each in found.entries)):
+        for metric in ("mse", "chatter", "continuous_load"):
+            assert runs.metrics[metric] == pytest.approx(theirs.contenders[name].metrics[metric], rel=1e-9)
+    assert found.ranking[0].entry.law in controllers
+    assert {scored.search.rollouts >= 100 for scored in found.entries} == {True}
+
+
+def test_fronts_are_gains_in_the_unseen_scenarios(make_race: MakeRace) -> None:
+    entrants, terms = make_race()
+    found = race(entrants, terms)
+    problems = {entrant.entry.key: entrant.problem for entrant in entrants}
+    for scored in found.entries:
+        assert set(scored.fronts) == set(COSTS)
+        problem = problems[scored.entry.key]
+        for cost, points in scored.fronts.items():
+            assert points
+            controllers = {
+                str(index): with_leaves(problem.experiment, point.gains).controller
+                for index, point in enumerate(points)
+            }
+            assert problem.ensemble is not None
+            theirs = compare(controllers, problem.ensemble, terms.held_out, problem.seed + UNSEEN)
+            for point, contender in zip(points, theirs.contenders.values(), strict=True):
+                assert point.error == pytest.approx(contender.metrics["mse"].mean(), rel=1e-9)
+                assert point.cost == pytest.approx(contender.metrics[cost].mean(), rel=1e-9)
+
+
+def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
+    """On motors that are too weak for the reference, scenario by scenario."""
+    entrants, terms = make_race(["simulation.duration=12.0", "controller.coordination.tension_max=1500"], held_out=3)
+    found = race(entrants, terms)
+    least, foreseeing = found.paper.least, found.paper.least_foreseeing
+    assert (least > 0).all()
+    assert (foreseeing <= least).all()
+    for runs in (found.paper.runs, *(scored.runs for scored in found.entries)):
+        errors = runs.metrics["mse"][runs.completed]
+        assert (errors >= least[runs.completed]).all()
+    assert "3 of the scenarios take more force than the motors can give" in repr(found)
+
+
+def test_other_terms_are_refused_before_anything_runs(make_race: MakeRace, tmp_path: Path) -> None:
+    entrants, terms = make_race()
+    race(entrants[:1], terms, folder=tmp_path)
+    with pytest.raises(ConfigurationError, match="another rollouts, 100 and not 200"):
+        race(entrants, replace(terms, rollouts=200), folder=tmp_path)
+    with pytest.raises(ConfigurationError, match="held_out = 1: must be a whole number >= 2"):
+        replace(terms, held_out=1)
+
+
+def test_who_did_not_run_everything_to_its_end_is_behind(make_race: MakeRace) -> None:
+    entrants, terms = make_race()
+    found = race(entrants, terms)
+    first, second = found.ranking
+    outcomes = np.array(["completed"] * 4 + ["diverged"])
+    lost = replace(first, runs=replace(first.runs, outcomes=outcomes))
+    changed = replace(found, entries=(lost, second))
+    assert [scored.entry for scored in changed.ranking] == [second.entry, first.entry]
+    assert "1 of 5 scenarios not completed" in repr(changed)
