@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from dualwinch.identification.blind import blind
 from dualwinch.identification.fit import Fit, Fitting, covariance_of
-from dualwinch.identification.identified import Identified
 from dualwinch.identification.log import Log
+from dualwinch.identification.result import Identified
 from dualwinch.identification.sections import Filters, Section, sections_of
 from dualwinch.identification.sensed import READINGS
 from dualwinch.identification.surprises import Whiteness, whiteness
@@ -20,6 +20,9 @@ from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
+
+WINDOWS, LEAST = 200, 50
+"""Windows of time that surprises are summed up in, at most, and samples of one, at least."""
 
 
 def identify(
@@ -86,8 +89,8 @@ def identify(
     found.sort(key=lambda each: each[0])
     fit = found[0][1]
     filters = fitting.filters
-    tests = _tests(filters, fit, fitted)
-    held = _tests(fitting.others(kept), fit, kept) if kept else ()
+    surprises = _surprises(filters, fit)
+    held = _surprises(fitting.others(kept), fit) if kept else []
     covariance = covariance_of(fit.information, unknowns)
     return Identified(
         experiment=fit.experiment,
@@ -97,8 +100,9 @@ def identify(
         blind=blind(fit.information, unknowns),
         noise=_noise(logs, fit),
         scatter=dict(fit.levels.scatter),
-        tests=tests,
-        held_out=held,
+        tests=_tests(surprises, fitted),
+        held_out=_tests(held, kept) if kept else (),
+        courses=_courses(surprises, experiment.simulation.sample_time),
         logs=tuple(log.name for log in logs),
         duration=sum(log.duration for log in logs),
         passes=fitting.passes,
@@ -140,13 +144,33 @@ def _starts(unknowns: Sequence[Unknown], count: int, seed: int) -> list[Floats]:
     return starts
 
 
-def _tests(filters: Filters, fit: Fit, sections: Sequence[Section]) -> tuple[Whiteness, ...]:
-    """What is left of every sensor in some sections."""
+def _surprises(filters: Filters, fit: Fit) -> list[Floats]:
+    """What every reading was beyond what was expected, whitened, (samples, readings) a section."""
     weights = filters.weigh(fit.experiment, fit.levels)
     vector = filters.vector(fit.experiment, fit.levels)
     predictions = filters.predict(vector, fit.experiment, fit.levels, weights, rows=True)
-    surprises = [run.surprises for run in predictions if run.surprises is not None]
+    return [run.surprises for run in predictions if run.surprises is not None]
+
+
+def _tests(surprises: Sequence[Floats], sections: Sequence[Section]) -> tuple[Whiteness, ...]:
     return whiteness(surprises, [section.inputs[:, 1:] for section in sections])
+
+
+def _courses(surprises: Sequence[Floats], step: float) -> dict[str, Floats]:
+    """Time and root mean square of whitened surprises in windows, for each sensor that was read."""
+    every = np.concatenate(surprises)
+    windows = np.array_split(np.arange(len(every)), max(1, min(WINDOWS, len(every) // LEAST)))
+    times = np.array([step * window.mean() for window in windows])
+    found = {}
+    for column, name in enumerate(READINGS):
+        values = every[:, column]
+        if np.isfinite(values).any():
+            squares = [
+                np.mean(kept**2) if len(kept := part[np.isfinite(part)]) else np.nan
+                for part in (values[window] for window in windows)
+            ]
+            found[name] = np.array([times, np.sqrt(squares)])
+    return found
 
 
 def _noise(logs: Sequence[Log], fit: Fit) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 import math
 
-from dualwinch.identification.identified import Identified
+from dualwinch.identification.found import Found
 from dualwinch.identification.surprises import Whiteness
 from dualwinch.model.quantities.quantity import behind_number
 
@@ -13,7 +13,7 @@ HARDLY = 0.9
 """Deviation after the fit over that before, from which on logs have hardly said anything of a number."""
 
 
-def headline(found: Identified) -> str:
+def headline(found: Found) -> str:
     """What was done, in one line."""
     many = len(found.logs) != 1
     return (
@@ -22,7 +22,7 @@ def headline(found: Identified) -> str:
     )
 
 
-def estimates_table(found: Identified) -> tuple[list[str], list[list[str]]]:
+def estimates_table(found: Found) -> tuple[list[str], list[list[str]]]:
     """Headings and rows: what was believed, the estimate, its standard deviation, 95 % interval."""
     rows = []
     for unknown, value, deviation in zip(found.unknowns, found.values, found.deviations, strict=True):
@@ -41,7 +41,7 @@ def estimates_table(found: Identified) -> tuple[list[str], list[list[str]]]:
     return ["", "believed", "estimate", "± 1 s.d.", "", "95 % interval", ""], rows
 
 
-def sensors_table(found: Identified) -> tuple[list[str], list[list[str]]]:
+def sensors_table(found: Found) -> tuple[list[str], list[list[str]]]:
     """Headings and rows: how noisy each sensor is, and whether what is left of it is noise."""
     rows = []
     held = {test.name: test for test in found.held_out}
@@ -67,7 +67,7 @@ def left(test: Whiteness) -> str:
     return f"correlated: {test.correlation:+.2f} after {test.lag} samples"
 
 
-def notes(found: Identified) -> list[str]:
+def notes(found: Found) -> list[str]:
     """What a reader has to know of the tables."""
     words = [each.words for each in found.blind]
     deviations, correlation = found.deviations, found.correlation

@@ -5,9 +5,9 @@ from os import PathLike
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.identification import identify as fitting
-from dualwinch.identification.identified import Identified
 from dualwinch.identification.log import Log, log_of
 from dualwinch.identification.log_file import column_map, read_log
+from dualwinch.identification.result import Identified
 from dualwinch.identification.unknowns import Prior, keys_of
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble

@@ -20,7 +20,7 @@ DRAWS = 256
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class Found:
     """What logs say of a machine.
 
     Attributes:
@@ -33,6 +33,8 @@ class Identified:
         scatter: what acts on the machine unrecorded → how far it strays.
         tests: of what is left of each sensor.
         held_out: the same of the part of the logs that was not fitted; empty: there was none.
+        courses: reading → (2, windows) time in s since the beginning of all logs, and root mean square of whitened
+            surprises in windows of time; those of a model that is right are 1.
         logs: names.
         duration: of all logs in s.
         passes: how many times the logs were gone through.
@@ -50,6 +52,7 @@ class Identified:
     scatter: dict[str, Scatter]
     tests: tuple[Whiteness, ...]
     held_out: tuple[Whiteness, ...]
+    courses: dict[str, Floats]
     logs: tuple[str, ...]
     duration: float
     passes: int

@@ -1,0 +1,123 @@
+"""The command ``identify``: a machine's numbers from its logs, as tables, as files that other commands take, and drawn."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
+
+from dualwinch.codegen.files import atomic
+from dualwinch.commands.doctor import versions
+from dualwinch.commands.identify import identify
+from dualwinch.commands.simulate import experiment as experiment_from
+from dualwinch.commands.terminal import terminal
+from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
+from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.toml_text import parse_assignment
+from dualwinch.identification.record import to_record
+from dualwinch.identification.result import Identified
+from dualwinch.model.errors import ConfigurationError
+
+
+def run_identify(
+    logs: Sequence[Path],
+    fit: Sequence[str],
+    case: int | None,
+    config: Path | None,
+    assignments: Sequence[str],
+    *,
+    ensemble: str | None,
+    priors: Sequence[str],
+    columns: Sequence[str],
+    hold_out: str,
+    starts: int,
+    seed: int,
+    out: Path | None,
+    plot: Path | None,
+) -> None:
+    """Fit, print, write. Everything that can be wrong with words is found before anything is read.
+
+    Raises:
+        ConfigurationError: anything wrong with a file, a key, a value or a log.
+        KeyboardInterrupt: interrupted; nothing is written.
+    """
+    share, known = _share(hold_out), dict(map(_prior, priors))
+    if out and out.suffix.lower() != ".toml":
+        raise ConfigurationError(f"--out {out}: must end in .toml")
+    drawn = load_ensemble(ensemble) if ensemble else None
+    if drawn and (case is not None or config):
+        raise ConfigurationError(
+            "give one of --ensemble and --case or --config: an ensemble has an experiment of its own"
+        )
+    if drawn:
+        drawn = reset(drawn, dict(map(parse_assignment, assignments)))
+    experiment = None if drawn else experiment_from(case, config, None, assignments)
+    console = terminal(stderr=True)
+    shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=1.0)
+        found = identify(
+            list(logs),
+            fit,
+            experiment,
+            ensemble=drawn,
+            priors=known,
+            columns=columns,
+            hold_out=share,
+            starts=starts,
+            seed=seed,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    terminal(soft_wrap=True).print(repr(found), highlight=False)
+    written = [*(write_identified(out, found, seed) if out else []), *([plot] if plot else [])]
+    if plot:
+        from dualwinch.simulation.plots import save
+
+        save(found.plot(), plot)
+    for file in written:
+        console.print(f"wrote {file}", soft_wrap=True, highlight=False)
+
+
+def write_identified(out: Path, found: Identified, seed: int) -> list[Path]:
+    """Write the machine, the ensemble of machines that the logs allow for, and all numbers as JSON.
+
+    Returns:
+        The files.
+    """
+    beside = out.with_name(f"{out.stem}-ensemble.toml"), out.with_suffix(".json")
+    record = to_record(found) | {f"version_{name}": version for name, version in versions().items()}
+    texts = (
+        to_toml(found.experiment),
+        ensemble_to_toml(found.ensemble(out.stem, seed)),
+        json.dumps(record, indent=1, allow_nan=False) + "\n",
+    )
+    files = [out, *beside]
+    for file, text in zip(files, texts, strict=True):
+        with atomic(file) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
+    return files
+
+
+def _share(text: str) -> float:
+    parts = re.fullmatch(r"\s*([0-9.]+)\s*(%?)\s*", text)
+    try:
+        value = float(parts[1]) / (100 if parts[2] else 1) if parts else -1.0
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < 1:
+        raise ConfigurationError(f"--hold-out {text}: must be 0% to less than 100%, e.g. 20%")
+    return value
+
+
+def _prior(text: str) -> tuple[str, tuple[float, float]]:
+    parts = re.fullmatch(r"\s*([\w.]+)\s*=\s*(\S+?)\s*(?:±|\+-)\s*(\S+)\s*", text)
+    values: Any = (parts[2], parts[3]) if parts else ("", "")
+    try:
+        mean, deviation = map(float, values)
+    except ValueError:
+        mean = deviation = -1.0
+    if not parts or not 0 < deviation < float("inf") or abs(mean) == float("inf"):
+        raise ConfigurationError(f"--prior {text}: must be KEY=MEAN±DEVIATION, e.g. plant.vehicle.mass=1e4±500")
+    return parts[1], (mean, deviation)

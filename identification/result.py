@@ -1,0 +1,32 @@
+"""What logs say of a machine, as a prompt and a notebook show it."""
+
+from matplotlib.figure import Figure
+
+from dualwinch.identification.found import Found
+from dualwinch.identification.summary import estimates_table, headline, notes, sensors_table
+from dualwinch.model.quantities.html import page, table
+from dualwinch.model.quantities.markdown import markdown
+from dualwinch.simulation.plots.page import GivenAxes
+
+
+class Identified(Found):
+    """What logs say of a machine; fields are those of `Found`."""
+
+    def __repr__(self) -> str:
+        tables = [markdown(*estimates_table(self)), "", markdown(*sensors_table(self))]
+        return "\n".join([f"Identified: {headline(self)}", "", *tables, "", *notes(self)]).rstrip()
+
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        words = ". ".join([headline(self), *notes(self)])
+        return page("Identified", words, table(*estimates_table(self)) + table(*sensors_table(self)))
+
+    def plot(self, *, ax: GivenAxes = None) -> Figure:
+        """Draw estimates with their intervals, and how surprising the readings were over time.
+
+        Args:
+            ax: two axes to draw into; default: a figure of its own.
+        """
+        from dualwinch.identification.figure import identified_figure
+
+        return identified_figure(self, ax=ax)
