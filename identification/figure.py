@@ -7,7 +7,10 @@ from dualwinch.identification.blind import believed
 from dualwinch.identification.found import Found
 from dualwinch.identification.summary import headline
 from dualwinch.simulation.plots.page import GivenAxes, Page
-from dualwinch.simulation.plots.style import BLUE, COLOURS, GREY, house_style, plain
+from dualwinch.simulation.plots.style import BLUE, GOLD, GREEN, GREY, PURPLE, SKY, VERMILION, WINE, house_style, plain
+
+COLOURS = (BLUE, SKY, VERMILION, GOLD, GREEN, PURPLE, WINE, GREY)
+"""Of the sensors."""
 
 HEADING, A_ROW = 2.2, 0.2
 """Heights in inches."""

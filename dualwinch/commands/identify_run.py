@@ -1,4 +1,4 @@
-"""The command ``identify``: a machine's numbers from its logs, as tables, as files that other commands take, and drawn."""
+"""The command ``identify``: a machine's numbers from its logs, as tables, files for other commands, and drawn."""
 
 import json
 import re
@@ -48,9 +48,7 @@ def run_identify(
         raise ConfigurationError(f"--out {out}: must end in .toml")
     drawn = load_ensemble(ensemble) if ensemble else None
     if drawn and (case is not None or config):
-        raise ConfigurationError(
-            "give one of --ensemble and --case or --config: an ensemble has an experiment of its own"
-        )
+        raise ConfigurationError("give --ensemble, which has an experiment of its own, or --case or --config")
     if drawn:
         drawn = reset(drawn, dict(map(parse_assignment, assignments)))
     experiment = None if drawn else experiment_from(case, config, None, assignments)
