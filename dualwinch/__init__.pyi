@@ -7,8 +7,8 @@ from .commands.export import export_c as export_c
 from .commands.export import export_casadi as export_casadi
 from .commands.export import export_mex as export_mex
 from .commands.export_fmu import export_fmu as export_fmu
-from .commands.race import race as race
 from .commands.identify import identify as identify
+from .commands.race import race as race
 from .commands.stress import stress as stress
 from .commands.sweep import sweep as sweep
 from .commands.tuning_setup import tuning_problem as tuning_problem
