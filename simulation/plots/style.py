@@ -134,13 +134,7 @@ def legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:
     """One legend for all panels, below them, where it covers nothing."""
     widths = [len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles]
     rows = -(-sum(widths) // LEGEND_WIDTH)
-<<<<<<< HEAD
-    columns = min(
-        -(-len(handles) // rows), max(LEGEND_WIDTH // max(widths), 1)
-    )  # all columns fit that are as the widest
-=======
     columns = min(-(-len(handles) // rows), max(LEGEND_WIDTH // max(widths), 1))  # so many as wide as the widest fit
->>>>>>> main
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6, columnspacing=1.6)
 
 
