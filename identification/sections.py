@@ -107,8 +107,8 @@ class Filters:
 
         def weigh(section: Section) -> Weights:
             section = section.upto(samples) if samples else section
-            course, covariance = self._course(experiment, levels, section)
-            spread = Spread(covariance, self._walk(experiment, levels), levels.noise)
+            course, covariance = self.course(experiment, levels, section)
+            spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
             return self._predictor.weigh(vector, course, spread, outlier=outlier, rows=rows)
 
         return self._each(weigh)
@@ -131,7 +131,7 @@ class Filters:
         numbered = dict(zip(map(id, self.sections), weights, strict=True))
 
         def predict(section: Section) -> Prediction:
-            course, _ = self._course(experiment, levels, section)
+            course, _ = self.course(experiment, levels, section)
             return self._predictor.predict(vector, course, numbered[id(section)], rows=rows)
 
         return self._each(predict)
@@ -146,7 +146,8 @@ class Filters:
             raise KeyboardInterrupt
         return found
 
-    def _course(self, experiment: Experiment, levels: Levels, section: Section) -> tuple[Course, Floats]:
+    def course(self, experiment: Experiment, levels: Levels, section: Section) -> tuple[Course, Floats]:
+        """A section as its filter takes it, and the covariance of what is expected at its start."""
         first = np.full(section.readings.shape[1], np.nan)
         for column in range(len(first)):
             early = section.readings[:LOOK, column]
@@ -156,7 +157,8 @@ class Filters:
         start, covariance = starting(experiment, self._structure, first, torques, levels.scatter)
         return Course(section.inputs, section.readings, start), covariance
 
-    def _walk(self, experiment: Experiment, levels: Levels) -> Floats:
+    def walk(self, experiment: Experiment, levels: Levels) -> Floats:
+        """What a sample adds to the states' variances, (states,)."""
         template: MachineState = state_template(self._structure)
         step, walk = experiment.simulation.sample_time, dict.fromkeys(leaves(template), 0.0)
         for name, each in levels.scatter.items():

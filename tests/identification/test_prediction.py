@@ -1,0 +1,117 @@
+"""The filter in C: beside one in NumPy, and its slopes beside differences."""
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from dualwinch.codegen.drivers.prediction import Course, Spread, compile_predictor
+from dualwinch.identification.noise import first_noise
+from dualwinch.identification.predictor import machine_of, parameter_names, predicted
+from dualwinch.identification.sections import Filters, Levels, sections_of
+from dualwinch.identification.unrecorded import described
+from tests.identification.conftest import logged, machine
+
+FITTED = ("plant.vehicle.mass", "plant.rope_2.modulus", "sensors.encoder_zero_1", "plant.vehicle.friction_coefficient")
+MACHINE = machine()
+SAMPLES = 400
+
+
+def filters(fitted: Sequence[str] = FITTED) -> tuple[Filters, Levels]:
+    structure = machine_of(MACHINE)
+    (section,) = sections_of([logged(MACHINE)], MACHINE, 1)
+    section = section.upto(SAMPLES)
+    levels = Levels(first_noise(section.readings, MACHINE.sensors), described(MACHINE))
+    return Filters(compile_predictor(predicted(structure, tuple(fitted))), structure, [section], None), levels
+
+
+def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> tuple[np.ndarray, np.ndarray, float]:
+    """An extended Kalman filter as in a textbook, all sensors at once: states, deviations, and minus the likelihood."""
+    system = predicted(machine_of(MACHINE), FITTED)
+    assert system.one_step is not None
+    n, motion = len(course.start), system.move.size1_in("motion")
+    x, P = course.start.copy(), spread.start.copy()
+    states, deviations, unlikelihood = [], [], 0.0
+
+    def called(function: ca.Function, *given: object) -> dict[str, np.ndarray]:
+        return {
+            name: np.array(value).ravel()
+            for name, value in zip(function.name_out(), function.call(list(given)), strict=True)
+        }
+
+    for given, read in zip(course.inputs, course.readings, strict=True):
+        seen = called(system.sense, x, given, vector)
+        there = np.isfinite(read)
+        H = seen["by_state"].reshape(len(read), n)[there]
+        surprise, R = (read - seen["reading"])[there], np.diag(spread.readings[there])
+        S = H @ P @ H.T + R
+        K = P @ H.T @ np.linalg.inv(S)
+        x, P = x + K @ surprise, P - K @ S @ K.T
+        unlikelihood += (surprise @ np.linalg.solve(S, surprise) + np.linalg.slogdet(S)[1]) / 2
+        states.append(x)
+        deviations.append(np.sqrt(np.diag(P)))
+        held = called(system.prepare, x, given, vector)
+        moved = called(system.one_step, x[:motion], held["hold"], vector)
+        assert moved["valid"] > 0
+        A = np.zeros((n, n))
+        A[:motion, :motion] = moved["by_motion"].reshape(motion, motion)
+        A[:motion] += moved["by_hold"].reshape(motion, -1) @ held["hold_by_state"].reshape(-1, n)
+        A[motion:] = held["rest_by_state"].reshape(-1, n)
+        x, P = np.concatenate([moved["next_motion"], held["rest"]]), A @ P @ A.T + np.diag(spread.walk)
+    return np.array(states), np.array(deviations), unlikelihood
+
+
+def test_the_filter_is_the_textbooks() -> None:
+    found, levels = filters()
+    (section,) = found.sections
+    (weights,) = found.weigh(MACHINE, levels, rows=True)
+    course, covariance = found.course(MACHINE, levels, section)
+    spread = Spread(covariance, found.walk(MACHINE, levels), levels.noise)
+    states, deviations, unlikelihood = in_numpy(found.vector(MACHINE, levels), course, spread)
+    assert weights.states is not None
+    assert weights.deviations is not None
+    np.testing.assert_allclose(weights.states, states, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(weights.deviations[:, :6], deviations[:, :6], rtol=1e-4)
+    assert weights.unlikelihood == pytest.approx(unlikelihood, rel=1e-6)
+
+
+def test_with_its_own_gains_a_prediction_is_the_filters() -> None:
+    found, levels = filters()
+    (weights,) = found.weigh(MACHINE, levels)
+    (prediction,) = found.predict(found.vector(MACHINE, levels), MACHINE, levels, [weights], rows=True)
+    assert prediction.surprises is not None
+    squares = np.nansum(prediction.surprises**2, axis=0)
+    np.testing.assert_allclose(squares, weights.squares, rtol=1e-9)
+    assert prediction.normal[-1, -1] == pytest.approx(weights.squares.sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize("key", FITTED)
+def test_slopes_are_those_of_differences(key: str) -> None:
+    """Of the whole sum of squares, gains as they are: its gradient is twice the last column of the products."""
+    found, levels = filters()
+    off = machine(plant__vehicle__mass=1.03e4)  # away from the truth, where the gradient is no noise
+    weights = found.weigh(off, levels)
+    base = found.vector(off, levels)
+    column, index = parameter_names(machine_of(MACHINE)).index(key), FITTED.index(key)
+    step = 1e-6 * (abs(base[column]) or 1e-3)
+
+    def squares(change: float) -> np.ndarray:
+        vector = base.copy()
+        vector[column] += change
+        (prediction,) = found.predict(vector, off, levels, weights)
+        return prediction.normal
+
+    slope = (squares(step)[-1, -1] - squares(-step)[-1, -1]) / (2 * step)
+    assert 2 * squares(0.0)[index, -1] == pytest.approx(slope, rel=2e-4)
+
+
+def test_missing_sensors_are_never_looked_at() -> None:
+    """A log without load cells and with one encoder: what is not there has no influence."""
+    found, levels = filters()
+    (section,) = found.sections
+    section.readings[:, [2, 3, 5]] = np.nan
+    (weights,) = found.weigh(MACHINE, levels)
+    assert weights.outcome == 0
+    np.testing.assert_array_equal(weights.counts[[2, 3, 5]], 0)
+    assert np.isnan(weights.noise[[2, 3, 5]]).all()
