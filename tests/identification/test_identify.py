@@ -129,9 +129,9 @@ def test_keys_that_no_log_tells_are_refused(keys: list[str], words: str) -> None
 
 
 def test_priors_are_of_what_is_fitted_and_within_its_range() -> None:
-    with pytest.raises(ConfigurationError, match="--prior plant.vehicle.mass: is not fitted"):
+    with pytest.raises(ConfigurationError, match=r"--prior plant.vehicle.mass: is not fitted"):
         unknowns_of(["plant.rope_1.modulus"], Experiment(), {"plant.vehicle.mass": Prior(1, 1)})
-    with pytest.raises(ConfigurationError, match="--prior plant.vehicle.mass=-1: must be"):
+    with pytest.raises(ConfigurationError, match=r"--prior plant.vehicle.mass=-1: must be"):
         unknowns_of(["plant.vehicle.mass"], Experiment(), {"plant.vehicle.mass": Prior(-1, 1)})
 
 

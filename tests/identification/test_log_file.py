@@ -63,10 +63,10 @@ def test_wrong_maps_are_refused(texts: list[str], words: str) -> None:
 def test_wrong_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="cannot read"):
         read_log(tmp_path / "none.csv")
-    with pytest.raises(ConfigurationError, match="unknown suffix '.xlsx'"):
+    with pytest.raises(ConfigurationError, match=r"unknown suffix '.xlsx'"):
         read_log(tmp_path / "log.xlsx")
     (tmp_path / "odd.parquet").write_text("no such thing")
-    with pytest.raises(ConfigurationError, match="odd.parquet: not a .parquet file"):
+    with pytest.raises(ConfigurationError, match=r"odd.parquet: not a .parquet file"):
         read_log(tmp_path / "odd.parquet")
     file = csv(tmp_path / "rig.csv", "zeit,tau_1,tau_2,x")
     with pytest.raises(ConfigurationError, match="t: no such column; name the one of times with --column t=NAME"):
