@@ -4,6 +4,9 @@ The vehicle is a mass; its nominal resistance along the reference is known, a di
 of position and speed cost, and so do changes of the force, which ropes and winches have to follow. What lies beyond the
 horizon costs what the best feedback without limits would pay for it. Force and rate of force keep to their limits: at
 each end of a stage the force is one that can be reached by then.
+
+After Rawlings, Mayne and Diehl, *Model Predictive Control: Theory, Computation, and Design* (2nd ed., 2017): the cost
+of what lies beyond the horizon, and a disturbance model against offset.
 """
 
 from dataclasses import dataclass
@@ -14,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.controllers.context import Context
-from dualwinch.controllers.estimators.least_squares import vector
 from dualwinch.controllers.laws.extended_state_observer import Expected, corrected
 from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
@@ -22,6 +24,7 @@ from dualwinch.controllers.laws.predictive.box import least_in_box
 from dualwinch.controllers.laws.predictive.prediction import Prediction, prediction
 from dualwinch.controllers.laws.predictive.program import Motion, Program, Weights, cost_of_changes, room, slope_of_cost
 from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.model.quantities.arrays import vector
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, minimum
