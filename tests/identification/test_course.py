@@ -85,7 +85,7 @@ def test_drum_speeds_count_only_without_angles() -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"t": np.arange(ROWS) * -1e-3}, r"t = -0.001 s in row 2 after 0 s: must ascend"),
+        ({"t": 1 - np.arange(ROWS) * 1e-3}, r"t = 0.999 s in row 2 after 1 s: must ascend"),
         ({"tau_1": np.full(ROWS, np.nan)}, "tau_1: there is none"),
         ({"x": np.full(3, 0.0)}, "x: must be a list of 400 numbers"),
         ({"t": np.full(ROWS, np.nan)}, "t: must be a finite number in every row"),
