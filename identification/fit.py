@@ -44,7 +44,7 @@ LOST = 1e12
 SCATTERED = (("force",), ("torque_1", "torque_2"))
 """The unrecorded whose scatter nobody describes; each group has one."""
 
-RANGE = 1e4
+RANGE = 1e6
 """How far that scatter may lie above its start, as a factor."""
 
 PART = 10.0

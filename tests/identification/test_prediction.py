@@ -1,6 +1,7 @@
 """The filter in C: beside one in NumPy, and its slopes beside differences."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -15,13 +16,14 @@ from tests.identification.conftest import logged, machine
 
 FITTED = ("plant.vehicle.mass", "plant.rope_2.modulus", "sensors.encoder_zero_1", "plant.vehicle.friction_coefficient")
 MACHINE = machine()
-SAMPLES = 400
+WINDOW = slice(5000, 5400)
+"""Samples that are looked at: under way, with both ropes taut."""
 
 
 def filters(fitted: Sequence[str] = FITTED) -> tuple[Filters, Levels]:
     structure = machine_of(MACHINE)
     (section,) = sections_of([logged(MACHINE)], MACHINE, 1)
-    section = section.upto(SAMPLES)
+    section = replace(section, inputs=section.inputs[WINDOW].copy(), readings=section.readings[WINDOW].copy())
     levels = Levels(first_noise(section.readings, MACHINE.sensors), described(MACHINE))
     return Filters(compile_predictor(predicted(structure, tuple(fitted))), structure, [section], None), levels
 
@@ -53,12 +55,18 @@ def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> tuple[np.nda
         deviations.append(np.sqrt(np.diag(P)))
         held = called(system.prepare, x, given, vector)
         moved = called(system.one_step, x[:motion], held["hold"], vector)
-        assert moved["valid"] > 0
-        A = np.zeros((n, n))
-        A[:motion, :motion] = moved["by_motion"].reshape(motion, motion)
-        A[:motion] += moved["by_hold"].reshape(motion, -1) @ held["hold_by_state"].reshape(-1, n)
-        A[motion:] = held["rest_by_state"].reshape(-1, n)
-        x, P = np.concatenate([moved["next_motion"], held["rest"]]), A @ P @ A.T + np.diag(spread.walk)
+        parts = [moved]
+        if moved["valid"] <= 0:
+            parts, now = [], x[:motion]
+            for part in range(system.parts):
+                parts.append(called(system.move, now, held["hold"], part, vector))
+                now = parts[-1]["next_motion"]
+        A = np.eye(motion, n)
+        for moved in parts:
+            A = moved["by_motion"].reshape(motion, motion) @ A
+            A += moved["by_hold"].reshape(motion, -1) @ held["hold_by_state"].reshape(-1, n)
+        A = np.vstack([A, held["rest_by_state"].reshape(-1, n)])
+        x, P = np.concatenate([parts[-1]["next_motion"], held["rest"]]), A @ P @ A.T + np.diag(spread.walk)
     return np.array(states), np.array(deviations), unlikelihood
 
 
@@ -71,7 +79,7 @@ def test_the_filter_is_the_textbooks() -> None:
     states, deviations, unlikelihood = in_numpy(found.vector(MACHINE, levels), course, spread)
     assert weights.states is not None
     assert weights.deviations is not None
-    np.testing.assert_allclose(weights.states, states, rtol=1e-6, atol=1e-9)
+    assert (np.abs(weights.states - states) <= 1e-5 * deviations + 1e-9).all()
     np.testing.assert_allclose(weights.deviations[:, :6], deviations[:, :6], rtol=1e-4)
     assert weights.unlikelihood == pytest.approx(unlikelihood, rel=1e-6)
 
@@ -86,15 +94,18 @@ def test_with_its_own_gains_a_prediction_is_the_filters() -> None:
     assert prediction.normal[-1, -1] == pytest.approx(weights.squares.sum(), rel=1e-9)
 
 
-@pytest.mark.parametrize("key", FITTED)
-def test_slopes_are_those_of_differences(key: str) -> None:
-    """Of the whole sum of squares, gains as they are: its gradient is twice the last column of the products."""
+@pytest.mark.parametrize(("key", "share"), [*zip(FITTED, (1e-4, 1e-7, 1e-4, 1e-4), strict=True)])
+def test_slopes_are_those_of_differences(key: str, share: float) -> None:
+    """Of the whole sum of squares, gains as they are: its gradient is twice the last column of the products.
+
+    A rope's modulus decides which samples take one step; a small change changes none.
+    """
     found, levels = filters()
     off = machine(plant__vehicle__mass=1.03e4)  # away from the truth, where the gradient is no noise
     weights = found.weigh(off, levels)
     base = found.vector(off, levels)
     column, index = parameter_names(machine_of(MACHINE)).index(key), FITTED.index(key)
-    step = 1e-6 * (abs(base[column]) or 1e-3)
+    step = share * (abs(base[column]) or 1e-3)
 
     def squares(change: float) -> np.ndarray:
         vector = base.copy()
