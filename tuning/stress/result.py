@@ -3,16 +3,17 @@
 from matplotlib.figure import Figure
 
 from dualwinch.model.quantities.html import page, table
+from dualwinch.model.quantities.markdown import markdown
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.stress.found import Found
-from dualwinch.tuning.stress.summary import heading, markdown, notes, stress_table
+from dualwinch.tuning.stress.summary import heading, notes, stress_table
 
 
 class Stress(Found):
     """Which imperfections gains break at; fields are those of `Found`."""
 
     def __repr__(self) -> str:
-        return "\n".join([f"Stress: {heading(self)}", "", markdown(self), "", *notes(self)])
+        return "\n".join([f"Stress: {heading(self)}", "", markdown(*stress_table(self)), "", *notes(self)])
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""

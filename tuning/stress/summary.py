@@ -75,14 +75,3 @@ def _asked(limit: Limit) -> str:
     """A constraint as a number, and as the factor on what the paper's gains reach that it was asked for with."""
     factor = limit.asked.text.partition("=")[2].strip()
     return limit.asked.label + (f" ({factor})" if factor.endswith("paper") else "")
-
-
-def markdown(found: Found) -> str:
-    """The table as Markdown, with columns of one width."""
-    headings, rows = stress_table(found)
-    cells = [[cell.replace("|", "\\|") for cell in line] for line in [headings, *rows]]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    cells.insert(1, ["-" * width for width in widths])
-    return "\n".join(
-        "| " + " | ".join(f"{cell:<{width}}" for cell, width in zip(line, widths, strict=True)) + " |" for line in cells
-    )
