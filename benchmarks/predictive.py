@@ -202,7 +202,7 @@ def casadis(programs: Programs, name: str) -> Solver:
 
 def osqp_in_c(programs: Programs, folder: Path) -> Solver:
     """OSQP's generated code, built by GCC as ours is."""
-    import osqp
+    import osqp  # pyright: ignore[reportMissingImports]
     import scipy.sparse
 
     n, solver = len(programs.quadratic), osqp.OSQP()

@@ -63,6 +63,7 @@ class _Rolling:
         self._made, self._operands = instructions(function), operands_of(function)
         self._loop, self._style, self._strand = loop, style, register
         self._ago: dict[int, int] = {}  # position → for how many rounds its value is of use
+        self._read_from_start, self._read_after = self._read_from(loop.start), self._read_from(loop.end)
 
     def body(self) -> list[str]:
         """A round."""
@@ -72,7 +73,7 @@ class _Rolling:
     def results(self) -> list[str]:
         """What is of use after the loop goes where it is looked for."""
         loop, lines = self._loop, []
-        for operand in sorted(self._read_from(loop.end)):
+        for operand in sorted(self._read_after):
             position, number = loop.place(operand)
             if 0 <= number < loop.rounds:
                 lines.append(f"    {self._register(operand)}={self._earlier(position, loop.rounds - number)};")
@@ -107,7 +108,7 @@ class _Rolling:
     def _first(self, position: int, ago: int) -> str:
         """What a history holds before the first round."""
         before = self._loop.start + position - ago * self._loop.length
-        return self._register(before) if before in self._read_from(self._loop.start) else "0"
+        return self._register(before) if before in self._read_from_start else "0"
 
     def _earlier(self, position: int, ago: int) -> str:
         if ago == 0:

@@ -91,7 +91,8 @@ class ScheduledPreload(Coordination):
     @property
     def preview(self) -> tuple[float, ...]:
         """Times in s ahead at which the reference is looked at."""
-        return tuple(self.horizon * (number + 1) / LOOKS for number in range(LOOKS)) if self.horizon else ()
+        times = (self.horizon * (number + 1) / LOOKS for number in range(LOOKS))
+        return tuple(time for time in times if time > 0)
 
     def initial_state(self) -> ScheduleState:
         """Empty integrals, and no force known."""

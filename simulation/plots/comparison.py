@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dualwinch.simulation.ensembles.paired import COMPARED, CONFIDENCE, Comparison
 from dualwinch.simulation.plots.page import GivenAxes, Page
@@ -23,6 +22,7 @@ from dualwinch.simulation.plots.style import (
     VERMILION,
     WINE,
     house_style,
+    logarithmic,
     plain,
 )
 
@@ -31,9 +31,6 @@ COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
 
 PANELS = (("mse", "mean square error (mm²)", 1e6), ("chatter", "chatter (N/sample)", 1.0))
 """Figure of merit, axis and factor of the panels that show the scenarios."""
-
-FEW_DECADES = 300
-"""Ratio of an axis's ends up to which numbers between powers of ten have room."""
 
 
 def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
@@ -82,7 +79,7 @@ def _shares(
         values = np.sort(factor * contender.metrics[metric][contender.completed])
         if len(values):
             axes.step(values, np.arange(1, len(values) + 1) / len(values), where="post", **looks[name])
-    _logarithmic(axes)
+    logarithmic(axes, (1, 2, 5))
     axes.set_ylim(0, 1)
     axes.set_title(metric.upper() if metric == "mse" else metric)
     axes.set_xlabel(axis)
@@ -97,17 +94,8 @@ def _ratios(axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]])
             axes.plot((ratio.low, ratio.high), (row + offset,) * 2, color=colour, linewidth=2.2, alpha=0.55)
             axes.plot(ratio.estimate, row + offset, "o", color=colour, markersize=4)
     axes.axvline(1, color=GREY, linewidth=0.8, zorder=1)
-    _logarithmic(axes)
+    logarithmic(axes, (1, 2, 5))
     axes.set_yticks(range(len(COMPARED)), [name.replace("_", " ") for name in COMPARED])
     axes.set_ylim(len(COMPARED) - 0.5, -0.5)
     axes.set_xlabel(f"over {first}; smaller is better")
     axes.set_title(f"ratio of means with {100 * CONFIDENCE:g} % interval")
-
-
-def _logarithmic(axes: Axes) -> None:
-    """A logarithmic axis with plain numbers, those between powers of ten too where it is short."""
-    axes.set_xscale("log")
-    low, high = axes.get_xlim()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < FEW_DECADES * low else (1,)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.typing import LineStyleType
 
 from dualwinch.codegen.text import one_line
@@ -136,6 +137,19 @@ def legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:
     rows = -(-sum(widths) // LEGEND_WIDTH)
     columns = min(-(-len(handles) // rows), max(LEGEND_WIDTH // max(widths), 1))  # so many as wide as the widest fit
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6, columnspacing=1.6)
+
+
+FEW_DECADES = 300
+"""Ratio of an axis's ends up to which numbers between powers of ten have room."""
+
+
+def logarithmic(axes: Axes, between: tuple[int, ...]) -> None:
+    """A logarithmic x axis with plain numbers, at those multiples of powers of ten where it is short, else at these."""
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=between if high < FEW_DECADES * low else (1,)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def steady_handle() -> Patch:

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter
 
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.plots.page import GivenAxes, Page
@@ -24,6 +24,7 @@ from dualwinch.simulation.plots.style import (
     VERMILION,
     WINE,
     house_style,
+    logarithmic,
     plain,
 )
 from dualwinch.tuning.race.found import MEAN_ERROR, Found
@@ -51,9 +52,6 @@ MILLIMETRES = 1e3
 SMALL = 0.1
 """Ratios below that are written as fractions."""
 
-FEW_DECADES = 300
-"""Ratio of an axis's ends up to which numbers between powers of ten have room."""
-
 NEAR = 0.05
 """A least error is drawn where it is no smaller than this share of the least error of all."""
 
@@ -73,7 +71,7 @@ def race_figure(found: Found, *, ax: GivenAxes = None) -> Figure:
         for row, scored in enumerate(found.ranking):
             _dot(axes, found, scored, row, BLUE if scored.entry.key in tied else INK)
         axes.axvline(1, color=VERMILION, linewidth=1.0, zorder=1)
-        _logarithmic(axes)
+        logarithmic(axes, (1, 2, 3, 5))
         axes.set_yticks(range(len(found.ranking)), [plain(found.names[each.entry.key]) for each in found.ranking])
         axes.set_ylim(len(found.ranking) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
@@ -141,7 +139,7 @@ def fronts_figure(found: Found, *, ax: GivenAxes = None) -> Figure:
                 _front(axes, scored, cost, looks[scored.entry.key])
             axes.plot(*_means(found.paper.runs, cost), "x", color=VERMILION, markersize=6)
             if cost in WIDE:
-                _logarithmic(axes)
+                logarithmic(axes, (1, 2, 3, 5))
             axes.set_xlabel(AXES[cost])
             _least(axes, found)
         panels[0].set_yscale("log")
@@ -192,12 +190,3 @@ def _least(axes: Axes, found: Found) -> None:
 
 def _least_handles(found: Found) -> list[Line2D]:
     return [Line2D([], [], color=GREY, linestyle=dashes, label=name) for _, dashes, name in _least_lines(found)]
-
-
-def _logarithmic(axes: Axes) -> None:
-    """A logarithmic axis with plain numbers, those between powers of ten too where it is short."""
-    axes.set_xscale("log")
-    low, high = axes.get_xlim()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5) if high < FEW_DECADES * low else (1,)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())

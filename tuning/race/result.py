@@ -3,9 +3,10 @@
 from matplotlib.figure import Figure
 
 from dualwinch.model.quantities.html import page, table
+from dualwinch.model.quantities.markdown import markdown
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.race.found import Found
-from dualwinch.tuning.race.summary import heading, markdown, notes, race_table
+from dualwinch.tuning.race.summary import heading, notes, race_table
 
 
 class Race(Found):

@@ -1,7 +1,6 @@
 """A race in words, the same at a prompt, in a notebook, on the terminal and in the report."""
 
 import math
-from collections.abc import Sequence
 
 from dualwinch.simulation.ensembles.paired import CONFIDENCE, Interval
 from dualwinch.simulation.ensembles.statistic import Statistic
@@ -180,13 +179,3 @@ def _search(found: Found, scored: Scored) -> list[str]:
     numbers = [search.gains, search.trials, search.rollouts]
     below = below_words(found.ratios[scored.entry.key].interval)
     return [found.names[scored.entry.key], below, *map(str, numbers), f"{search.seconds:.0f} s"]
-
-
-def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table as Markdown, with columns of one width."""
-    cells = [[cell.replace("|", "\\|") for cell in line] for line in [headings, *rows]]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    cells.insert(1, ["-" * width for width in widths])
-    return "\n".join(
-        "| " + " | ".join(f"{cell:<{width}}" for cell, width in zip(line, widths, strict=True)) + " |" for line in cells
-    )
