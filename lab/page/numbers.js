@@ -10,7 +10,7 @@ const PRETTY = {"^2": "²", "^3": "³", "^-1": "⁻¹", "*": "·"};
 
 export function unitText(unit) {
   if (!unit || unit === "1") return "";
-  return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]);
+  return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]).replaceAll(" ", "\u2009");
 }
 
 // Unit and factor in which the largest of some values is easily read.
@@ -46,7 +46,9 @@ function trimmed(text) {
 
 // A number as a field or a file holds it: no more digits than it needs.
 export function plain(value) {
-  return value === null ? "" : String(Number(value.toPrecision(6)));
+  if (value === null) return "";
+  const text = String(Number(value.toPrecision(6)));
+  return value !== 0 && Math.abs(value) < 1e-3 ? Number(value.toPrecision(6)).toExponential().replace("e+", "e") : text.replace("e+", "e");
 }
 
 export function change(from, to) {
@@ -54,5 +56,6 @@ export function change(from, to) {
   if (from === 0) return `+${digits(to, 3)}`;
   const share = (to - from) / Math.abs(from);
   if (Math.abs(share) >= 10) return `× ${digits(to / from, 3)}`;
+  if (Math.abs(share) < 5e-4) return "=";
   return `${share < 0 ? "−" : "+"}${(100 * Math.abs(share)).toFixed(Math.abs(share) < 0.1 ? 1 : 0)} %`;
 }

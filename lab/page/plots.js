@@ -6,8 +6,8 @@ import {colour} from "./theme.js";
 // What each plot draws: columns, and constant lines from the plant and the limits.
 const PANELS = [
   {title: "Position error", unit: "m", curves: [["e", "e", "blue"]], limits: () => []},
-  {title: "Rope tensions and commands", unit: "N", limits: (plant) => [plant.tensionMin, plant.tensionMax],
-    curves: [["F1_cmd", "F₁ command", "rope1", "dash"], ["F2_cmd", "F₂ command", "rope2", "dash"], ["F1", "F₁", "rope1"], ["F2", "F₂", "rope2"]]},
+  {title: "Rope tensions", unit: "N", limits: (plant) => [plant.tensionMin, plant.tensionMax],
+    curves: [["F1", "F₁", "rope1"], ["F1_cmd", "command", "rope1", "dash"], ["F2", "F₂", "rope2"], ["F2_cmd", "command", "rope2", "dash"]]},
   {title: "Motor torques", unit: "N m", limits: (plant) => plant.torqueLimits,
     curves: [["tau_1", "τ₁", "rope1"], ["tau_2", "τ₂", "rope2"]]},
   {title: "Disturbance, true and estimated", unit: "m/s^2", limits: () => [], curves: [["d_true", "true", "ink"], ["d_hat", "estimated", "vermilion"]]},
@@ -74,11 +74,11 @@ export class Plots {
     const axis = (more) => ({stroke: () => colour("ink-soft"), grid: {stroke: () => colour("line"), width: 1}, ticks: {show: false},
       font: '11px "Source Sans 3", "Segoe UI", system-ui, sans-serif', ...more});
     const options = {
-      ...this.#size(panel), legend: {show: false}, padding: [6, 8, 0, 0], pxAlign: true,
+      ...this.#size(panel), legend: {show: false}, padding: [6, 14, 0, 0], pxAlign: true,
       cursor: {sync: {key: "lab", setSeries: false}, drag: {x: true, y: false, setScale: true}, y: false, focus: {prox: -1},
         points: {size: 6}, bind: {dblclick: () => () => { this.playback.setWindow(...this.playback.whole); return null; }}},
       scales: {x: {time: false}, y: {range: (_, low, high) => padded(low, high)}},
-      axes: [axis({size: 22, gap: 3}), axis({size: 54, gap: 4, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
+      axes: [axis({size: 22, gap: 3, values: (plot, ticks) => ticks.map((tick) => (tick === ticks.at(-1) ? `${digits(tick, 5)} s` : digits(tick, 5)))}), axis({size: 54, gap: 4, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
       series: [{}, ...panel.drawn.map(({curve, behind}) => ({
         stroke: () => behind ? colour("pinned") : colour(curve[2]), points: {show: false},
         width: behind ? 1 : curve[3] ? 1 : 1.4, dash: behind ? [2, 3] : curve[3] ? [6, 4] : undefined}))],
