@@ -1,0 +1,227 @@
+// The page: one experiment, its run, the pinned run, and everything that shows them.
+
+import {Controls, optionText} from "./controls.js";
+import {Ensemble} from "./ensemble.js";
+import {blank, caseOf, choices, request, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
+import {Machine} from "./machine.js";
+import {showMerits} from "./merits.js";
+import {digits} from "./numbers.js";
+import {finished, openFile} from "./open.js";
+import {Playback} from "./playback.js";
+import {Plots} from "./plots.js";
+import {Questions} from "./questions.js";
+import {latest, Runner} from "./runner.js";
+import {commandLine, csvOf, download, fromHash, hashOf, tomlOf} from "./share.js";
+import {connectTheme} from "./theme.js";
+import {connectTransport} from "./transport.js";
+import {Tuning} from "./tuning.js";
+
+const HEADER = ["controller.kind", "controller.estimator", "controller.coordination.kind"];
+
+const element = (id) => document.getElementById(id);
+const content = (id) => JSON.parse(element(id).textContent);
+
+const catalogue = content("catalogue"), modules = content("modules"), ownRun = content("own-run");
+let experiment = location.hash.length > 1 ? fromHash(catalogue, location.hash) : blank(catalogue, "case-4");
+let run = null, pinned = null;
+
+const newRunner = () => new Runner(element("worker").textContent, catalogue, modules);
+const runner = newRunner();
+let spare = null;
+const background = () => (spare ??= newRunner());
+
+const playback = new Playback(showMoment);
+const machine = new Machine(element("machine"));
+const plots = new Plots(element("plots"), playback);
+const controls = new Controls(element("controls"), catalogue, {
+  onValue: (key, value) => change(withValue(catalogue, experiment, key, value)),
+  onSetting: (key, choice) => change(withSetting(catalogue, experiment, key, choice)),
+  onReset: (key) => change(withoutValue(experiment, key)),
+});
+const questions = new Questions(element("questions"), catalogue, background, (begun) => { unpin(); change(begun); });
+new Ensemble(element("ensemble"), catalogue, background, () => experiment);
+new Tuning(element("tuning"), catalogue, background, () => experiment, (found) => { pin(); change(found); });
+
+// ---- what a change does ----
+
+const simulate = latest(async (wanted) => {
+  try {
+    const result = await runner.run(request(catalogue, wanted));
+    showRun({...result, label: "this run", experiment: wanted});
+  } catch (error) {
+    say(error.message, true);
+  }
+});
+
+function change(next) {
+  experiment = next;
+  controls.show(experiment, HEADER);
+  showChoices();
+  try { history.replaceState(null, "", hashOf(catalogue, experiment)); } catch { /* too fast for the browser: the next change writes it */ }
+  simulate(experiment);
+}
+
+function showRun(result) {
+  const firstRun = run === null;
+  run = withLargest(result);
+  playback.setWhole(run.t.length ? run.t.at(-1) : 1);
+  if (firstRun) playback.seek(0.46 * playback.whole[1]);
+  refresh();
+  questions.check(run, run.experiment);
+  element("timing").textContent = `${digits(run.t.length, 3)} samples in ${digits(run.seconds * 1e3, 2)} ms.`;
+  document.documentElement.dataset.ready = String(Number(document.documentElement.dataset.ready ?? 0) + 1);
+}
+
+function withLargest(result) {
+  let largest = 0;
+  for (const error of result.columns.e ?? []) if (Math.abs(error) > largest) largest = Math.abs(error);
+  return {...result, largestError: largest};
+}
+
+function refresh() {
+  plots.show(run, pinned, plant());
+  const ended = {completed: "", diverged: `The run diverged at ${digits(run.until)} s.`, left_track: `The vehicle left the rail at ${digits(run.until)} s.`}[run.outcome] ?? "";
+  element("outcome").textContent = ended;
+  showMerits(element("merits"), catalogue, run, pinned, paperMetrics());
+  showMoment();
+}
+
+function showMoment() {
+  if (!run) return;
+  machine.draw(run, Math.min(playback.time, run.t.at(-1)), plant(), pinned);
+  plots.showMoment();
+  transport.show(run.columns.x ? `${digits(playback.time, 4)} s` : "");
+}
+
+// Figures of merit of the law with the paper's gains; of the paper's own law where it has no such.
+function paperMetrics() {
+  const known = catalogue.paper[experiment.case] ?? {}, law = structureOf(catalogue, experiment).settings["controller.kind"];
+  return known[law] ?? known["fando-nftsm"] ?? null;
+}
+
+// Lengths and limits of the machine, for drawing.
+function plant() {
+  const of = (key, otherwise) => (catalogue.keys[key] && valueOf(catalogue, experiment, key)) ?? otherwise;
+  const limits = ["tension_min", "tension_max"].map((name) => of(`controller.coordination.${name}`, NaN));
+  const radius = of("plant.winch_1.drum_radius", 0.8), gear = of("plant.winch_1.gear_ratio", 36);
+  return {length: of("plant.track.length", 50), offset: of("plant.track.rope_offset", 0.5), radius, diameter: of("plant.vehicle.diameter", 2),
+    height: of("plant.vehicle.height", 3), tensionMin: limits[0], tensionMax: limits[1], torqueLimits: limits.map((limit) => limit * radius / gear)};
+}
+
+// ---- header ----
+
+function showChoices() {
+  const holder = element("choices");
+  if (!holder.children.length) buildChoices(holder);
+  holder.querySelectorAll("input[name=case]").forEach((input) => { input.checked = input.value === experiment.case; });
+  const {settings} = structureOf(catalogue, experiment);
+  holder.querySelectorAll("select").forEach((select) => { select.value = String(settings[select.dataset.key]); });
+}
+
+function buildChoices(holder) {
+  const cases = document.createElement("fieldset");
+  cases.className = "cases";
+  cases.innerHTML = `<legend>Case</legend>${catalogue.cases.map(({id, label}) => `<label title="${label}"><input type="radio" name="case" value="${id}" aria-label="${label}">${id.replace("case-", "")}</label>`).join("")}`;
+  cases.addEventListener("change", (event) => change(withCase(catalogue, experiment, event.target.value)));
+  holder.append(cases);
+  for (const [key, name] of [["controller.kind", "Law"], ["controller.estimator", "Estimator"], ["controller.coordination.kind", "Coordination"]]) {
+    const options = choices(catalogue).get(key);
+    if (!options) continue;
+    const label = document.createElement("label");
+    label.innerHTML = `<span>${name}</span><select data-key="${key}">${options.map((option) => `<option value="${option}">${optionText(option)}</option>`).join("")}</select>`;
+    label.querySelector("select").addEventListener("change", (event) => change(withSetting(catalogue, experiment, key, event.target.value)));
+    holder.append(label);
+  }
+}
+
+// ---- pin, share, open ----
+
+function pin(other = run) {
+  pinned = other ? withLargest({...other}) : null;
+  const button = element("pin");
+  button.setAttribute("aria-pressed", String(Boolean(pinned)));
+  button.textContent = pinned ? "Unpin A" : "Pin as A";
+  button.title = pinned ? `A: ${pinned.label}` : "Keep this run as A, and compare what follows with it";
+  if (run) refresh();
+}
+
+function unpin() {
+  if (pinned) pin(null);
+}
+
+element("pin").addEventListener("click", () => (pinned ? unpin() : pin()));
+
+const ACTIONS = {
+  link: async () => copied(location.href, "link"),
+  command: async () => copied(commandLine(catalogue, experiment), "command line"),
+  toml: async () => download("experiment.toml", tomlOf(catalogue, experiment)),
+  csv: async () => download("run.csv", csvOf(run)),
+};
+
+element("menu").addEventListener("click", async (event) => {
+  const action = ACTIONS[event.target.dataset.do];
+  if (!action) return;
+  await action();
+  element("menu").open = false;
+});
+document.addEventListener("click", (event) => { if (!element("menu").contains(event.target)) element("menu").open = false; });
+
+async function copied(text, name) {
+  try {
+    await navigator.clipboard.writeText(text);
+    say(`Copied the ${name}.`);
+  } catch {
+    window.prompt(`Copy the ${name}:`, text);
+  }
+}
+
+element("file").addEventListener("change", async ({target}) => {
+  const [file] = target.files;
+  target.value = "";
+  element("menu").open = false;
+  if (file) await openAs(file);
+});
+document.querySelector(".file").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") element("file").click(); });
+document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("drop", (event) => { event.preventDefault(); if (event.dataTransfer.files[0]) openAs(event.dataTransfer.files[0]); });
+
+async function openAs(file) {
+  try {
+    const opened = await openFile(catalogue, file);
+    if (opened.run) pin(opened.run);
+    else change(opened.experiment);
+    say(opened.run ? `${file.name} is A now.` : `${file.name} is open${opened.unknown.length ? `; ${opened.unknown.length} keys are not of this page: ${opened.unknown.slice(0, 3).join(", ")}` : ""}.`);
+  } catch (error) {
+    say(`${error.message}`, true);
+  }
+}
+
+let silence = null;
+function say(text, wrong = false) {
+  element("status").textContent = text;
+  element("status").classList.toggle("wrong", wrong);
+  clearTimeout(silence);
+  if (!wrong) silence = setTimeout(() => { element("status").textContent = ""; }, 4000);
+}
+
+// ---- keys, theme, start ----
+
+element("find").addEventListener("input", ({target}) => controls.filter(target.value));
+element("reset").addEventListener("click", () => change(blank(catalogue, experiment.case)));
+window.addEventListener("hashchange", () => change(fromHash(catalogue, location.hash)));
+window.addEventListener("keydown", (event) => {
+  if (event.key !== " " || event.target.closest("input, select, button, summary, textarea, label")) return;
+  event.preventDefault();
+  playback.toggle();
+});
+new ResizeObserver(showMoment).observe(element("machine"));
+
+const transport = connectTransport(playback, () => (caseOf(catalogue, experiment).steady ?? [0.36 * playback.whole[1], 0.58 * playback.whole[1]]));
+connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });
+if (ownRun) pin(finished(ownRun.label, {...columnsOf(ownRun)}, ownRun.metrics ?? {}));
+change(experiment);
+
+function columnsOf({columns}) {
+  return Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, Array.isArray(values) ? Float64Array.from(values, (value) => value ?? NaN)
+    : new Float64Array(Uint8Array.from(atob(values), (letter) => letter.charCodeAt(0)).buffer)]));
+}
