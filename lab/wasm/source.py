@@ -1,0 +1,43 @@
+"""C source of a module: the closed loop, what it receives from outside, and the run of a page."""
+
+from importlib.resources import files
+
+from dualwinch.codegen.drivers.signals.fill import FILL_PARTS
+from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.codegen.source.operations import Style
+from dualwinch.lab.wasm.settings import KINDS, SAMPLE_TIME, Settings
+from dualwinch.simulation.exogenous.streams import stream_number
+from dualwinch.simulation.loop.start import start_function
+from dualwinch.simulation.loop.structure import structure_of
+
+OFTEN = Style(compares=True, inlined=True)
+"""How operations are written that are carried out at every sample: without calls, which a module would have to hold."""
+
+
+def module_source(settings: Settings) -> str:
+    """C99 translation unit of a structure's module."""
+    loop = settings.loop
+    once = [settings.parameters, settings.duration, settings.drawn, settings.figures, start_function(structure_of(settings.wide))]
+    motion = hoisted(settings.motion)
+    often = [*hoisted_all(loop.functions), *motion]
+    exogenous = loop.closed.exogenous
+    sizes = loop.sizes | {
+        "SETTINGS": settings.vector.numel(),
+        "SAMPLE_TIME": settings.keys.index(SAMPLE_TIME),
+        "QUEUE": loop.queue,
+        "KINDS": len(KINDS),
+        "GIVEN": len(settings.motion_names),
+        "METRICS": settings.figures.numel_out("metrics"),
+    }
+    lists = {
+        "STREAMS": [f"UINT64_C({stream_number(name)})" for name in exogenous],
+        "GIVEN_AT": [str(exogenous.index(name)) for name in settings.motion_names],
+    }
+    listed = "".join(f"#define {name} {{{', '.join(values)}}}\n" for name, values in lists.items())
+    own = files("dualwinch.lab.wasm")
+    delay, run = ((own / name).read_text(encoding="utf-8") for name in ("delay.h", "run.c"))
+    return unit(
+        sizes, often, *FILL_PARTS, listed, c_source(often, OFTEN), c_source(once), delay, "rollout.c", run
+    )
