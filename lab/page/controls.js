@@ -66,7 +66,7 @@ export class Controls {
       const coarse = {PageUp: 50, PageDown: -50, ArrowUp: 10, ArrowRight: 10, ArrowLeft: -10, ArrowDown: -10}[event.key];
       if (!coarse || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
-      const moved = integer ? Number(plain(valueOf(this.catalogue, this.experiment, key))) + Math.sign(coarse)
+      const moved = integer ? valueOf(this.catalogue, this.experiment, key) + Math.sign(coarse) * (Math.abs(coarse) > 10 ? 10 : 1)
         : toValue(range, Math.min(Math.max(Number(slider.value) + coarse * (event.shiftKey ? 0.1 : 1), 0), SLIDER_STEPS));
       this.onValue(key, Math.min(Math.max(moved, range.low), range.high));
     });
@@ -81,10 +81,11 @@ export class Controls {
     this.rows.set(key, () => {
       const value = valueOf(this.catalogue, this.experiment, key);
       range = sliderRange(about, baseValue(this.catalogue, this.experiment, key));
-      slider.value = value === null ? SLIDER_STEPS : toPosition(range, value);
-      slider.classList.toggle("open", value === null);
-      slider.setAttribute("aria-valuetext", value === null ? "none" : `${digits(value)} ${unitText(about.unit)}`);
-      if (!row.classList.contains("wrong")) field.value = value === null ? "none" : plain(value);
+      const shown = value ?? about.instead ?? null;
+      slider.value = shown === null ? SLIDER_STEPS : toPosition(range, shown);
+      slider.setAttribute("aria-valuetext", shown === null ? "none" : `${digits(shown)} ${unitText(about.unit)}`);
+      if (!row.classList.contains("wrong")) field.value = value === null ? "" : plain(value);
+      field.placeholder = about.instead == null ? "none" : plain(about.instead);
       row.classList.toggle("changed", key in this.experiment.values);
     });
     return row;
@@ -124,7 +125,7 @@ export class Controls {
 
   #select(row, id, options, onChange, state, key) {
     row.classList.add("choice");
-    row.insertAdjacentHTML("beforeend", `<select id="${id}">${options.map((option, index) => `<option value="${index}">${optionText(option)}</option>`).join("")}</select>`);
+    row.insertAdjacentHTML("beforeend", `<select id="${id}">${options.map((option, index) => `<option value="${index}">${optionText(this.catalogue, key, option)}</option>`).join("")}</select>`);
     row.querySelector("label").htmlFor = id;
     const select = row.querySelector("select");
     select.addEventListener("change", () => onChange(Number(select.value)));
@@ -151,8 +152,10 @@ export class Controls {
   }
 }
 
-export function optionText(option) {
-  return String(option).replaceAll("-", " ");
+// What people call a choice.
+export function optionText(catalogue, key, option) {
+  const {choices: known, labels} = catalogue.keys[key] ?? {};
+  return labels?.[known.indexOf(option)] ?? String(option).replaceAll("-", " ");
 }
 
 function counted(changed) {

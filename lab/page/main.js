@@ -82,6 +82,7 @@ function refresh() {
   plots.show(run, pinned, plant());
   const ended = {completed: "", diverged: `The run diverged at ${digits(run.until)} s.`, left_track: `The vehicle left the rail at ${digits(run.until)} s.`}[run.outcome] ?? "";
   element("outcome").textContent = ended;
+  element("glance").innerHTML = glance();
   showMerits(element("merits"), catalogue, run, pinned, paperMetrics());
   showMoment();
 }
@@ -97,6 +98,13 @@ function showMoment() {
 function paperMetrics() {
   const known = catalogue.paper[experiment.case] ?? {}, law = structureOf(catalogue, experiment).settings["controller.kind"];
   return known[law] ?? known["fando-nftsm"] ?? null;
+}
+
+// The run in a line, for screens on which the plots are out of sight while a number is changed.
+function glance() {
+  const {mae, max_abs_error: largest, peak_tension: peak, slack_share: slack} = run.metrics;
+  if (!Number.isFinite(mae)) return run.outcome;
+  return [`mean |e| ${digits(mae * 1e3, 3)} mm`, `largest ${digits(largest * 1e3, 3)} mm`, `peak ${digits(peak)} N`, slack > 0 ? `slack ${digits(100 * slack, 2)} %` : "no slack"].map((text) => `<span>${text}</span>`).join(" ");
 }
 
 // Lengths and limits of the machine, for drawing.
@@ -119,16 +127,18 @@ function showChoices() {
 }
 
 function buildChoices(holder) {
-  const cases = document.createElement("fieldset");
+  const cases = document.createElement("div");
   cases.className = "cases";
-  cases.innerHTML = `<legend>Case</legend>${catalogue.cases.map(({id, label}) => `<label title="${label}"><input type="radio" name="case" value="${id}" aria-label="${label}">${id.replace("case-", "")}</label>`).join("")}`;
+  cases.setAttribute("role", "radiogroup");
+  cases.setAttribute("aria-label", "Case of the paper");
+  cases.innerHTML = `<span>Case</span>${catalogue.cases.map(({id, label}) => `<label title="${label}"><input type="radio" name="case" value="${id}" aria-label="${label}">${id.replace("case-", "")}</label>`).join("")}`;
   cases.addEventListener("change", (event) => change(withCase(catalogue, experiment, event.target.value)));
   holder.append(cases);
   for (const [key, name] of [["controller.kind", "Law"], ["controller.estimator", "Estimator"], ["controller.coordination.kind", "Coordination"]]) {
     const options = choices(catalogue).get(key);
     if (!options) continue;
     const label = document.createElement("label");
-    label.innerHTML = `<span>${name}</span><select data-key="${key}">${options.map((option) => `<option value="${option}">${optionText(option)}</option>`).join("")}</select>`;
+    label.innerHTML = `<span>${name}</span><select data-key="${key}">${options.map((option) => `<option value="${option}">${optionText(catalogue, key, option)}</option>`).join("")}</select>`;
     label.querySelector("select").addEventListener("change", (event) => change(withSetting(catalogue, experiment, key, event.target.value)));
     holder.append(label);
   }
