@@ -1,6 +1,6 @@
 // Numbers and parts of an experiment, to be changed: a slider for the usual range, a field for whatever the bounds allow.
 
-import {baseValue, choices, structureOf, valueOf} from "./experiment.js";
+import {baseValue, choices, SEED, structureOf, valueOf} from "./experiment.js";
 import {digits, plain, unitText} from "./numbers.js";
 import {SLIDER_STEPS, sliderRange, toPosition, toValue} from "./range.js";
 import {label, OPEN, sections} from "./sections.js";
@@ -26,7 +26,7 @@ export class Controls {
   #build(structure, inHeader) {
     const open = new Map([...this.holder.querySelectorAll("details")].map((section) => [section.dataset.heading, section.open]));
     const options = new Map([...choices(this.catalogue)].filter(([key]) => !inHeader.includes(key)));
-    const numbers = structure.parameters.filter((key) => this.catalogue.keys[key]);
+    const numbers = [...structure.parameters, SEED];
     this.rows.clear();
     this.holder.replaceChildren(...sections([...options.keys(), ...numbers.filter((key) => !options.has(key))], this.catalogue).map(([heading, keys]) => {
       const section = document.createElement("details");
@@ -54,7 +54,7 @@ export class Controls {
     if (about.kind === "choice") return this.#select(row, id, about.choices, (index) => this.onValue(key, index),
       () => [valueOf(this.catalogue, this.experiment, key), key in this.experiment.values], key);
     row.insertAdjacentHTML("beforeend", `<input type="range" min="0" max="${SLIDER_STEPS}" step="1" aria-label="${escaped(about.meaning)}">
-      <input type="text" inputmode="decimal" id="${id}" autocomplete="off" aria-describedby="${id}-about"><span class="unit">${unitText(about.unit)}</span>
+      <input type="text" inputmode="decimal" id="${id}" autocomplete="off" aria-describedby="${id}-about"><span class="unit" title="${unitText(about.unit)}">${unitText(about.unit)}</span>
       <button type="button" class="reset" title="Back to the case’s value" aria-label="Reset ${label(key)}">↺</button>
       <p class="about" id="${id}-about">${escaped(about.meaning)}${boundsText(about)} <code>${key}</code></p>`);
     const [slider, field] = row.querySelectorAll("input");

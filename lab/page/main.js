@@ -2,7 +2,7 @@
 
 import {Controls, optionText} from "./controls.js";
 import {Ensemble} from "./ensemble.js";
-import {blank, caseOf, choices, request, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
+import {ABOUT_SEED, blank, caseOf, choices, request, SEED, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
 import {Machine} from "./machine.js";
 import {showMerits} from "./merits.js";
 import {digits} from "./numbers.js";
@@ -21,7 +21,11 @@ const HEADER = ["controller.kind", "controller.estimator", "controller.coordinat
 const element = (id) => document.getElementById(id);
 const content = (id) => JSON.parse(element(id).textContent);
 
-const catalogue = content("catalogue"), modules = content("modules"), ownRun = content("own-run");
+const catalogue = withSeed(content("catalogue")), modules = content("modules"), ownRun = content("own-run");
+function withSeed(read) {
+  return {...read, keys: {...read.keys, [SEED]: ABOUT_SEED}};
+}
+
 let experiment = location.hash.length > 1 ? fromHash(catalogue, location.hash) : blank(catalogue, "case-4");
 let run = null, pinned = null;
 
@@ -200,7 +204,7 @@ async function openAs(file) {
     const opened = await openFile(catalogue, file);
     if (opened.run) pin(opened.run);
     else change(opened.experiment);
-    say(opened.run ? `${file.name} is A now.` : `${file.name} is open${opened.unknown.length ? `; ${opened.unknown.length} keys are not of this page: ${opened.unknown.slice(0, 3).join(", ")}` : ""}.`);
+    say(opened.run ? `${file.name} is A now.` : `${file.name} is open${opened.unknown.length ? `; without ${opened.unknown.length} keys that have no place in this page` : ""}.`);
   } catch (error) {
     say(`${error.message}`, true);
   }
@@ -225,6 +229,7 @@ window.addEventListener("keydown", (event) => {
   playback.toggle();
 });
 new ResizeObserver(showMoment).observe(element("machine"));
+new ResizeObserver(([{target}]) => document.documentElement.style.setProperty("--top", `${target.offsetHeight}px`)).observe(document.querySelector(".top"));
 
 const transport = connectTransport(playback, () => (caseOf(catalogue, experiment).steady ?? [0.36 * playback.whole[1], 0.58 * playback.whole[1]]));
 connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });

@@ -1,12 +1,12 @@
 // An experiment leaves as a link, a command line or a file, and comes back from link and file.
 
-import {blank, caseOf, choices, differences, structureOf, withSetting, withValue} from "./experiment.js";
+import {blank, caseOf, choices, differences, structureOf, SEED, withSetting, withValue} from "./experiment.js";
 import {literal, writeToml} from "./toml.js";
 
 const LAG = "actuator.motor.time_constant";
 
 export function hashOf(catalogue, experiment) {
-  const words = new URLSearchParams({case: experiment.case});
+  const words = new URLSearchParams({case: experiment.case.replace("case-", "")});
   for (const [key, value] of Object.entries(differences(catalogue, experiment))) words.set(key, String(value));
   return `#${words}`;
 }
@@ -14,7 +14,7 @@ export function hashOf(catalogue, experiment) {
 export function fromHash(catalogue, hash) {
   const words = new URLSearchParams(hash.replace(/^#/, ""));
   const {case: id, ...entries} = Object.fromEntries(words);
-  return fromEntries(catalogue, blank(catalogue, id), Object.fromEntries(Object.entries(entries).map(([key, text]) => [key, typed(text)]))).experiment;
+  return fromEntries(catalogue, blank(catalogue, `case-${id}`), Object.fromEntries(Object.entries(entries).map(([key, text]) => [key, typed(text)]))).experiment;
 }
 
 function typed(text) {
@@ -32,9 +32,8 @@ export function fromEntries(catalogue, start, entries) {
   }
   for (const [key, value] of Object.entries(entries)) {
     const number = inLoop(value, catalogue.keys[key]);
-    if (key === "simulation.seed") experiment = {...experiment, seed: number};
-    else if (options.has(key) || key === "actuator.kind") continue;
-    else if (number !== undefined && structureOf(catalogue, experiment).parameters.includes(key)) experiment = withValue(catalogue, experiment, key, number);
+    if (options.has(key) || key === "actuator.kind") continue;
+    else if (number !== undefined && (key === SEED || structureOf(catalogue, experiment).parameters.includes(key))) experiment = withValue(catalogue, experiment, key, number);
     else unknown.push(key);
   }
   return {experiment, unknown};
