@@ -11,7 +11,7 @@ import {Playback} from "./playback.js";
 import {Plots} from "./plots.js";
 import {Questions} from "./questions.js";
 import {latest, Runner} from "./runner.js";
-import {commandLine, csvOf, download, fromHash, hashOf, tomlOf} from "./share.js";
+import {commandLine, csvOf, download, fromFile, fromHash, hashOf, tomlOf} from "./share.js";
 import {connectTheme} from "./theme.js";
 import {connectTransport} from "./transport.js";
 import {Tuning} from "./tuning.js";
@@ -49,12 +49,14 @@ new Tuning(element("tuning"), catalogue, background, () => experiment, (found) =
 // ---- what a change does ----
 
 const simulate = latest(async (wanted) => {
+  document.documentElement.dataset.busy = "true";
   try {
     const result = await runner.run(request(catalogue, wanted));
     showRun({...result, label: "this run", experiment: wanted});
   } catch (error) {
     say(error.message, true);
   }
+  document.documentElement.dataset.busy = String(wanted !== experiment);
 });
 
 function change(next) {
@@ -233,7 +235,10 @@ new ResizeObserver(([{target}]) => document.documentElement.style.setProperty("-
 
 const transport = connectTransport(playback, () => (caseOf(catalogue, experiment).steady ?? [0.36 * playback.whole[1], 0.58 * playback.whole[1]]));
 connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });
-if (ownRun) pin(finished(ownRun.label, {...columnsOf(ownRun)}, ownRun.metrics ?? {}));
+if (ownRun) {
+  pin(finished(ownRun.label, columnsOf(ownRun), ownRun.metrics));
+  if (location.hash.length < 2 && ownRun.settings) experiment = fromFile(catalogue, ownRun.settings).experiment;
+}
 change(experiment);
 
 function columnsOf({columns}) {

@@ -78,7 +78,7 @@ export class Plots {
       cursor: {sync: {key: "lab", setSeries: false}, drag: {x: true, y: false, setScale: true}, y: false, focus: {prox: -1},
         points: {size: 6}, bind: {dblclick: () => () => { this.playback.setWindow(...this.playback.whole); return null; }}},
       scales: {x: {time: false}, y: {range: (_, low, high) => padded(low, high)}},
-      axes: [axis({size: 22, gap: 3, values: (plot, ticks) => ticks.map((tick) => (tick === ticks.at(-1) ? `${digits(tick, 5)} s` : digits(tick, 5)))}), axis({size: 54, gap: 4, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
+      axes: [axis({size: 22, gap: 3, values: (plot, ticks) => ticks.map((tick) => (tick === ticks.at(-1) ? `${digits(tick, 5)} s` : digits(tick, 5)))}), axis({size: 54, gap: 4, space: 24, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
       series: [{}, ...panel.drawn.map(({curve, behind}) => ({
         stroke: () => behind ? colour("pinned") : colour(curve[2]), points: {show: false},
         width: behind || curve[3] ? 1.1 : 1.5, dash: behind ? [4, 3] : curve[3] ? [6, 4] : undefined}))],
