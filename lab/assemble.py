@@ -1,7 +1,6 @@
 """The lab as one HTML file: page, plots, catalogue and compiled loops, nothing to load from elsewhere."""
 
 import base64
-import gzip
 import json
 import re
 from collections.abc import Mapping
@@ -15,7 +14,8 @@ PAGE, VENDOR = HERE / "page", HERE / "vendor"
 ENGINE = HERE / "engine" / "engine.js"
 
 STYLES = (VENDOR / "uPlot.min.css", PAGE / "style.css")
-LIBRARIES = (VENDOR / "uPlot.min.js", VENDOR / "parquet.min.js")
+UNPACKER = VENDOR / "fzstd.min.js"
+LIBRARIES = (VENDOR / "uPlot.min.js", VENDOR / "parquet.min.js", UNPACKER)
 
 
 def assemble(
@@ -33,19 +33,26 @@ def assemble(
         run: a run of one's own, shown beside the page's: ``label``, ``columns`` and ``metrics``.
         engine: the module that runs them.
     """
-    packed = {name: base64.b64encode(gzip.compress(code, 9, mtime=0)).decode() for name, code in modules.items()}
     instead = {ENGINE: engine}
     parts = {
         "style": "\n".join(path.read_text(encoding="utf-8") for path in STYLES),
         "libraries": "\n".join(path.read_text(encoding="utf-8") for path in LIBRARIES),
         "catalogue": _json(catalogue),
-        "modules": _json(packed),
+        "modules": _json(_packed(modules)),
         "run": _json(run),
-        "worker": bundle(PAGE / "worker.js", instead),
+        "worker": UNPACKER.read_text(encoding="utf-8") + bundle(PAGE / "worker.js", instead),
         "main": bundle(PAGE / "main.js", instead),
     }
     page = (PAGE / "index.html").read_text(encoding="utf-8")
     return re.sub(r"/\* (\w+) \*/", lambda match: parts[match[1]].replace("</script", "<\\/script"), page)
+
+
+def _packed(modules: Mapping[str, bytes]) -> dict[str, Any]:
+    """Modules in one Zstandard frame: what they have in common, which is most of them, is kept once."""
+    import pyarrow as pa
+
+    frame = pa.Codec("zstd", compression_level=19).compress(b"".join(modules.values()), asbytes=True)
+    return {"names": {name: len(code) for name, code in modules.items()}, "zstd": base64.b64encode(frame).decode()}
 
 
 def _json(content: object) -> str:

@@ -1,6 +1,6 @@
 // Numbers and parts of an experiment, to be changed: a slider for the usual range, a field for whatever the bounds allow.
 
-import {baseValue, choices, structureOf, valueOf} from "./experiment.js";
+import {baseValue, choices, SEED, structureOf, valueOf} from "./experiment.js";
 import {digits, plain, unitText} from "./numbers.js";
 import {SLIDER_STEPS, sliderRange, toPosition, toValue} from "./range.js";
 import {label, OPEN, sections} from "./sections.js";
@@ -26,7 +26,7 @@ export class Controls {
   #build(structure, inHeader) {
     const open = new Map([...this.holder.querySelectorAll("details")].map((section) => [section.dataset.heading, section.open]));
     const options = new Map([...choices(this.catalogue)].filter(([key]) => !inHeader.includes(key)));
-    const numbers = structure.parameters.filter((key) => this.catalogue.keys[key]);
+    const numbers = [...structure.parameters, SEED];
     this.rows.clear();
     this.holder.replaceChildren(...sections([...options.keys(), ...numbers.filter((key) => !options.has(key))], this.catalogue).map(([heading, keys]) => {
       const section = document.createElement("details");
@@ -54,7 +54,7 @@ export class Controls {
     if (about.kind === "choice") return this.#select(row, id, about.choices, (index) => this.onValue(key, index),
       () => [valueOf(this.catalogue, this.experiment, key), key in this.experiment.values], key);
     row.insertAdjacentHTML("beforeend", `<input type="range" min="0" max="${SLIDER_STEPS}" step="1" aria-label="${escaped(about.meaning)}">
-      <input type="text" inputmode="decimal" id="${id}" autocomplete="off" aria-describedby="${id}-about"><span class="unit">${unitText(about.unit)}</span>
+      <input type="text" inputmode="decimal" id="${id}" autocomplete="off" aria-describedby="${id}-about"><span class="unit" title="${unitText(about.unit)}">${unitText(about.unit)}</span>
       <button type="button" class="reset" title="Back to the case’s value" aria-label="Reset ${label(key)}">↺</button>
       <p class="about" id="${id}-about">${escaped(about.meaning)}${boundsText(about)} <code>${key}</code></p>`);
     const [slider, field] = row.querySelectorAll("input");
@@ -66,7 +66,7 @@ export class Controls {
       const coarse = {PageUp: 50, PageDown: -50, ArrowUp: 10, ArrowRight: 10, ArrowLeft: -10, ArrowDown: -10}[event.key];
       if (!coarse || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
-      const moved = integer ? Number(plain(valueOf(this.catalogue, this.experiment, key))) + Math.sign(coarse)
+      const moved = integer ? valueOf(this.catalogue, this.experiment, key) + Math.sign(coarse) * (Math.abs(coarse) > 10 ? 10 : 1)
         : toValue(range, Math.min(Math.max(Number(slider.value) + coarse * (event.shiftKey ? 0.1 : 1), 0), SLIDER_STEPS));
       this.onValue(key, Math.min(Math.max(moved, range.low), range.high));
     });
@@ -81,10 +81,11 @@ export class Controls {
     this.rows.set(key, () => {
       const value = valueOf(this.catalogue, this.experiment, key);
       range = sliderRange(about, baseValue(this.catalogue, this.experiment, key));
-      slider.value = value === null ? SLIDER_STEPS : toPosition(range, value);
-      slider.classList.toggle("open", value === null);
-      slider.setAttribute("aria-valuetext", value === null ? "none" : `${digits(value)} ${unitText(about.unit)}`);
-      if (!row.classList.contains("wrong")) field.value = value === null ? "none" : plain(value);
+      const shown = value ?? about.instead ?? null;
+      slider.value = shown === null ? SLIDER_STEPS : toPosition(range, shown);
+      slider.setAttribute("aria-valuetext", shown === null ? "none" : `${digits(shown)} ${unitText(about.unit)}`);
+      if (!row.classList.contains("wrong")) field.value = value === null ? "" : plain(value);
+      field.placeholder = about.instead == null ? "none" : plain(about.instead);
       row.classList.toggle("changed", key in this.experiment.values);
     });
     return row;
@@ -124,7 +125,7 @@ export class Controls {
 
   #select(row, id, options, onChange, state, key) {
     row.classList.add("choice");
-    row.insertAdjacentHTML("beforeend", `<select id="${id}">${options.map((option, index) => `<option value="${index}">${optionText(option)}</option>`).join("")}</select>`);
+    row.insertAdjacentHTML("beforeend", `<select id="${id}">${options.map((option, index) => `<option value="${index}">${optionText(this.catalogue, key, option)}</option>`).join("")}</select>`);
     row.querySelector("label").htmlFor = id;
     const select = row.querySelector("select");
     select.addEventListener("change", () => onChange(Number(select.value)));
@@ -151,8 +152,10 @@ export class Controls {
   }
 }
 
-export function optionText(option) {
-  return String(option).replaceAll("-", " ");
+// What people call a choice.
+export function optionText(catalogue, key, option) {
+  const {choices: known, labels} = catalogue.keys[key] ?? {};
+  return labels?.[known.indexOf(option)] ?? String(option).replaceAll("-", " ");
 }
 
 function counted(changed) {

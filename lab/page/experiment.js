@@ -1,9 +1,15 @@
 // What is simulated: a case of the paper and what differs from it. Settings choose the parts, values are their numbers.
 //
-// An experiment is {case, settings: {key: choice}, values: {key: number}, seed}; it holds differences from the case alone.
+// An experiment is {case, settings: {key: choice}, values: {key: number}}; it holds differences from the case alone.
+
+export const SEED = "simulation.seed";
+
+// What the catalogue says of the seed, which is no number of the compiled loop.
+export const ABOUT_SEED = {unit: "1", meaning: "seed of every random signal of the run", kind: "integer", low: 0, high: 2 ** 32, default: 0,
+  slider: [0, 100], scale: "linear", optional: false, tunable: false};
 
 export function blank(catalogue, id) {
-  return {case: (catalogue.cases.find((known) => known.id === id) ?? catalogue.cases.at(-1)).id, settings: {}, values: {}, seed: 0};
+  return {case: (catalogue.cases.find((known) => known.id === id) ?? catalogue.cases.at(-1)).id, settings: {}, values: {}};
 }
 
 export function caseOf(catalogue, experiment) {
@@ -80,7 +86,7 @@ export function request(catalogue, experiment) {
   const known = new Set(structure.parameters);
   const all = {...caseOf(catalogue, experiment).values, ...experiment.values};
   const values = Object.fromEntries(Object.entries(all).filter(([key]) => known.has(key)));
-  return {structure: structure.id, values, seed: experiment.seed};
+  return {structure: structure.id, values, seed: valueOf(catalogue, experiment, SEED)};
 }
 
 // The gains of the law and its estimator.
@@ -91,7 +97,7 @@ export function tunables(catalogue, experiment) {
 
 // Everything that differs from the defaults of a file: what the case sets, then what was changed.
 export function differences(catalogue, experiment) {
-  return {...settingsOf(catalogue, experiment), ...experiment.values, ...(experiment.seed ? {"simulation.seed": experiment.seed} : {})};
+  return {...settingsOf(catalogue, experiment), ...experiment.values};
 }
 
 function settingsOf(catalogue, experiment) {

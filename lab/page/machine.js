@@ -1,6 +1,6 @@
 // The machine at one moment: rail, vehicle, drums and ropes, drawn to scale, and the error under a lens.
 
-import {digits} from "./numbers.js";
+import {digits, steady} from "./numbers.js";
 import {colour} from "./theme.js";
 
 const HEIGHT = 196;
@@ -175,7 +175,7 @@ export class Machine {
     pen.fillText(`${digits(range * unit[1], 2)} ${unit[0]}`, centre + half, base + 18);
     const spot = centre + half * Math.min(Math.max(error / range, -1.04), 1.04);
     pen.fillStyle = colour("blue");
-    pen.fillText(`e ${digits(error * unit[1], 3)}`, centre, base + 18);
+    pen.fillText(`e ${steady(error * unit[1], range * unit[1] / 10)}`, centre, base + 18);
     pen.strokeStyle = colour("blue");
     pen.lineWidth = 2.5;
     this.#line(spot, base - 8, spot, base + 1);

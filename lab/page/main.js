@@ -2,7 +2,7 @@
 
 import {Controls, optionText} from "./controls.js";
 import {Ensemble} from "./ensemble.js";
-import {blank, caseOf, choices, request, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
+import {ABOUT_SEED, blank, caseOf, choices, request, SEED, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
 import {Machine} from "./machine.js";
 import {showMerits} from "./merits.js";
 import {digits} from "./numbers.js";
@@ -21,7 +21,11 @@ const HEADER = ["controller.kind", "controller.estimator", "controller.coordinat
 const element = (id) => document.getElementById(id);
 const content = (id) => JSON.parse(element(id).textContent);
 
-const catalogue = content("catalogue"), modules = content("modules"), ownRun = content("own-run");
+const catalogue = withSeed(content("catalogue")), modules = content("modules"), ownRun = content("own-run");
+function withSeed(read) {
+  return {...read, keys: {...read.keys, [SEED]: ABOUT_SEED}};
+}
+
 let experiment = location.hash.length > 1 ? fromHash(catalogue, location.hash) : blank(catalogue, "case-4");
 let run = null, pinned = null;
 
@@ -82,6 +86,7 @@ function refresh() {
   plots.show(run, pinned, plant());
   const ended = {completed: "", diverged: `The run diverged at ${digits(run.until)} s.`, left_track: `The vehicle left the rail at ${digits(run.until)} s.`}[run.outcome] ?? "";
   element("outcome").textContent = ended;
+  element("glance").innerHTML = glance();
   showMerits(element("merits"), catalogue, run, pinned, paperMetrics());
   showMoment();
 }
@@ -97,6 +102,13 @@ function showMoment() {
 function paperMetrics() {
   const known = catalogue.paper[experiment.case] ?? {}, law = structureOf(catalogue, experiment).settings["controller.kind"];
   return known[law] ?? known["fando-nftsm"] ?? null;
+}
+
+// The run in a line, for screens on which the plots are out of sight while a number is changed.
+function glance() {
+  const {mae, max_abs_error: largest, peak_tension: peak, slack_share: slack} = run.metrics;
+  if (!Number.isFinite(mae)) return run.outcome;
+  return [`mean |e| ${digits(mae * 1e3, 3)} mm`, `largest ${digits(largest * 1e3, 3)} mm`, `peak ${digits(peak)} N`, slack > 0 ? `slack ${digits(100 * slack, 2)} %` : "no slack"].map((text) => `<span>${text}</span>`).join(" ");
 }
 
 // Lengths and limits of the machine, for drawing.
@@ -119,16 +131,18 @@ function showChoices() {
 }
 
 function buildChoices(holder) {
-  const cases = document.createElement("fieldset");
+  const cases = document.createElement("div");
   cases.className = "cases";
-  cases.innerHTML = `<legend>Case</legend>${catalogue.cases.map(({id, label}) => `<label title="${label}"><input type="radio" name="case" value="${id}" aria-label="${label}">${id.replace("case-", "")}</label>`).join("")}`;
+  cases.setAttribute("role", "radiogroup");
+  cases.setAttribute("aria-label", "Case of the paper");
+  cases.innerHTML = `<span>Case</span>${catalogue.cases.map(({id, label}) => `<label title="${label}"><input type="radio" name="case" value="${id}" aria-label="${label}">${id.replace("case-", "")}</label>`).join("")}`;
   cases.addEventListener("change", (event) => change(withCase(catalogue, experiment, event.target.value)));
   holder.append(cases);
   for (const [key, name] of [["controller.kind", "Law"], ["controller.estimator", "Estimator"], ["controller.coordination.kind", "Coordination"]]) {
     const options = choices(catalogue).get(key);
     if (!options) continue;
     const label = document.createElement("label");
-    label.innerHTML = `<span>${name}</span><select data-key="${key}">${options.map((option) => `<option value="${option}">${optionText(option)}</option>`).join("")}</select>`;
+    label.innerHTML = `<span>${name}</span><select data-key="${key}">${options.map((option) => `<option value="${option}">${optionText(catalogue, key, option)}</option>`).join("")}</select>`;
     label.querySelector("select").addEventListener("change", (event) => change(withSetting(catalogue, experiment, key, event.target.value)));
     holder.append(label);
   }
@@ -190,7 +204,7 @@ async function openAs(file) {
     const opened = await openFile(catalogue, file);
     if (opened.run) pin(opened.run);
     else change(opened.experiment);
-    say(opened.run ? `${file.name} is A now.` : `${file.name} is open${opened.unknown.length ? `; ${opened.unknown.length} keys are not of this page: ${opened.unknown.slice(0, 3).join(", ")}` : ""}.`);
+    say(opened.run ? `${file.name} is A now.` : `${file.name} is open${opened.unknown.length ? `; without ${opened.unknown.length} keys that have no place in this page` : ""}.`);
   } catch (error) {
     say(`${error.message}`, true);
   }
@@ -215,6 +229,7 @@ window.addEventListener("keydown", (event) => {
   playback.toggle();
 });
 new ResizeObserver(showMoment).observe(element("machine"));
+new ResizeObserver(([{target}]) => document.documentElement.style.setProperty("--top", `${target.offsetHeight}px`)).observe(document.querySelector(".top"));
 
 const transport = connectTransport(playback, () => (caseOf(catalogue, experiment).steady ?? [0.36 * playback.whole[1], 0.58 * playback.whole[1]]));
 connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });

@@ -14,6 +14,6 @@ function row(metric, values, compared) {
   const share = metric.unit === "1" && metric.name.endsWith("share");
   const {unit, factor} = share ? {unit: "%", factor: 100} : scaleFor(metric.unit, values.map((value) => value ?? NaN));
   const cells = values.map((value) => `<td>${digits(value == null ? NaN : value * factor, 4)}</td>`);
-  const last = compared ? `<td class="change">${change(values[1] ?? NaN, values[0] ?? NaN)}</td>` : "";
+  const last = compared ? `<td class="change">${change((values[1] ?? NaN) * factor, (values[0] ?? NaN) * factor)}</td>` : "";
   return `<tr><th scope="row" title="${metric.meaning}">${metric.name.replaceAll("_", " ")}<small>${unit}</small></th>${cells.join("")}${last}</tr>`;
 }

@@ -10,7 +10,7 @@ const PRETTY = {"^2": "²", "^3": "³", "^-1": "⁻¹", "*": "·"};
 
 export function unitText(unit) {
   if (!unit || unit === "1") return "";
-  return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]);
+  return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]).replaceAll(" ", "\u2009");
 }
 
 // Unit and factor in which the largest of some values is easily read.
@@ -40,19 +40,39 @@ export function digits(value, count = 4) {
   return text.replaceAll("-", "−").replace(/^(−?\d{1,3})(\d{3})$/, "$1\u2009$2");
 }
 
+function rounded(factor) {
+  return factor < 1e4 ? digits(Number(factor.toPrecision(2))) : `10${superscript(Math.round(Math.log10(factor)))}`;
+}
+
+function superscript(power) {
+  return String(power).replace(/\d/g, (digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[digit]);
+}
+
 function trimmed(text) {
   return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
 }
 
 // A number as a field or a file holds it: no more digits than it needs.
 export function plain(value) {
-  return value === null ? "" : String(Number(value.toPrecision(6)));
+  if (value === null) return "";
+  const text = String(Number(value.toPrecision(6)));
+  return value !== 0 && Math.abs(value) < 1e-3 ? Number(value.toPrecision(6)).toExponential().replace("e+", "e") : text.replace("e+", "e");
 }
 
+// As many digits behind the point as four digits of `largest` have: numbers of a signal stand still while they change.
+export function steady(value, largest) {
+  if (!Number.isFinite(value)) return "–";
+  const decimals = Math.min(Math.max(3 - Math.floor(Math.log10(largest || 1)), 0), 8);
+  return value.toFixed(decimals).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−").replace(/^(−?\d{1,3})(\d{3})$/, "$1\u2009$2");
+}
+
+// What became of a number, in the words that are shortest: a share, or a factor where it is large.
 export function change(from, to) {
-  if (!Number.isFinite(from) || !Number.isFinite(to) || from === to) return from === to ? "=" : "–";
+  if (!Number.isFinite(from) || !Number.isFinite(to)) return "–";
+  if (from === to) return "=";
   if (from === 0) return `+${digits(to, 3)}`;
-  const share = (to - from) / Math.abs(from);
-  if (Math.abs(share) >= 10) return `× ${digits(to / from, 3)}`;
+  const share = (to - from) / Math.abs(from), factor = to / from;
+  if (factor >= 10 || (factor > 0 && factor < 0.05)) return factor > 1 ? `× ${rounded(factor)}` : `÷ ${rounded(1 / factor)}`;
+  if (Math.abs(share) < 5e-4) return "=";
   return `${share < 0 ? "−" : "+"}${(100 * Math.abs(share)).toFixed(Math.abs(share) < 0.1 ? 1 : 0)} %`;
 }

@@ -28,7 +28,7 @@ async function readParquet(file) {
   const buffer = await file.arrayBuffer();
   const metadata = hyparquet.parquetMetadata(buffer), columns = {};
   await hyparquet.parquetRead({
-    file: buffer, metadata, compressors: {ZSTD: (input, length) => hyparquet.decompressZstd(input, new Uint8Array(length))},
+    file: buffer, metadata, compressors: {ZSTD: (input, length) => fzstd.decompress(input, new Uint8Array(length))},
     onChunk: ({columnName, columnData, rowStart, rowEnd}) => {
       columns[columnName] ??= new Float64Array(Number(metadata.num_rows)).fill(NaN);
       for (let row = rowStart; row < rowEnd; row++) columns[columnName][row] = columnData[row - rowStart] ?? NaN;

@@ -1,13 +1,13 @@
 // Linked plots of a run: one cursor, one stretch of time, and where a run is pinned, that run behind.
 
-import {digits, unitText} from "./numbers.js";
+import {digits, steady, unitText} from "./numbers.js";
 import {colour} from "./theme.js";
 
 // What each plot draws: columns, and constant lines from the plant and the limits.
 const PANELS = [
   {title: "Position error", unit: "m", curves: [["e", "e", "blue"]], limits: () => []},
-  {title: "Rope tensions and commands", unit: "N", limits: (plant) => [plant.tensionMin, plant.tensionMax],
-    curves: [["F1_cmd", "F₁ command", "rope1", "dash"], ["F2_cmd", "F₂ command", "rope2", "dash"], ["F1", "F₁", "rope1"], ["F2", "F₂", "rope2"]]},
+  {title: "Rope tensions", unit: "N", limits: (plant) => [plant.tensionMin, plant.tensionMax],
+    curves: [["F1", "F₁", "rope1"], ["F1_cmd", "command", "rope1", "dash"], ["F2", "F₂", "rope2"], ["F2_cmd", "command", "rope2", "dash"]]},
   {title: "Motor torques", unit: "N m", limits: (plant) => plant.torqueLimits,
     curves: [["tau_1", "τ₁", "rope1"], ["tau_2", "τ₂", "rope2"]]},
   {title: "Disturbance, true and estimated", unit: "m/s^2", limits: () => [], curves: [["d_true", "true", "ink"], ["d_hat", "estimated", "vermilion"]]},
@@ -74,14 +74,14 @@ export class Plots {
     const axis = (more) => ({stroke: () => colour("ink-soft"), grid: {stroke: () => colour("line"), width: 1}, ticks: {show: false},
       font: '11px "Source Sans 3", "Segoe UI", system-ui, sans-serif', ...more});
     const options = {
-      ...this.#size(panel), legend: {show: false}, padding: [6, 8, 0, 0], pxAlign: true,
+      ...this.#size(panel), legend: {show: false}, padding: [6, 14, 0, 0], pxAlign: true,
       cursor: {sync: {key: "lab", setSeries: false}, drag: {x: true, y: false, setScale: true}, y: false, focus: {prox: -1},
         points: {size: 6}, bind: {dblclick: () => () => { this.playback.setWindow(...this.playback.whole); return null; }}},
       scales: {x: {time: false}, y: {range: (_, low, high) => padded(low, high)}},
-      axes: [axis({size: 22, gap: 3}), axis({size: 54, gap: 4, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
+      axes: [axis({size: 22, gap: 3, values: (plot, ticks) => ticks.map((tick) => (tick === ticks.at(-1) ? `${digits(tick, 5)} s` : digits(tick, 5)))}), axis({size: 54, gap: 4, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
       series: [{}, ...panel.drawn.map(({curve, behind}) => ({
         stroke: () => behind ? colour("pinned") : colour(curve[2]), points: {show: false},
-        width: behind ? 1 : curve[3] ? 1 : 1.4, dash: behind ? [2, 3] : curve[3] ? [6, 4] : undefined}))],
+        width: behind || curve[3] ? 1.1 : 1.5, dash: behind ? [4, 3] : curve[3] ? [6, 4] : undefined}))],
       hooks: {
         drawAxes: [(plot) => this.#limits(plot, panel)],
         setScale: [(plot, key) => { if (key === "x" && !this.quiet) this.#zoomed(plot); }],
@@ -144,8 +144,7 @@ export class Plots {
         panel.plot.setScale("x", {min: low, max: high});
         this.quiet = false;
       }
-      const left = (this.playback.time - low) / (high - low) * panel.plot.over.clientWidth;
-      panel.play.style.transform = `translateX(${left}px)`;
+      panel.play.style.left = `${100 * (this.playback.time - low) / (high - low)}%`;
     }
     this.#values();
   }
@@ -154,10 +153,10 @@ export class Plots {
     const time = this.hovered ?? this.playback.time;
     for (const panel of this.panels) {
       if (!panel.plot) continue;
-      const entries = panel.legend.querySelectorAll("dd");
+      const entries = panel.legend.querySelectorAll("dd"), {min, max} = panel.plot.scales.y;
       panel.drawn.forEach(({curve, of}, index) => {
         const row = Math.min(Math.round(time / ((of.t.at(-1) - of.t[0]) / (of.t.length - 1))), of.t.length - 1);
-        entries[index].textContent = `${digits(of.columns[curve[0]][row] * panel.factor)} ${panel.shownUnit}`;
+        entries[index].textContent = `${steady(of.columns[curve[0]][row] * panel.factor, Math.max(Math.abs(min), Math.abs(max)))} ${panel.shownUnit}`;
       });
     }
   }

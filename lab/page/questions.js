@@ -78,11 +78,12 @@ export class Questions {
       <p>${question.ask}</p><p class="now" aria-live="polite"></p><p class="solved" aria-live="polite"></p>
       <p class="buttons"><button type="button">Begin</button></p><details class="hint"><summary>Hint</summary><p>${question.hint}</p></details>`;
     entry.querySelector("button").addEventListener("click", () => this.begin(question.start(this.catalogue)));
-    entry.addEventListener("toggle", () => this.last && this.check(...this.last));
+    entry.addEventListener("toggle", () => this.last && this.check(...this.last, false));
     return entry;
   }
 
-  async check(run, experiment) {
+  // What a run says to the question that is open; only a run that comes while it is open answers it.
+  async check(run, experiment, answers = true) {
     this.last = [run, experiment];
     for (const [index, question] of QUESTIONS.entries()) {
       const entry = this.entries[index];
@@ -93,7 +94,7 @@ export class Questions {
       const {now, solved} = question.answer({run, compared, caseId: experiment.case, kind: settings["controller.kind"],
         value: (key) => settings[key] ?? (this.catalogue.keys[key] ? valueOf(this.catalogue, experiment, key) : null)});
       entry.querySelector(".now").textContent = `Now: ${now}.`;
-      if (!solved) continue;
+      if (!solved || !answers) continue;
       entry.classList.add("answered");
       entry.querySelector(".solved").textContent = solved;
       entry.querySelector(".done").textContent = " answered";

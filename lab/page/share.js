@@ -1,10 +1,12 @@
 // An experiment leaves as a link, a command line or a file, and comes back from link and file.
 
-import {blank, caseOf, choices, differences, structureOf, withSetting, withValue} from "./experiment.js";
+import {blank, caseOf, choices, differences, structureOf, SEED, withSetting, withValue} from "./experiment.js";
 import {literal, writeToml} from "./toml.js";
 
+const LAG = "actuator.motor.time_constant";
+
 export function hashOf(catalogue, experiment) {
-  const words = new URLSearchParams({case: experiment.case});
+  const words = new URLSearchParams({case: experiment.case.replace("case-", "")});
   for (const [key, value] of Object.entries(differences(catalogue, experiment))) words.set(key, String(value));
   return `#${words}`;
 }
@@ -12,7 +14,7 @@ export function hashOf(catalogue, experiment) {
 export function fromHash(catalogue, hash) {
   const words = new URLSearchParams(hash.replace(/^#/, ""));
   const {case: id, ...entries} = Object.fromEntries(words);
-  return fromEntries(catalogue, blank(catalogue, id), Object.fromEntries(Object.entries(entries).map(([key, text]) => [key, typed(text)]))).experiment;
+  return fromEntries(catalogue, blank(catalogue, `case-${id}`), Object.fromEntries(Object.entries(entries).map(([key, text]) => [key, typed(text)]))).experiment;
 }
 
 function typed(text) {
@@ -30,9 +32,8 @@ export function fromEntries(catalogue, start, entries) {
   }
   for (const [key, value] of Object.entries(entries)) {
     const number = inLoop(value, catalogue.keys[key]);
-    if (key === "simulation.seed") experiment = {...experiment, seed: number};
-    else if (options.has(key)) continue;
-    else if (number !== undefined && structureOf(catalogue, experiment).parameters.includes(key)) experiment = withValue(catalogue, experiment, key, number);
+    if (options.has(key) || key === "actuator.kind") continue;
+    else if (number !== undefined && (key === SEED || structureOf(catalogue, experiment).parameters.includes(key))) experiment = withValue(catalogue, experiment, key, number);
     else unknown.push(key);
   }
   return {experiment, unknown};
@@ -48,8 +49,13 @@ export function fromFile(catalogue, entries) {
 }
 
 export function commandLine(catalogue, experiment) {
-  const sets = Object.entries(differences(catalogue, experiment)).map(([key, value]) => ` --set ${key}=${inShell(value, catalogue.keys[key])}`);
+  const sets = Object.entries(withActuator(differences(catalogue, experiment))).map(([key, value]) => ` --set ${key}=${inShell(value, catalogue.keys[key])}`);
   return `uv run dualwinch simulate --case ${experiment.case.replace("case-", "")}${sets.join("")}`;
+}
+
+// A motor with a lag is a part of its own in a file; without lag there is none.
+function withActuator({[LAG]: lag, ...values}) {
+  return lag > 0 ? {...values, "actuator.kind": "motor", [LAG]: lag} : values;
 }
 
 function inShell(value, about) {
@@ -73,7 +79,7 @@ function inLoop(value, about) {
 export function tomlOf(catalogue, experiment) {
   const known = caseOf(catalogue, experiment);
   const all = {...structureOf(catalogue, experiment).settings, ...known.values, ...differences(catalogue, experiment)};
-  const entries = Object.entries(all).filter(([, value]) => value !== null).map(([key, value]) => [key, asFile(value, catalogue.keys[key])]);
+  const entries = Object.entries(withActuator(all)).filter(([, value]) => value !== null).map(([key, value]) => [key, asFile(value, catalogue.keys[key])]);
   return writeToml(Object.fromEntries(entries), [`dualwinch experiment from the lab: ${known.label}`, "run it with: uv run dualwinch simulate --config FILE"]);
 }
 

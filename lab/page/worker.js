@@ -2,12 +2,13 @@
 
 import {Engine} from "../engine/engine.js";
 import {extremes, samples} from "./thin.js";
+import {unpack} from "./unpack.js";
 
 let engine = null;
 
 self.onmessage = async ({data}) => {
   if (data.catalogue) {
-    engine = Engine.load(data.catalogue, data.modules);
+    engine = Engine.load(data.catalogue, unpack(data.modules));
     engine.catch(() => {});
     return;
   }
