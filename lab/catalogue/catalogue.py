@@ -24,7 +24,8 @@ def catalogue(structures: Sequence[Structure], rig: Ensemble, version: str) -> d
     entries = []
     for structure in structures:
         own = described(structure, rig)
-        differing = {key: entry["default"] for key, entry in own.items() if keys.setdefault(key, entry)["default"] != entry["default"]}
+        keys |= {key: entry for key, entry in own.items() if key not in keys}
+        differing = {key: entry["default"] for key, entry in own.items() if entry["default"] != keys[key]["default"]}
         entries.append(_entry(structure, differing))
     return {
         "version": version,

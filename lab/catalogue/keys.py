@@ -1,4 +1,4 @@
-"""What every number of the lab is: unit, meaning, bounds, default, and the range of a slider; all from the annotations."""
+"""What every number of the lab is: unit, meaning, bounds, default, range of a slider; all from the annotations."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -126,8 +126,7 @@ def _slider(
         reach: what a rig's number may be, where that is another one.
         searched: where it is searched for when it is tuned.
     """
-    if searched:
-        assert leaf.tunable is not None
+    if leaf.tunable and searched:
         return Slider(*searched, "log" if leaf.tunable.log and searched[0] > 0 else "linear")
     finite = all(map(math.isfinite, bounds))
     if leaf.kind is not float and finite:

@@ -1,4 +1,4 @@
-"""What a module takes, by the keys of an experiment, and what follows from it: parameters, reference, random signals."""
+"""What a module takes, by keys of an experiment, and what follows from it: parameters, reference, random signals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,6 +7,7 @@ from typing import Any
 
 import casadi as ca
 
+from dualwinch.codegen.drivers.signals.kinds import NORMAL, OUTAGES, UNIFORM
 from dualwinch.controllers.nominal import Nominal, nominal_plant
 from dualwinch.lab.wasm.wide import DELAY, LAG, SHORTEST_LAG, WideLoop, wide, wide_loop
 from dualwinch.model.motions.preview import no_departures
@@ -184,10 +185,10 @@ class Settings:
         for name, course in courses(sensors, sea, vehicle).items():
             lasting = exp(-step / maximum(course.time, 1e-300))
             decay = where(course.time > 0, lasting, 0.0) if isinstance(course.time, ca.SX) else 0.0
-            rows[name] = [course.sigma > 0, course.sigma, decay, course.limit, 0.0, 0.0, course.from_zero]
-        rows["noise.lateness"][0] = 2 * (symbols["simulation.jitter"] > 0)
-        outage = symbols["sensors.outage_length"]
-        rows["noise.silent"] = [3 * (outage > 0), 0.0, 0.0, 0.0, symbols["sensors.outage_period"] / step, outage / step, 0.0]
+            rows[name] = [NORMAL * (course.sigma > 0), course.sigma, decay, course.limit, 0.0, 0.0, course.from_zero]
+        rows["noise.lateness"][0] = UNIFORM * (symbols["simulation.jitter"] > 0)
+        length, period = symbols["sensors.outage_length"], symbols["sensors.outage_period"]
+        rows["noise.silent"] = [OUTAGES * (length > 0), 0.0, 0.0, 0.0, period / step, length / step, 0.0]
         return self._function("drawn", {}, {"random": [value for row in rows.values() for value in row]})
 
     @cached_property
@@ -203,7 +204,12 @@ class Settings:
         return named_function(name, inputs | {"parameters": self.vector}, columns)
 
 
-UNHEEDED = ("reference.acceleration", "disturbance.force.", "disturbance.current.", "disturbance.normal_force_variation.")
+UNHEEDED = (
+    "reference.acceleration",
+    "disturbance.force.",
+    "disturbance.current.",
+    "disturbance.normal_force_variation.",
+)
 """What the keys begin with of numbers that only other references and signals from files look at."""
 
 

@@ -12,16 +12,15 @@ from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.loop.start import start_function
 from dualwinch.simulation.loop.structure import structure_of
 
-OFTEN = Style(compares=True, inlined=True)
-"""How operations are written that are carried out at every sample: without calls, which a module would have to hold."""
+INLINED = Style(compares=True, inlined=True)
+"""How operations are written: without calls, which a module would have to hold."""
 
 
 def module_source(settings: Settings) -> str:
     """C99 translation unit of a structure's module."""
     loop = settings.loop
-    once = [settings.parameters, settings.duration, settings.drawn, settings.figures, start_function(structure_of(settings.wide))]
-    motion = hoisted(settings.motion)
-    often = [*hoisted_all(loop.functions), *motion]
+    functions = [*hoisted_all(loop.functions), *hoisted(settings.motion), start_function(structure_of(settings.wide))]
+    functions += [settings.parameters, settings.duration, settings.figures]
     exogenous = loop.closed.exogenous
     sizes = loop.sizes | {
         "SETTINGS": settings.vector.numel(),
@@ -38,6 +37,6 @@ def module_source(settings: Settings) -> str:
     listed = "".join(f"#define {name} {{{', '.join(values)}}}\n" for name, values in lists.items())
     own = files("dualwinch.lab.wasm")
     delay, run = ((own / name).read_text(encoding="utf-8") for name in ("delay.h", "run.c"))
-    return unit(
-        sizes, often, *FILL_PARTS, listed, c_source(often, OFTEN), c_source(once), delay, "rollout.c", run
-    )
+    # how fast random signals decay must be exact: what an error of 1e-9 does grows with the time that they last
+    written = c_source(functions, INLINED), c_source([settings.drawn])
+    return unit(sizes, functions, *FILL_PARTS, listed, *written, delay, "rollout.c", run)

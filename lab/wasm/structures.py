@@ -1,6 +1,6 @@
 """The structures that the lab offers, each a module of its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -39,7 +39,7 @@ class Structure:
     """
 
     settings: tuple[tuple[str, Any], ...]
-    base: Experiment = Experiment()
+    base: Experiment = field(default_factory=Experiment)
 
     @cached_property
     def chosen(self) -> dict[str, Any]:
@@ -67,9 +67,8 @@ class Structure:
     def label(self) -> str:
         """What people call it."""
         usual, parts = leaves(Experiment()), [POSITION_LAWS.find(self.chosen[LAW]).label]
-        for key in (ESTIMATOR, COORDINATION):
-            if self.chosen[key] != usual[key]:
-                parts.append(REGISTRIES[key].find(self.chosen[key]).label)
+        others = [key for key in (ESTIMATOR, COORDINATION) if self.chosen[key] != usual[key]]
+        parts += [REGISTRIES[key].find(self.chosen[key]).label for key in others]
         return ", ".join([*parts, *([] if self.chosen[SLACK] else ["ropes that push"])])
 
 

@@ -1,4 +1,4 @@
-"""An experiment of the lab's structure: everything that may be switched on is there, and a number says whether it is."""
+"""An experiment of the lab's structure: all that may be switched on is there, and a number says whether it is."""
 
 from dataclasses import dataclass, replace
 
