@@ -14,7 +14,7 @@ Opens = Callable[..., Lab]
 
 
 def digits(text: str) -> float:
-    return float(text.replace("\u2009", "").replace("−", "-"))
+    return float(text.replace("\u202f", "").replace("−", "-"))
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
