@@ -1,12 +1,14 @@
 """A run of one's own, as the page takes it."""
 
 import base64
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.content import plain
 from dualwinch.simulation.results.result import Result
 
 MOST_ROWS = 100_000
@@ -21,19 +23,30 @@ def own_run(label: str, result: Result) -> dict[str, Any]:
         result: the run, with its rows.
 
     Returns:
-        ``label``, ``outcome``, ``until`` in s, ``metrics``, ``columns``: name → base64, and ``units``.
+        ``label``, ``outcome``, ``until`` in s, ``metrics``, ``columns``: name → base64, ``units``, and ``settings``:
+        key → value of what is not as in the paper's Case 2, as in a file.
     """
     stride = max(1, -(-len(result.columns.get("t", ())) // MOST_ROWS))
-    metrics = {name: None if math.isnan(value) else value for name, value in dict(result.metrics).items()}
     return {
         "label": label,
         "outcome": result.outcome,
         "until": result.end_time,
-        "metrics": metrics,
+        "metrics": plain(dict(result.metrics)),
         "columns": {name: _packed(column[::stride]) for name, column in result.columns.items()},
         "units": result.units,
+        "settings": _differences(result.experiment),
     }
 
 
 def _packed(column: NDArray[np.float64]) -> str:
     return base64.b64encode(np.ascontiguousarray(column, "<f8").tobytes()).decode()
+
+
+def _differences(experiment: Experiment) -> dict[str, Any]:
+    """Single values that are not as in the paper's Case 2."""
+    usual = leaves(Experiment())
+    return {
+        key: plain(value)
+        for key, value in leaves(experiment).items()
+        if isinstance(value, (str, bool, int, float)) and value != usual.get(key)
+    }

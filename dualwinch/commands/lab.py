@@ -31,7 +31,7 @@ def lab(out: Path | None, port: int, *, browser: bool) -> None:
     if out:
         _write(page, out)
         return
-    with _server(page, port) as server:
+    with server_of(page, port) as server:
         address = f"http://{HOST}:{server.server_port}/"
         terminal(stderr=True).print(f"the lab is at {address} (Ctrl-C ends it)")
         if browser:
@@ -47,8 +47,8 @@ def show(run: Path, out: Path | None, *, browser: bool) -> None:
     file = out or run.with_suffix(".html")
     _check(file)
     result = load_result(run)
-    if "t" not in result.columns:
-        raise ConfigurationError(f"{run}: holds no rows; run it without --stride 0")
+    if not len(result.columns.get("t", ())):
+        raise ConfigurationError(f"{run}: holds no rows to draw")
     page = _page(own_run(run.name, result))
     _write(page, file)
     if browser:
@@ -72,10 +72,10 @@ def _check(out: Path) -> None:
 def _write(page: str, out: Path) -> None:
     with atomic(out) as unfinished:
         unfinished.write_text(page, encoding="utf-8")
-    terminal(stderr=True).print(f"wrote {out} ({len(page.encode()) / 1e6:.2f} MB)")
+    terminal(stderr=True, soft_wrap=True).print(f"wrote {out} ({len(page.encode()) / 1e6:.2f} MB)")
 
 
-def _server(page: str, port: int) -> ThreadingHTTPServer:
+def server_of(page: str, port: int) -> ThreadingHTTPServer:
     """A server of one page on this machine alone.
 
     Raises:
@@ -102,6 +102,4 @@ def _server(page: str, port: int) -> ThreadingHTTPServer:
     try:
         return ThreadingHTTPServer((HOST, port), Handler)
     except OSError as error:
-        raise ConfigurationError(
-            f"--port = {port}: {error.strerror}; another one, or 0 for any that is free"
-        ) from error
+        raise ConfigurationError(f"--port = {port}: {error.strerror}; 0 takes any that is free") from error

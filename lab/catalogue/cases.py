@@ -12,7 +12,7 @@ OBSERVED = {"case": "case-4", "without": "nftsm", "with": "fando-nftsm"}
 
 
 def cases(usual: Structure) -> list[dict[str, Any]]:
-    """Every case of the paper: its name, the structure to begin with, its values over the defaults, its steady state."""
+    """Every case of the paper: its name, the structure to begin with, what it changes, its steady state."""
     found = []
     for number, label in CASES.items():
         there = Structure(usual.settings, case(number))
