@@ -1,8 +1,8 @@
 """ES modules as one script: a page that is a single file has nowhere to import from.
 
-Each module becomes a function scope of its own, in the order in which modules need each other, so that equal names in two
-modules stay apart. What is understood is what the page's modules use: ``import {a, b} from "./file.js"`` and ``export``
-before ``function``, ``async function``, ``class`` and ``const``.
+Each module becomes a function scope of its own, in the order in which modules need each other, so that equal names in
+two modules stay apart. What is understood is what the page's modules use: ``import {a, b} from "./file.js"`` and
+``export`` before ``function``, ``async function``, ``class`` and ``const``.
 """
 
 import re

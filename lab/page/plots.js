@@ -1,5 +1,6 @@
 // Linked plots of a run: one cursor, one stretch of time, and where a run is pinned, that run behind.
 
+import {moment} from "./moment.js";
 import {digits, steady, unitText} from "./numbers.js";
 import {colour} from "./theme.js";
 
@@ -62,6 +63,7 @@ export class Plots {
       const shape = panel.drawn.map(({curve, behind}) => curve[0] + behind).join() + panel.shownUnit;
       if (shape !== panel.shape) this.#create(panel, data);
       else this.#refill(panel, data);
+      this.#legend(panel);
       panel.shape = shape;
     }
     this.showMoment();
@@ -104,7 +106,20 @@ export class Plots {
     this.#overlay(panel.plot, panel);
     this.#range(panel);
     this.quiet = false;
-    panel.legend.replaceChildren(...panel.drawn.map((drawn) => legendEntry(drawn)));
+  }
+
+  // An entry for each curve, that of the pinned run within the one it belongs to.
+  #legend(panel) {
+    const front = panel.drawn.filter(({behind}) => !behind);
+    panel.legend.replaceChildren(...(front.length ? front : panel.drawn).map(({curve: [name, label, tint, dash]}) => {
+      const entry = document.createElement("div");
+      entry.innerHTML = `<dt><i class="swatch ${dash ? "dashed" : ""}" style="--tint: var(--${tint})"></i>${label}</dt>`;
+      for (const drawn of panel.drawn.filter(({curve}) => curve[0] === name).reverse()) {
+        drawn.shown = entry.appendChild(document.createElement("dd"));
+        drawn.shown.className = drawn.behind ? "behind" : "";
+      }
+      return entry;
+    }));
   }
 
   #overlay(plot, panel) {
@@ -164,10 +179,11 @@ export class Plots {
     const time = this.hovered ?? this.playback.time;
     for (const panel of this.panels) {
       if (!panel.plot || panel.element.hidden) continue;
-      const entries = panel.legend.querySelectorAll("dd"), {min, max} = panel.plot.scales.y;
-      panel.drawn.forEach(({curve, of}, index) => {
-        const row = Math.min(Math.round(time / ((of.t.at(-1) - of.t[0]) / (of.t.length - 1))), of.t.length - 1);
-        entries[index].textContent = `${steady(of.columns[curve[0]][row] * panel.factor, Math.max(Math.abs(min), Math.abs(max)))} ${panel.shownUnit}`;
+      const {min, max} = panel.plot.scales.y;
+      panel.drawn.forEach(({curve, of, behind, shown}) => {
+        if (!shown) return;
+        const value = steady(moment(of, time)(curve[0]) * panel.factor, Math.max(Math.abs(min), Math.abs(max)));
+        shown.textContent = behind ? `A ${value}` : `${value} ${panel.shownUnit}`;
       });
     }
   }
@@ -201,12 +217,6 @@ export class Plots {
 
 function sentence(text) {
   return text[0].toUpperCase() + text.slice(1);
-}
-
-function legendEntry({curve: [, label, tint, dash], behind}) {
-  const entry = document.createElement("div");
-  entry.innerHTML = `<dt><i class="swatch ${dash || behind ? "dashed" : ""}" style="--tint: var(--${behind ? "pinned" : tint})"></i>${behind ? `A ${label}` : label}</dt><dd></dd>`;
-  return entry;
 }
 
 // A column at the times of a longer run; nothing where there is none.

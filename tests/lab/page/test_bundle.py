@@ -19,9 +19,18 @@ def written(folder: Path, **modules: str) -> Path:
 
 
 MODULES = {
-    "main": 'import {area as areaOf, SIDE} from "./square.js";\nimport {half} from "./half.js";\nconsole.log(JSON.stringify([areaOf(), half(SIDE)]));\n',
-    "square": 'import {half} from "./half.js";\nconst helper = 3;\nexport const SIDE = 2 * half(2 * helper);\nexport function area() { return SIDE * SIDE; }\n',
-    "half": "const helper = 2;\nexport function half(value) { return value / helper; }\n",
+    "main": """import {area as areaOf, SIDE} from "./square.js";
+import {half} from "./half.js";
+console.log(JSON.stringify([areaOf(), half(SIDE)]));
+""",
+    "square": """import {half} from "./half.js";
+const helper = 3;
+export const SIDE = 2 * half(2 * helper);
+export function area() { return SIDE * SIDE; }
+""",
+    "half": """const helper = 2;
+export function half(value) { return value / helper; }
+""",
 }
 
 
@@ -46,13 +55,22 @@ def test_another_file_is_read_instead(tmp_path: Path) -> None:
 
 
 def test_circles_are_refused(tmp_path: Path) -> None:
-    entry = written(tmp_path, main='import {a} from "./other.js";\n', other='import {b} from "./main.js";\nexport const a = 1;\n')
+    entry = written(
+        tmp_path, main='import {a} from "./other.js";\n', other='import {b} from "./main.js";\nexport const a = 1;\n'
+    )
     with pytest.raises(ValueError, match=r"main\.js: imports itself, by way of main\.js, other\.js"):
         bundle(entry)
 
 
 @pytest.mark.parametrize(
-    "line", ['import engine from "./half.js";', 'import * as all from "./half.js";', "export default 3;", "export {half};", "export let a = 1;"]
+    "line",
+    [
+        'import engine from "./half.js";',
+        'import * as all from "./half.js";',
+        "export default 3;",
+        "export {half};",
+        "export let a = 1;",
+    ],
 )
 def test_what_is_not_understood_is_refused(tmp_path: Path, line: str) -> None:
     with pytest.raises(ValueError, match=r"main\.js: cannot bundle '"):

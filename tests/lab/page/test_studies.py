@@ -35,8 +35,12 @@ def test_twenty_machines_run_under_one_controller(opened: Opens) -> None:
     lab = opened("#case=4")
     lab.page.click("summary:has-text('Twenty machines')")
     lab.page.click("#ensemble .go")
-    lab.page.wait_for_function("document.querySelector('#ensemble .summary').textContent.startsWith('20 of 20')", timeout=120_000)
-    found = re.search(r"mean \|e\| ([\d.]+) mm \(median\), ([\d.]+) mm \(worst\)", lab.page.inner_text("#ensemble .summary"))
+    lab.page.wait_for_function(
+        "document.querySelector('#ensemble .summary').textContent.startsWith('20 of 20')", timeout=120_000
+    )
+    found = re.search(
+        r"mean \|e\| ([\d.]+) mm \(median\), ([\d.]+) mm \(worst\)", lab.page.inner_text("#ensemble .summary")
+    )
     assert found
     assert 1 < float(found[1]) < float(found[2]) < 10
     assert lab.page.locator("#ensemble canvas").count() == 1
