@@ -74,8 +74,8 @@ export class Controls {
       const typed = typedNumber(field.value), wrong = outside(typed, about, integer);
       field.setAttribute("aria-invalid", String(Boolean(wrong)));
       row.classList.toggle("wrong", Boolean(wrong));
+      row.querySelector(".about").firstChild.textContent = `${wrong ?? about.meaning + boundsText(about)} `;
       if (!wrong) this.onValue(key, typed);
-      else row.querySelector(".about").firstChild.textContent = `${wrong} `;
     });
     row.querySelector(".reset").addEventListener("click", () => { this.onReset(key); slider.focus(); });
     this.rows.set(key, () => {
@@ -171,7 +171,7 @@ function outside(value, about, integer) {
   const {low, high} = about;
   if (value === null) return about.optional ? null : "Must be a number.";
   if (Number.isNaN(value) || (integer && !Number.isInteger(value))) return integer ? "Must be a whole number." : "Must be a number.";
-  return (low != null && value < low) || (high != null && value > high) ? `Out of range.${boundsText(about)}` : null;
+  return (low != null && value < low) || (high != null && value > high) ? `Out of range${boundsText(about)}` : null;
 }
 
 function boundsText({low, high}) {

@@ -43,6 +43,7 @@ export class Machine {
     if (pinned) this.#outline(view, moment(pinned, time)("x"), "pinned");
     this.#reference(view, at("x_ref"));
     this.#vehicle(view, at("x"));
+    this.#pushes(view, at, run.largestDisturbance);
     this.#lens(view, at("x"), at("e"), run.largestError);
     this.#scale(view, plant);
   }
@@ -131,6 +132,25 @@ export class Machine {
       pen.fillStyle = colour("ink");
       pen.fill();
     }
+  }
+
+  // What pushes the vehicle that its model does not know, and what the controller takes it for.
+  #pushes(view, at, largest) {
+    if (!(largest > 1e-4)) return;
+    const top = view.rail - 5 - Math.min(view.vehicle.height, 60);
+    [["d_true", "ink", 0.3], ["d_hat", "vermilion", 0.66]].forEach(([name, tint, share]) => {
+      const length = 44 * at(name) / largest, y = top + share * Math.min(view.vehicle.height, 60);
+      if (Math.abs(length) < 2) return;
+      const start = view.spot(at("x")) + Math.sign(length) * (view.vehicle.width / 2 + 4), tip = start + length, back = 5 * Math.sign(length);
+      this.pen.strokeStyle = this.pen.fillStyle = colour(tint);
+      this.pen.lineWidth = 2;
+      this.#line(start, y, tip, y);
+      this.pen.beginPath();
+      this.pen.moveTo(tip + back, y);
+      this.pen.lineTo(tip - back / 2, y - 3.5);
+      this.pen.lineTo(tip - back / 2, y + 3.5);
+      this.pen.fill();
+    });
   }
 
   #outline(view, x, name) {

@@ -4,14 +4,14 @@ import {Controls, optionText} from "./controls.js";
 import {Ensemble} from "./ensemble.js";
 import {ABOUT_SEED, blank, caseOf, choices, request, SEED, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
 import {Machine} from "./machine.js";
-import {showMerits} from "./merits.js";
+import {claims, showMerits} from "./merits.js";
 import {digits} from "./numbers.js";
 import {finished, openFile} from "./open.js";
 import {Playback} from "./playback.js";
 import {Plots} from "./plots.js";
 import {Questions} from "./questions.js";
 import {latest, Runner} from "./runner.js";
-import {commandLine, csvOf, download, fromHash, hashOf, tomlOf} from "./share.js";
+import {commandLine, csvOf, download, fromFile, fromHash, hashOf, tomlOf} from "./share.js";
 import {connectTheme} from "./theme.js";
 import {connectTransport} from "./transport.js";
 import {Tuning} from "./tuning.js";
@@ -39,7 +39,7 @@ const machine = new Machine(element("machine"));
 const plots = new Plots(element("plots"), playback);
 const controls = new Controls(element("controls"), catalogue, {
   onValue: (key, value) => change(withValue(catalogue, experiment, key, value)),
-  onSetting: (key, choice) => change(withSetting(catalogue, experiment, key, choice)),
+  onSetting: choose,
   onReset: (key) => change(withoutValue(experiment, key)),
 });
 const questions = new Questions(element("questions"), catalogue, background, (begun) => { unpin(); change(begun); });
@@ -49,12 +49,14 @@ new Tuning(element("tuning"), catalogue, background, () => experiment, (found) =
 // ---- what a change does ----
 
 const simulate = latest(async (wanted) => {
+  document.documentElement.dataset.busy = "true";
   try {
     const result = await runner.run(request(catalogue, wanted));
     showRun({...result, label: "this run", experiment: wanted});
   } catch (error) {
     say(error.message, true);
   }
+  document.documentElement.dataset.busy = String(wanted !== experiment);
 });
 
 function change(next) {
@@ -63,6 +65,15 @@ function change(next) {
   showChoices();
   try { history.replaceState(null, "", hashOf(catalogue, experiment)); } catch { /* too fast for the browser: the next change writes it */ }
   simulate(experiment);
+}
+
+// Another part; not every one is there with every other.
+function choose(key, choice) {
+  const before = structureOf(catalogue, experiment).settings, next = withSetting(catalogue, experiment, key, choice);
+  const structure = structureOf(catalogue, next);
+  const others = Object.keys(before).filter((other) => other !== key && structure.settings[other] !== before[other]);
+  change(next);
+  if (others.length) say(`In the lab this goes with ${structure.label} only.`);
 }
 
 function showRun(result) {
@@ -77,9 +88,8 @@ function showRun(result) {
 }
 
 function withLargest(result) {
-  let largest = 0;
-  for (const error of result.columns.e ?? []) if (Math.abs(error) > largest) largest = Math.abs(error);
-  return {...result, largestError: largest};
+  const largest = (name) => (result.columns[name] ?? []).reduce((high, value) => Math.max(high, Math.abs(value) || 0), 0);
+  return {...result, largestError: largest("e"), largestDisturbance: largest("d_true")};
 }
 
 function refresh() {
@@ -87,6 +97,8 @@ function refresh() {
   const ended = {completed: "", diverged: `The run diverged at ${digits(run.until)} s.`, left_track: `The vehicle left the rail at ${digits(run.until)} s.`}[run.outcome] ?? "";
   element("outcome").textContent = ended;
   element("glance").innerHTML = glance();
+  element("claims").innerHTML = claims(catalogue, experiment, run);
+  showSignals();
   showMerits(element("merits"), catalogue, run, pinned, paperMetrics());
   showMoment();
 }
@@ -120,6 +132,17 @@ function plant() {
     height: of("plant.vehicle.height", 3), tensionMin: limits[0], tensionMax: limits[1], torqueLimits: limits.map((limit) => limit * radius / gear)};
 }
 
+// Another column of the run in a plot of its own.
+function showSignals() {
+  const {id, columns} = structureOf(catalogue, experiment), select = element("signal"), chosen = select.value;
+  if (select.dataset.structure === id) return;
+  select.dataset.structure = id;
+  select.replaceChildren(new Option("none", ""), ...columns.filter(({name}) => name !== "t").map(({name, label}) => new Option(`${name}: ${label}`, name)));
+  select.value = columns.some(({name}) => name === chosen) ? chosen : "";
+}
+
+element("signal").addEventListener("change", ({target}) => plots.choose(structureOf(catalogue, experiment).columns.find(({name}) => name === target.value)));
+
 // ---- header ----
 
 function showChoices() {
@@ -143,7 +166,7 @@ function buildChoices(holder) {
     if (!options) continue;
     const label = document.createElement("label");
     label.innerHTML = `<span>${name}</span><select data-key="${key}">${options.map((option) => `<option value="${option}">${optionText(catalogue, key, option)}</option>`).join("")}</select>`;
-    label.querySelector("select").addEventListener("change", (event) => change(withSetting(catalogue, experiment, key, event.target.value)));
+    label.querySelector("select").addEventListener("change", (event) => choose(key, event.target.value));
     holder.append(label);
   }
 }
@@ -233,7 +256,10 @@ new ResizeObserver(([{target}]) => document.documentElement.style.setProperty("-
 
 const transport = connectTransport(playback, () => (caseOf(catalogue, experiment).steady ?? [0.36 * playback.whole[1], 0.58 * playback.whole[1]]));
 connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });
-if (ownRun) pin(finished(ownRun.label, {...columnsOf(ownRun)}, ownRun.metrics ?? {}));
+if (ownRun) {
+  pin(finished(ownRun.label, columnsOf(ownRun), ownRun.metrics));
+  if (location.hash.length < 2 && ownRun.settings) experiment = fromFile(catalogue, ownRun.settings).experiment;
+}
 change(experiment);
 
 function columnsOf({columns}) {

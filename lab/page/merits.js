@@ -17,3 +17,16 @@ function row(metric, values, compared) {
   const last = compared ? `<td class="change">${change((values[1] ?? NaN) * factor, (values[0] ?? NaN) * factor)}</td>` : "";
   return `<tr><th scope="row" title="${metric.meaning}">${metric.name.replaceAll("_", " ")}<small>${unit}</small></th>${cells.join("")}${last}</tr>`;
 }
+
+// What the paper says that its observer changes, beside what it changes here; of its controller on its machine alone.
+export function claims(catalogue, experiment, run) {
+  const {case: id, without, with: law, change: said} = catalogue.claims, changed = [...Object.keys(experiment.values), ...Object.keys(experiment.settings)];
+  if (experiment.case !== id || run.outcome !== "completed" || changed.some((key) => !/^controller\.(observer|nftsm|auxiliary)\./.test(key))) return "";
+  const before = catalogue.paper[id][without];
+  const words = Object.entries(said).map(([name, share]) => `${name.replaceAll("_", " ")} ${percent(run.metrics[name] / before[name] - 1)} (${percent(share)})`);
+  return `The observer’s part, against ${without} (in brackets what the paper reports for ${law}): ${words.join(", ")}.`;
+}
+
+function percent(share) {
+  return `${share < 0 ? "−" : "+"}${Math.abs(100 * share).toFixed(1)}\u202f%`;
+}

@@ -10,7 +10,7 @@ const PRETTY = {"^2": "²", "^3": "³", "^-1": "⁻¹", "*": "·"};
 
 export function unitText(unit) {
   if (!unit || unit === "1") return "";
-  return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]).replaceAll(" ", "\u2009");
+  return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]).replaceAll(" ", "\u202f");
 }
 
 // Unit and factor in which the largest of some values is easily read.
@@ -37,7 +37,7 @@ export function digits(value, count = 4) {
   } else {
     text = trimmed(value.toPrecision(count));
   }
-  return text.replaceAll("-", "−").replace(/^(−?\d{1,3})(\d{3})$/, "$1\u2009$2");
+  return text.replaceAll("-", "−").replace(/^(−?\d{1,3})(\d{3})$/, "$1\u202f$2");
 }
 
 function rounded(factor) {
@@ -63,7 +63,7 @@ export function plain(value) {
 export function steady(value, largest) {
   if (!Number.isFinite(value)) return "–";
   const decimals = Math.min(Math.max(3 - Math.floor(Math.log10(largest || 1)), 0), 8);
-  return value.toFixed(decimals).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−").replace(/^(−?\d{1,3})(\d{3})$/, "$1\u2009$2");
+  return value.toFixed(decimals).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−").replace(/^(−?\d{1,3})(\d{3})$/, "$1\u202f$2");
 }
 
 // What became of a number, in the words that are shortest: a share, or a factor where it is large.

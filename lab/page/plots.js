@@ -11,6 +11,7 @@ const PANELS = [
   {title: "Motor torques", unit: "N m", limits: (plant) => plant.torqueLimits,
     curves: [["tau_1", "τ₁", "rope1"], ["tau_2", "τ₂", "rope2"]]},
   {title: "Disturbance, true and estimated", unit: "m/s^2", limits: () => [], curves: [["d_true", "true", "ink"], ["d_hat", "estimated", "vermilion"]]},
+  {title: "", unit: "1", limits: () => [], curves: []},
 ];
 
 export class Plots {
@@ -33,10 +34,19 @@ export class Plots {
     return {...panel, element, frame, legend: element.querySelector("dl"), plot: null, shape: "", play: null};
   }
 
+  // Another column in the last plot; none: no such plot.
+  choose(column) {
+    const panel = this.panels.at(-1);
+    panel.curves = column ? [[column.name, column.name, "green"]] : [];
+    panel.unit = column?.unit ?? "1";
+    panel.element.querySelector("h3").textContent = column ? sentence(column.label) : "";
+    panel.element.hidden = !column;
+    this.show(this.run, this.pinned, this.plant);
+  }
+
   // plant: as the machine has it; pinned: another run or null.
   show(run, pinned, plant) {
-    this.run = run;
-    this.plant = plant;
+    Object.assign(this, {run, pinned, plant});
     const times = pinned && pinned.t.length > run.t.length ? pinned.t : run.t;
     for (const panel of this.panels) {
       const curves = panel.curves.filter(([name]) => run.columns[name] || pinned?.columns[name]);
@@ -47,11 +57,12 @@ export class Plots {
         ...curves.map((curve) => ({curve, of: run, behind: false})),
       ].filter(({curve, of}) => of.columns[curve[0]]);
       const data = [times, ...panel.drawn.map(({curve, of}) => aligned(of.columns[curve[0]], of.t, times, panel.factor))];
+      panel.element.hidden = panel.drawn.length === 0;
+      if (panel.element.hidden) continue;
       const shape = panel.drawn.map(({curve, behind}) => curve[0] + behind).join() + panel.shownUnit;
       if (shape !== panel.shape) this.#create(panel, data);
       else this.#refill(panel, data);
       panel.shape = shape;
-      panel.element.hidden = panel.drawn.length === 0;
     }
     this.showMoment();
   }
@@ -74,11 +85,11 @@ export class Plots {
     const axis = (more) => ({stroke: () => colour("ink-soft"), grid: {stroke: () => colour("line"), width: 1}, ticks: {show: false},
       font: '11px "Source Sans 3", "Segoe UI", system-ui, sans-serif', ...more});
     const options = {
-      ...this.#size(panel), legend: {show: false}, padding: [6, 14, 0, 0], pxAlign: true,
+      ...this.#size(panel), legend: {show: false}, padding: [6, 22, 0, 0], pxAlign: true,
       cursor: {sync: {key: "lab", setSeries: false}, drag: {x: true, y: false, setScale: true}, y: false, focus: {prox: -1},
         points: {size: 6}, bind: {dblclick: () => () => { this.playback.setWindow(...this.playback.whole); return null; }}},
       scales: {x: {time: false}, y: {range: (_, low, high) => padded(low, high)}},
-      axes: [axis({size: 22, gap: 3, values: (plot, ticks) => ticks.map((tick) => (tick === ticks.at(-1) ? `${digits(tick, 5)} s` : digits(tick, 5)))}), axis({size: 54, gap: 4, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
+      axes: [axis({size: 22, gap: 3, values: (plot, ticks) => ticks.map((tick) => (tick === ticks.at(-1) ? `${digits(tick, 5)} s` : digits(tick, 5)))}), axis({size: 54, gap: 4, space: 24, values: (_, ticks) => ticks.map((tick) => digits(tick, 3))})],
       series: [{}, ...panel.drawn.map(({curve, behind}) => ({
         stroke: () => behind ? colour("pinned") : colour(curve[2]), points: {show: false},
         width: behind || curve[3] ? 1.1 : 1.5, dash: behind ? [4, 3] : curve[3] ? [6, 4] : undefined}))],
@@ -137,7 +148,7 @@ export class Plots {
   // After the moment or the stretch of time has changed.
   showMoment() {
     for (const panel of this.panels) {
-      if (!panel.plot) continue;
+      if (!panel.plot || panel.element.hidden) continue;
       const {min, max} = panel.plot.scales.x, [low, high] = this.playback.window;
       if (min !== low || max !== high) {
         this.quiet = true;
@@ -152,7 +163,7 @@ export class Plots {
   #values() {
     const time = this.hovered ?? this.playback.time;
     for (const panel of this.panels) {
-      if (!panel.plot) continue;
+      if (!panel.plot || panel.element.hidden) continue;
       const entries = panel.legend.querySelectorAll("dd"), {min, max} = panel.plot.scales.y;
       panel.drawn.forEach(({curve, of}, index) => {
         const row = Math.min(Math.round(time / ((of.t.at(-1) - of.t[0]) / (of.t.length - 1))), of.t.length - 1);
@@ -179,13 +190,17 @@ export class Plots {
   }
 
   resize() {
-    for (const panel of this.panels) panel.plot?.setSize(this.#size(panel));
+    for (const panel of this.panels) if (!panel.element.hidden) panel.plot?.setSize(this.#size(panel));
     if (this.run) this.showMoment();
   }
 
   redraw() {
     for (const panel of this.panels) panel.plot?.redraw(true, true);
   }
+}
+
+function sentence(text) {
+  return text[0].toUpperCase() + text.slice(1);
 }
 
 function legendEntry({curve: [, label, tint, dash], behind}) {

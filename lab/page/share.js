@@ -7,7 +7,7 @@ const LAG = "actuator.motor.time_constant";
 
 export function hashOf(catalogue, experiment) {
   const words = new URLSearchParams({case: experiment.case.replace("case-", "")});
-  for (const [key, value] of Object.entries(differences(catalogue, experiment))) words.set(key, String(value));
+  for (const [key, value] of Object.entries(differences(catalogue, experiment)).sort()) words.set(key, String(value));
   return `#${words}`;
 }
 

@@ -10,7 +10,7 @@ export function smallPlot(holder, {title, series, bands, xLabel, log = false, va
   holder.setAttribute("role", "img");
   holder.setAttribute("aria-label", title);
   return new uPlot({
-    width: Math.max(holder.clientWidth, 180), height: 140, legend: {show: false}, padding: [6, 8, 0, 0], cursor: {show: false}, bands,
+    width: Math.max(holder.clientWidth, 180), height: 140, legend: {show: false}, padding: [6, 14, 0, 0], cursor: {show: false}, bands,
     scales: {x: {time: false}, y: log ? {distr: 3} : {}},
     axes: [axis({size: 22, gap: 3, values: (_, ticks) => ticks.map((tick) => digits(tick, 3) + (tick === ticks.at(-1) ? xLabel : ""))}),
       axis({size: 46, gap: 4, values: values ?? ((_, ticks) => ticks.map((tick) => (tick === null ? "" : digits(tick, 2))))})],
