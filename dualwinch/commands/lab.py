@@ -96,7 +96,7 @@ def server_of(page: str, port: int) -> ThreadingHTTPServer:
             if found:
                 self.wfile.write(text)
 
-        def log_message(self, *_: object) -> None:
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002
             """Say nothing."""
 
     try:
