@@ -87,6 +87,7 @@ export class Controls {
       slider.value = shown === null ? SLIDER_STEPS : toPosition(range, shown);
       slider.setAttribute("aria-valuetext", shown === null ? "none" : `${digits(shown)} ${unitText(about.unit)}`);
       if (!row.classList.contains("wrong")) field.value = value === null ? "" : plain(value);
+      field.title = value === null ? "" : String(value);
       field.placeholder = about.instead == null ? "none" : plain(about.instead);
       row.classList.toggle("changed", key in this.experiment.values);
     });

@@ -52,11 +52,11 @@ function trimmed(text) {
   return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
 }
 
-// A number as a field or a file holds it: no more digits than it needs.
+// A number as a field shows it: what has room there. Files and links hold all digits.
 export function plain(value) {
-  if (value === null) return "";
-  const text = String(Number(value.toPrecision(6)));
-  return value !== 0 && Math.abs(value) < 1e-3 ? Number(value.toPrecision(6)).toExponential().replace("e+", "e") : text.replace("e+", "e");
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 1e-3 || size >= 1e7)) return Number(value.toPrecision(3)).toExponential().replace("e+", "e");
+  return String(Number(value.toPrecision(5)));
 }
 
 // As many digits behind the point as four digits of `largest` have: numbers of a signal stand still while they change.

@@ -81,6 +81,21 @@ def test_a_number_beyond_its_bounds_is_refused(opened: Opens) -> None:
     assert row.locator("input[type=text]").get_attribute("aria-invalid") == "false"
 
 
+def test_fields_show_what_has_room_and_links_hold_all_digits(opened: Opens) -> None:
+    lab = opened("#case=4")
+    for key, text, shown in [
+        ("controller.auxiliary.gamma", "0.00000124605", "1.25e-6"),
+        ("plant.rope_1.modulus", "81234567890", "8.12e10"),
+        ("plant.vehicle.mass", "10123.456", "10123"),
+    ]:
+        lab.after(lambda key=key, text=text: lab.write(key, text))
+        field = lab.row(key).locator("input[type=text]")
+        assert field.input_value() == shown
+        assert field.evaluate("(field) => field.scrollWidth <= field.clientWidth")
+    assert "controller.auxiliary.gamma=0.00000124605&" in lab.page.url
+    assert "plant.rope_1.modulus=81234567890&" in lab.page.url
+
+
 def test_a_pinned_run_stays_beside(opened: Opens) -> None:
     lab = opened("#case=4")
     pinned = lab.merit("mae")
