@@ -27,6 +27,7 @@ export class Controls {
     const open = new Map([...this.holder.querySelectorAll("details")].map((section) => [section.dataset.heading, section.open]));
     const options = new Map([...choices(this.catalogue)].filter(([key]) => !inHeader.includes(key)));
     const numbers = [...structure.parameters, SEED];
+    const focused = this.holder.contains(document.activeElement) ? document.activeElement.id : "";
     this.rows.clear();
     this.holder.replaceChildren(...sections([...options.keys(), ...numbers.filter((key) => !options.has(key))], this.catalogue).map(([heading, keys]) => {
       const section = document.createElement("details");
@@ -36,6 +37,7 @@ export class Controls {
       section.append(...keys.map((key) => options.has(key) ? this.#choice(key, options.get(key)) : this.#number(key)));
       return section;
     }));
+    if (focused) document.getElementById(focused)?.focus();
   }
 
   #row(key) {

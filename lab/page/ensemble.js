@@ -78,7 +78,13 @@ export class Ensemble {
     }
     const errors = completed.map((run) => run.metrics.mae * 1e3).sort((a, b) => a - b);
     const slack = completed.filter((run) => run.metrics.slack_share > 0).length;
-    this.holder.querySelector(".summary").textContent = `${runs.length} of ${this.count}: mean |e| ${digits(errors[Math.floor(errors.length / 2)], 3)} mm (median), `
+    this.holder.querySelector(".summary").textContent = `${runs.length} of ${this.count}: mean |e| ${digits(median(errors), 3)} mm (median), `
       + `${digits(errors.at(-1), 3)} mm (worst)${slack ? `; a rope slack in ${slack}` : "; no rope slack"}${runs.length > completed.length ? `; ${runs.length - completed.length} not completed` : ""}.`;
   }
+}
+
+// Of numbers in ascending order.
+function median(ordered) {
+  const half = ordered.length / 2;
+  return (ordered[Math.ceil(half) - 1] + ordered[Math.floor(half)]) / 2;
 }

@@ -1,9 +1,11 @@
 // The page: one experiment, its run, the pinned run, and everything that shows them.
 
-import {Controls, optionText} from "./controls.js";
+import {Controls} from "./controls.js";
 import {Ensemble} from "./ensemble.js";
-import {ABOUT_SEED, blank, caseOf, choices, request, SEED, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
+import {ABOUT_SEED, blank, caseOf, request, SEED, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
+import {connectHeader, IN_HEADER} from "./header.js";
 import {Machine} from "./machine.js";
+import {connectMenu} from "./menu.js";
 import {claims, showMerits} from "./merits.js";
 import {digits} from "./numbers.js";
 import {finished, openFile} from "./open.js";
@@ -15,8 +17,6 @@ import {commandLine, csvOf, download, fromFile, fromHash, hashOf, tomlOf} from "
 import {connectTheme} from "./theme.js";
 import {connectTransport} from "./transport.js";
 import {Tuning} from "./tuning.js";
-
-const HEADER = ["controller.kind", "controller.estimator", "controller.coordination.kind"];
 
 const element = (id) => document.getElementById(id);
 const content = (id) => JSON.parse(element(id).textContent);
@@ -42,6 +42,7 @@ const controls = new Controls(element("controls"), catalogue, {
   onSetting: choose,
   onReset: (key) => change(withoutValue(experiment, key)),
 });
+const showHeader = connectHeader(element("choices"), catalogue, {onCase: (id) => change(withCase(catalogue, experiment, id)), onSetting: choose});
 const questions = new Questions(element("questions"), catalogue, background, (begun) => { unpin(); change(begun); });
 new Ensemble(element("ensemble"), catalogue, background, () => experiment);
 new Tuning(element("tuning"), catalogue, background, () => experiment, (found) => { pin(); change(found); });
@@ -61,8 +62,8 @@ const simulate = latest(async (wanted) => {
 
 function change(next) {
   experiment = next;
-  controls.show(experiment, HEADER);
-  showChoices();
+  controls.show(experiment, IN_HEADER);
+  showHeader(experiment);
   try { history.replaceState(null, "", hashOf(catalogue, experiment)); } catch { /* too fast for the browser: the next change writes it */ }
   simulate(experiment);
 }
@@ -143,34 +144,6 @@ function showSignals() {
 
 element("signal").addEventListener("change", ({target}) => plots.choose(structureOf(catalogue, experiment).columns.find(({name}) => name === target.value)));
 
-// ---- header ----
-
-function showChoices() {
-  const holder = element("choices");
-  if (!holder.children.length) buildChoices(holder);
-  holder.querySelectorAll("input[name=case]").forEach((input) => { input.checked = input.value === experiment.case; });
-  const {settings} = structureOf(catalogue, experiment);
-  holder.querySelectorAll("select").forEach((select) => { select.value = String(settings[select.dataset.key]); });
-}
-
-function buildChoices(holder) {
-  const cases = document.createElement("div");
-  cases.className = "cases";
-  cases.setAttribute("role", "radiogroup");
-  cases.setAttribute("aria-label", "Case of the paper");
-  cases.innerHTML = `<span>Case</span>${catalogue.cases.map(({id, label}) => `<label title="${label}"><input type="radio" name="case" value="${id}" aria-label="${label}">${id.replace("case-", "")}</label>`).join("")}`;
-  cases.addEventListener("change", (event) => change(withCase(catalogue, experiment, event.target.value)));
-  holder.append(cases);
-  for (const [key, name] of [["controller.kind", "Law"], ["controller.estimator", "Estimator"], ["controller.coordination.kind", "Coordination"]]) {
-    const options = choices(catalogue).get(key);
-    if (!options) continue;
-    const label = document.createElement("label");
-    label.innerHTML = `<span>${name}</span><select data-key="${key}">${options.map((option) => `<option value="${option}">${optionText(catalogue, key, option)}</option>`).join("")}</select>`;
-    label.querySelector("select").addEventListener("change", (event) => choose(key, event.target.value));
-    holder.append(label);
-  }
-}
-
 // ---- pin, share, open ----
 
 function pin(other = run) {
@@ -188,20 +161,12 @@ function unpin() {
 
 element("pin").addEventListener("click", () => (pinned ? unpin() : pin()));
 
-const ACTIONS = {
-  link: async () => copied(location.href, "link"),
-  command: async () => copied(commandLine(catalogue, experiment), "command line"),
-  toml: async () => download("experiment.toml", tomlOf(catalogue, experiment)),
-  csv: async () => download("run.csv", csvOf(run)),
-};
-
-element("menu").addEventListener("click", async (event) => {
-  const action = ACTIONS[event.target.dataset.do];
-  if (!action) return;
-  await action();
-  element("menu").open = false;
-});
-document.addEventListener("click", (event) => { if (!element("menu").contains(event.target)) element("menu").open = false; });
+connectMenu({
+  link: () => copied(location.href, "link"),
+  command: () => copied(commandLine(catalogue, experiment), "command line"),
+  toml: () => download("experiment.toml", tomlOf(catalogue, experiment)),
+  csv: () => download("run.csv", csvOf(run)),
+}, openAs);
 
 async function copied(text, name) {
   try {
@@ -212,16 +177,6 @@ async function copied(text, name) {
   }
 }
 
-element("file").addEventListener("change", async ({target}) => {
-  const [file] = target.files;
-  target.value = "";
-  element("menu").open = false;
-  if (file) await openAs(file);
-});
-document.querySelector(".file").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") element("file").click(); });
-document.addEventListener("dragover", (event) => event.preventDefault());
-document.addEventListener("drop", (event) => { event.preventDefault(); if (event.dataTransfer.files[0]) openAs(event.dataTransfer.files[0]); });
-
 async function openAs(file) {
   try {
     const opened = await openFile(catalogue, file);
@@ -229,7 +184,7 @@ async function openAs(file) {
     else change(opened.experiment);
     say(opened.run ? `${file.name} is A now.` : `${file.name} is open${opened.unknown.length ? `; without ${opened.unknown.length} keys that have no place in this page` : ""}.`);
   } catch (error) {
-    say(`${error.message}`, true);
+    say(error.message, true);
   }
 }
 
