@@ -31,6 +31,9 @@ MADE_FROM = ("codegen", "model", "controllers", "simulation", "lab/wasm", "lab/c
 
 SUFFIXES = {".py", ".c", ".h", ".toml"}
 
+DAMAGED = (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError, AttributeError)
+"""What reading a file raises that is not there, or is not what it was."""
+
 KEPT = 4
 """Contents kept; the ones made longest ago go first."""
 
@@ -69,7 +72,7 @@ def content(
     names = ",".join(structure.id for structure in offered)
     key = fingerprint(version, compiler.version, *FLAGS, installed("casadi"), names, repr(rig), _sources())
     file = cache_folder() / f"lab-{key}.json.gz"
-    with contextlib.suppress(OSError, ValueError, KeyError, zlib.error):
+    with contextlib.suppress(*DAMAGED):
         return _read(file)
     built = _built(offered, rig, version, progress or (lambda _: None))
     try:

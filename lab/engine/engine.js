@@ -1,6 +1,7 @@
 /* The closed loop in a page or a worker: modules of WebAssembly, run by the names of the catalogue. No dependency. */
 
 const PAGE = 65536; // bytes of WebAssembly's memory grow by this
+const MOST_SAMPLES = 5e6;
 const OUTCOMES = ["completed", "diverged", "left_track"];
 
 /** Bytes of a module: an ArrayBuffer, a view of one, or text: the bytes gzipped, in base64. */
@@ -85,6 +86,8 @@ export class Engine {
     const all = this.values(structure, values);
     this.write(instance, structure, all, believed);
     const samples = exports.samples();
+    if (!(samples >= 1 && samples <= MOST_SAMPLES))
+      throw new RangeError(`${structure.id}: ${samples} samples: must be 1 to ${MOST_SAMPLES}; change simulation.duration`);
     const width = structure.columns.length;
     const kept = stride ? Math.ceil(samples / stride) : 0;
     const room = stride ? instance.reserve(kept * width) : 0;

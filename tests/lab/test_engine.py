@@ -42,6 +42,7 @@ ALTERED: dict[str, dict[str, Any]] = {
     "another speed": {"reference.speed": 1.2, "reference.cruise_until": 25.0, "simulation.duration": 45.0},
     "a uniform start with a jerk limit": {"reference.kind": "uniform", "reference.jerk_limit": 0.5},
     "another idea of the vehicle": {"controller.nominal.mass": 9e3, "controller.nominal.friction_coefficient": 0.2},
+    "water that moves along": {"plant.vehicle.added_mass": 800.0},
     "another sample time": {"simulation.sample_time": 5e-4, "disturbance.vortex": True},
     "a rope that goes slack": {"controller.coordination.preload": 900.0, "plant.vehicle.mass": 1.4e4},
 }
@@ -157,8 +158,8 @@ def test_rows_are_kept_as_often_as_asked(made: Content, tmp_path: Path) -> None:
 
 
 def test_what_is_unknown_is_an_error(made: Content, tmp_path: Path) -> None:
-    structure, key = run_in_node(
-        made, tmp_path, [{"structure": "pid"}, {"structure": USUAL, "values": {"plant.mass": 1}}]
-    )
+    requests = [{"structure": "pid"}, {"structure": USUAL, "values": {"plant.mass": 1}}]
+    structure, key, length = run_in_node(made, tmp_path, [*requests, asked({"simulation.duration": 1e9})])
     assert structure["error"].startswith("unknown structure 'pid': must be fando-nftsm, ")
     assert key["error"] == "fando-nftsm: unknown key 'plant.mass'"
+    assert "must be 1 to 5000000; change simulation.duration" in length["error"]
