@@ -67,7 +67,7 @@ export class Machine {
     const vehicleX = view.spot(x) + (number === 1 ? 1 : -1) * view.vehicle.width / 2;
     const slack = !(force > 0), top = view.ropeHeight;
     const span = Math.abs(drumX - vehicleX);
-    const sag = slack ? Math.min(0.09 * span + 3, 26) : Math.min(1.2e-2 * span * 200 / Math.max(force, 60), 6);
+    const sag = slack ? Math.min(0.09 * span + 3, 22) : Math.min(1.2e-2 * span * 200 / Math.max(force, 60), 6);
     pen.strokeStyle = slack ? colour("ink-soft") : tensionColour(force / plant.tensionMax);
     pen.lineWidth = slack ? 1.5 : 1.5 + 2.5 * Math.min(force / plant.tensionMax, 1.3);
     pen.setLineDash(slack ? [5, 4] : []);
@@ -128,7 +128,7 @@ export class Machine {
     if (!(largest > 1e-4)) return;
     const top = view.rail - 5 - Math.min(view.vehicle.height, 60);
     [["d_true", "ink", 0.3], ["d_hat", "vermilion", 0.66]].forEach(([name, tint, share]) => {
-      const length = 44 * at(name) / largest, y = top + share * Math.min(view.vehicle.height, 60);
+      const length = 44 * Math.min(Math.max(at(name) / largest, -1.4), 1.4), y = top + share * Math.min(view.vehicle.height, 60);
       if (Math.abs(length) < 2) return;
       const start = view.spot(at("x")) + Math.sign(length) * (view.vehicle.width / 2 + 4), tip = start + length, back = 5 * Math.sign(length);
       this.pen.strokeStyle = this.pen.fillStyle = colour(tint);
