@@ -55,8 +55,9 @@ def simulate(
     plot: Figure = None,
     stride: Annotated[int, WHOLE, Parameter(help="Keep every n-th sample in the data.")] = 1,
     engine: Annotated[
-        Literal["compiled", "interpreter"], Parameter(help="Compiled C, or CasADi's interpreter (slow).")
-    ] = "compiled",
+        Literal["compiled", "interpreter"] | None,
+        Parameter(help="Compiled C, or CasADi's interpreter (slow; the default only where there is no compiler)."),
+    ] = None,
 ) -> None:
     """Simulate one experiment and print its figures of merit.
 
@@ -71,7 +72,7 @@ def simulate(
     use_parts(plugin)
     assignments = with_estimator(estimator, set_)
     if ensemble is not None:
-        for word, given in (("--stride", stride != 1), ("--engine", engine != "compiled")):
+        for word, given in (("--stride", stride != 1), ("--engine", engine not in {None, "compiled"})):
             if given:
                 raise ConfigurationError(f"{word} and --ensemble: give one of them")
         from dualwinch.commands.simulate_ensemble import ensemble as drawn

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
+from dualwinch.commands.engine import engine_here
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.commands.folders import make_folder
 from dualwinch.commands.measured import measured
@@ -51,6 +52,7 @@ def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str]
     out, numbers, kinds = Path(out), _chosen_cases(cases), _chosen_controllers(controllers)
     for folder in (out, out / "data", out / "figures"):
         make_folder(folder)
+    engine = engine_here()
     jobs = [(number, kind) for number in numbers for kind in kinds]
     contents = [figure for figure in FIGURES if figure.case in numbers]
     compared = 4 in numbers and {"fando-nftsm", "nftsm"} <= set(kinds)
@@ -59,12 +61,12 @@ def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str]
         runs: Runs = {}
         for number, kind in jobs:
             step(f"case {number}, {kind}: simulate")
-            runs[number, kind] = simulate(case(number, kind))
+            runs[number, kind] = simulate(case(number, kind), engine_name=engine)
         for (number, kind), result in runs.items():
             step(f"case {number}, {kind}: write data")
             notes = {f"version_{name}": version for name, version in versions().items()}
             save(result, out / "data" / f"case{number}-{kind}.parquet", notes)
-        variants = run_variants(numbers, step) if extended else {}
+        variants = run_variants(numbers, step, engine) if extended else {}
         _write_metrics(out / "metrics.json", runs, variants)
         images: dict[int, bytes] = {}
         for figure in contents:

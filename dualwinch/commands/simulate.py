@@ -9,6 +9,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from dualwinch.commands.doctor import versions
+from dualwinch.commands.engine import engine_here
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
 from dualwinch.commands.terminal import styled, terminal
@@ -68,7 +69,7 @@ def simulate(
     out: Path | None,
     plot: Path | None,
     stride: int,
-    engine: EngineName,
+    engine: EngineName | None,
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     asked = experiment(case, config, controller, assignments)
@@ -78,6 +79,7 @@ def simulate(
         format_of(out)
         check_folder(out.parent)
     check_plot(plot)
+    engine = engine or engine_here()
     console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("simulating", total=1.0)
