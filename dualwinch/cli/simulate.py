@@ -24,6 +24,7 @@ app = App(
 
     dualwinch simulate --case 4
     dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
+    dualwinch simulate --case 4 --animate machine.svg
     dualwinch simulate --plugin my_law.py --controller my-law --set controller.my_law.k=5
     dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
     dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
@@ -53,6 +54,7 @@ def simulate(
         Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
     ] = None,
     plot: Figure = None,
+    animate: Annotated[Path | None, Parameter(help="File for an animation of the machine: .svg.")] = None,
     stride: Annotated[int, WHOLE, Parameter(help="Keep every n-th sample in the data.")] = 1,
     engine: Annotated[
         Literal["compiled", "interpreter"] | None,
@@ -72,7 +74,11 @@ def simulate(
     use_parts(plugin)
     assignments = with_estimator(estimator, set_)
     if ensemble is not None:
-        for word, given in (("--stride", stride != 1), ("--engine", engine not in {None, "compiled"})):
+        for word, given in (
+            ("--stride", stride != 1),
+            ("--engine", engine not in {None, "compiled"}),
+            ("--animate", animate),
+        ):
             if given:
                 raise ConfigurationError(f"{word} and --ensemble: give one of them")
         from dualwinch.commands.simulate_ensemble import ensemble as drawn
@@ -93,6 +99,7 @@ def simulate(
         assignments=assignments,
         out=out,
         plot=plot,
+        animate=animate,
         stride=stride,
         engine=engine,
     )

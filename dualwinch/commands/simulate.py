@@ -68,6 +68,7 @@ def simulate(
     assignments: list[str],
     out: Path | None,
     plot: Path | None,
+    animate: Path | None,
     stride: int,
     engine: EngineName | None,
 ) -> None:
@@ -79,6 +80,11 @@ def simulate(
         format_of(out)
         check_folder(out.parent)
     check_plot(plot)
+    if animate:
+        from dualwinch.simulation.animation.animation import check_animation
+
+        check_animation(animate)
+        check_folder(animate.parent)
     engine = engine or engine_here()
     console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -97,6 +103,12 @@ def simulate(
 
             save_figure(overview(result), plot)
         console.print(f"wrote {plot}")
+    if animate:
+        with console.status(f"drawing {animate}"):
+            from dualwinch.simulation.animation import save_animation
+
+            save_animation(result, animate)
+        console.print(f"wrote {animate}")
 
 
 def print_result(result: Result) -> None:
