@@ -14,8 +14,8 @@ Floats = NDArray[np.float64]
 POINTS = 20
 """Points a sample."""
 
-CONSISTENT = 1e-4
-"""How far, in rad/s, a drum may be from the next row where the recorded torques are all that drives it."""
+CONSISTENT, SAME = 1e-4, 1.0
+"""How far a drum may be from the next row, in rad/s, and a tension from its own row, in N, where the rows say it all."""
 
 DRUMS = ("theta_1", "omega_1", "theta_2", "omega_2")
 ENDS = ("x", "v", "next_x", "next_v")
@@ -49,7 +49,8 @@ def finely(result: Result, rows: slice) -> tuple[Floats, Floats, Floats]:
         drums, pulls = (np.array(out) for out in step(drums, ends, torques, point / POINTS))
         forces.append(pulls)
     missed = np.abs(drums - np.array([kept[name][1:] for name in DRUMS])).max()
-    if not missed <= CONSISTENT:
+    at_rows = np.abs(forces[0] - np.array([kept["F1"][:-1], kept["F2"][:-1]])).max()
+    if not (missed <= CONSISTENT and at_rows <= SAME):
         return as_kept
     fine = (t[:-1, np.newaxis] + span * np.arange(POINTS) / POINTS).ravel()
     pulled = np.array(forces).transpose(1, 2, 0).reshape(2, -1)

@@ -131,7 +131,7 @@ def _enlarged_run(axes: Axes, runs: Sequence[Curve], quantity: str, rope: int) -
         rows = within(run.result["t"], start, end)
         if quantity == "tension":
             t, *forces = finely(run.result, rows)
-            axes.plot((t - origin) * 1e3, forces[rope - 1] / KILO, color=run.colour, linestyle=run.dashes)
+            run.draw(axes, (t - origin) * 1e3, forces[rope - 1] / KILO)
         else:
             command = run.result[COLUMNS[quantity][rope - 1]][rows] / KILO
             run.draw(axes, (run.result["t"][rows] - origin) * 1e3, command, drawstyle="steps-post")
