@@ -15,7 +15,7 @@ POINTS = 20
 """Points a sample."""
 
 CONSISTENT, SAME = 1e-4, 1.0
-"""How far a drum may be from the next row, in rad/s, and a tension from its own row, in N, where the rows say it all."""
+"""How far a drum may be from its next row in rad/s, and a tension from its own in N, where the rows say it all."""
 
 DRUMS = ("theta_1", "omega_1", "theta_2", "omega_2")
 ENDS = ("x", "v", "next_x", "next_v")
