@@ -39,7 +39,7 @@ def stress(
     constraint: Annotated[
         list[str] | None,
         Parameter(
-            help="Constraints that must hold, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (what the paper's gains "
+            help="Constraints, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (what the paper's gains "
             "reach in the base); may be repeated; none: only that runs are completed. Default: those of the study "
             "beside the file, no slack, no peak beyond tension_max, no more than 4 times the paper's MSE.",
             negative="",

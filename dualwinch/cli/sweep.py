@@ -47,7 +47,7 @@ def sweep(
     ] = None,
     out: Annotated[
         Path | None,
-        Parameter(help="File for the data, one row per run with all figures of merit: .csv, .parquet, .npz."),
+        Parameter(help="File for the data, a row per run with all figures of merit: .csv, .parquet, .npz."),
     ] = None,
     plot: Figure = None,
     json: Annotated[
@@ -56,8 +56,8 @@ def sweep(
 ) -> None:
     """Run one experiment over values of one or two keys, side by side on all cores.
 
-    Any key of `dualwinch config` can be varied, including those that choose parts or shape the compiled code. The figure is
-    a line over one key, a heat map over two.
+    Any key of `dualwinch config` can be varied, including those that choose parts or shape the compiled code. The
+    figure is a line over one key, a heat map over two.
     """
     from dualwinch.commands.simulate import experiment
     from dualwinch.commands.sweep_run import run_sweep

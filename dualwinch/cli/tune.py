@@ -40,8 +40,8 @@ def tune(
         list[str] | None,
         Parameter(
             help="Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` if not its own; "
-            "controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. May be repeated. "
-            "Default: all gains in use.",
+            "controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. "
+            "May be repeated. Default: all gains in use.",
             negative="",
         ),
     ] = None,
