@@ -255,7 +255,7 @@ def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapp
 def _comparison(figures: Mapping[int, bytes]) -> Picture | None:
     if 21 not in figures:
         return None
-    return Picture(21, "Case 4: what the observer is worth in the steady state", FIGURE_21, data_uri(figures[21]))
+    return Picture(21, "Case 4: effect of the observer in the steady state", FIGURE_21, data_uri(figures[21]))
 
 
 def data_uri(content: bytes) -> str:
