@@ -111,7 +111,7 @@ def least(race: Record) -> str:
     """What nobody gets below."""
     found = race["least"]
     if not found["beyond_authority"]:
-        return "In none of the scenarios does the reference take more force than the motors can give."
+        return "The reference is feasible in all scenarios."
     without, given = (_rms(found[name]) for name in ("without_foresight", "with_foresight"))
     best = min(value for entry in race["entries"] if (value := entry["statistics"]["mean.mse"]) is not None)
     return (
