@@ -136,7 +136,8 @@ def least_words(found: Found) -> str:
     without, given = (MILLIMETRES * math.sqrt(values.mean()) for values in (least, foreseeing))
     return (
         f"{beyond} of the scenarios are infeasible: they need more force than the motors can deliver. Lower bound on "
-        f"the RMS error: {without:.3g} mm for a non-anticipating optimal controller, {given:.3g} mm with full foresight."
+        f"the RMS error: {without:.3g} mm for a non-anticipating optimal controller, {given:.3g} mm with full "
+        "foresight."
     )
 
 
