@@ -115,8 +115,8 @@ def least(race: Record) -> str:
     without, given = (_rms(found[name]) for name in ("without_foresight", "with_foresight"))
     best = min(value for entry in race["entries"] if (value := entry["statistics"]["mean.mse"]) is not None)
     return (
-        f"In {found['beyond_authority']} of the {race['held_out']} scenarios the reference is infeasible: it needs more "
-        f"force than the motors can deliver. Lower bound on the RMS error over all scenarios: {without} mm for a "
+        f"In {found['beyond_authority']} of the {race['held_out']} scenarios the reference is infeasible: it needs "
+        f"more force than the motors can deliver. Lower bound on the RMS error over all scenarios: {without} mm for a "
         f"non-anticipating optimal controller, {given} mm with full foresight; the best here reaches {_rms(best)} mm."
     )
 
