@@ -68,7 +68,8 @@ def _substep(plant: Plant, span: float) -> ca.Function:
     share = ca.SX.sym("share")
 
     def pulls(at: ca.SX, now: ca.SX) -> tuple[ca.SX, ca.SX]:
-        x, v = _cubic(*ca.vertsplit(ends), span, now)
+        begin_x, begin_v, next_x, next_v = ca.vertsplit(ends)
+        x, v = _cubic(begin_x, begin_v, next_x, next_v, span, now)
         theta_1, omega_1, theta_2, omega_2 = ca.vertsplit(at)
         return tensions(PlantState(x, v, theta_1, omega_1, theta_2, omega_2), plant)
 

@@ -46,7 +46,7 @@ def test_no_module_of_the_package_hides_a_public_name() -> None:
 
 
 def test_help_is_a_page_and_names_what_there_is() -> None:
-    page = pydoc.render_doc(dualwinch, renderer=pydoc.plaintext)
+    page = pydoc.render_doc(dualwinch, renderer=pydoc.TextDoc())
     assert len(page.splitlines()) < 60
     table = re.findall(r"^    (\S.*?)   ", dualwinch.__doc__ or "", re.MULTILINE)
     names = {name for entry in table for name in re.sub(r"\(.*?\)", "", entry).split(", ")}

@@ -44,7 +44,7 @@ def test_samples_hide_what_it_shows(run: Result) -> None:
     _t, _rope_1, rope_2 = finely(run, START)
 
     def turns(force: np.ndarray) -> int:
-        return np.count_nonzero(np.diff(np.sign(np.diff(force))))
+        return int(np.count_nonzero(np.diff(np.sign(np.diff(force)))))
 
     assert turns(rope_2) > 1.5 * turns(run["F2"][START])
 
