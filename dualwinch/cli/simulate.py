@@ -24,6 +24,7 @@ app = App(
 
     dualwinch simulate --case 4
     dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
+    dualwinch simulate --case 4 --animate machine.svg
     dualwinch simulate --plugin my_law.py --controller my-law --set controller.my_law.k=5
     dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
     dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
@@ -53,25 +54,31 @@ def simulate(
         Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
     ] = None,
     plot: Figure = None,
+    animate: Annotated[Path | None, Parameter(help="File for an animation of the machine: .svg.")] = None,
     stride: Annotated[int, WHOLE, Parameter(help="Keep every n-th sample in the data.")] = 1,
     engine: Annotated[
-        Literal["compiled", "interpreter"], Parameter(help="Compiled C, or CasADi's interpreter (slow).")
-    ] = "compiled",
+        Literal["compiled", "interpreter"] | None,
+        Parameter(help="Compiled C, or CasADi's interpreter (slow; the default only where there is no compiler)."),
+    ] = None,
 ) -> None:
     """Simulate one experiment and print its figures of merit.
 
     Without --case or --config the defaults of every key are used (the paper's Case 2).
 
-    With --ensemble, many scenarios are drawn and run on all cores. --case or --config give the values that the
-    ensemble's file does not have; --controller and --set change its nominal values, and distributions relative to
-    those follow. The data hold one row a scenario, the figure is a fan chart.
+    With --ensemble, many scenarios are drawn and run on all cores. --case or --config supply the values missing from
+    the ensemble's file; --controller and --set change its nominal values, and relative distributions follow. The data
+    hold one row per scenario, the figure is a fan chart.
     """
     from dualwinch.model.errors import ConfigurationError
 
     use_parts(plugin)
     assignments = with_estimator(estimator, set_)
     if ensemble is not None:
-        for word, given in (("--stride", stride != 1), ("--engine", engine != "compiled")):
+        for word, given in (
+            ("--stride", stride != 1),
+            ("--engine", engine not in {None, "compiled"}),
+            ("--animate", animate),
+        ):
             if given:
                 raise ConfigurationError(f"{word} and --ensemble: give one of them")
         from dualwinch.commands.simulate_ensemble import ensemble as drawn
@@ -92,6 +99,7 @@ def simulate(
         assignments=assignments,
         out=out,
         plot=plot,
+        animate=animate,
         stride=stride,
         engine=engine,
     )

@@ -9,6 +9,7 @@ from dualwinch.commands.measured import measured
 from dualwinch.config.settings import override
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
+from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
@@ -25,19 +26,20 @@ Variants = dict[tuple[int, str, str], Result]
 """(case, position law, coordination) → result, without rows."""
 
 
-def run_variants(numbers: list[int], step: Callable[[str], None]) -> Variants:
+def run_variants(numbers: list[int], step: Callable[[str], None], engine: EngineName) -> Variants:
     """Run all variants with the gains they come with.
 
     Args:
         numbers: cases of the paper.
         step: told what comes next.
+        engine: that runs them.
     """
     runs: Variants = {}
     for number in numbers:
         for law, coordination in VARIANTS:
             step(f"case {number}, {law}, {coordination}")
             experiment = override(case(number, law), {"controller.coordination.kind": coordination})
-            runs[number, law, coordination] = simulate(experiment, stride=0)
+            runs[number, law, coordination] = simulate(experiment, stride=0, engine_name=engine)
     return runs
 
 

@@ -9,6 +9,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from dualwinch.commands.doctor import versions
+from dualwinch.commands.engine import engine_here
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
 from dualwinch.commands.terminal import styled, terminal
@@ -67,8 +68,9 @@ def simulate(
     assignments: list[str],
     out: Path | None,
     plot: Path | None,
+    animate: Path | None,
     stride: int,
-    engine: EngineName,
+    engine: EngineName | None,
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     asked = experiment(case, config, controller, assignments)
@@ -78,6 +80,12 @@ def simulate(
         format_of(out)
         check_folder(out.parent)
     check_plot(plot)
+    if animate:
+        from dualwinch.simulation.animation.animation import check_animation
+
+        check_animation(animate)
+        check_folder(animate.parent)
+    engine = engine or engine_here()
     console = terminal(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("simulating", total=1.0)
@@ -95,6 +103,12 @@ def simulate(
 
             save_figure(overview(result), plot)
         console.print(f"wrote {plot}")
+    if animate:
+        with console.status(f"drawing {animate}"):
+            from dualwinch.simulation.animation import save_animation
+
+            save_animation(result, animate)
+        console.print(f"wrote {animate}")
 
 
 def print_result(result: Result) -> None:

@@ -73,15 +73,39 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.Ca
     assert "cannot be made" in refused(capsys, "reproduce", "--out", str(tmp_path / "file" / "results"))
 
 
-def test_without_a_compiler_the_error_says_what_would_help(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nonexistent/either")
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.delenv("DUALWINCH_CC", raising=False)
     monkeypatch.setattr("dualwinch.codegen.compiler._zig", lambda: None)
-    words = ("simulate", "--set", "simulation.substeps=3", *SHORT)
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_without_a_compiler_the_error_says_what_would_help(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("simulate", "--engine", "compiled", "--set", "simulation.substeps=3", *SHORT)
     assert "dualwinch[zig]" in refused(capsys, *words, code=1)
+
+
+@pytest.mark.usefixtures("no_compiler")
+@pytest.mark.parametrize("words", [("simulate", *SHORT), ("reproduce", "--cases", "1", "--controllers", "nftsm")])
+def test_without_a_compiler_the_interpreter_runs_and_a_line_says_so(
+    words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    main([*words])
+    printed = capsys.readouterr()
+    assert printed.err.count("no C compiler found, so CasADi's interpreter runs instead") == 1
+    assert "--extra zig" in printed.err
+    assert "nftsm" in printed.out.lower()
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_a_compiler_that_was_asked_for_by_name_has_no_substitute(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DUALWINCH_CC", "no-such-compiler")
+    assert "no-such-compiler" in refused(capsys, "simulate", *SHORT, code=1)
 
 
 def test_a_full_disk_is_one_line_and_leaves_nothing(

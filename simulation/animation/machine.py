@@ -1,0 +1,195 @@
+"""The machine: rail, vehicle, drums, and ropes that are coloured by their tension and sag as they go slack."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+from numpy.typing import NDArray
+
+from dualwinch.simulation.animation.svg import Play, add, move, number, text, transform
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.style import GREY, INK, VERMILION
+
+Floats = NDArray[np.float64]
+
+WIDTH = 960
+"""Width of every picture in pixels."""
+
+LEFT, RIGHT = 120.0, 840.0
+"""Where the rail's ends stand, in pixels."""
+
+DRUM, DRUM_GAP = 24.0, 64.0
+"""Radius of a drum, which is drawn larger than to scale, and its distance from the rail's end, in pixels."""
+
+WATER, BED, HULL = "#EAF3F8", "#D8CDB8", "#34516B"
+SLACK = "#B9B9B9"
+
+SLACK_SAG, SAG_FORCE = 42.0, 25.0
+"""Sag of a slack rope in pixels, and the tension in N at which half of it is left: drawn larger than it is."""
+
+ARROW = 60.0
+"""Length in pixels of the largest disturbance's arrow."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """What is drawn of the machine: a row a frame.
+
+    Attributes:
+        x, x_ref: positions of vehicle and reference in m.
+        theta_1, theta_2: drum angles in rad, positive when rope is retrieved.
+        F1, F2: tensions in N.
+        force: disturbance on the vehicle in N.
+    """
+
+    x: Floats
+    x_ref: Floats
+    theta_1: Floats
+    theta_2: Floats
+    F1: Floats
+    F2: Floats
+    force: Floats
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Where things stand.
+
+    Attributes:
+        length: of the rail in m.
+        vehicle_width, vehicle_height: in m.
+        highest: tension in N at the upper end of the colours.
+        rail: height of the rail in pixels, downwards.
+    """
+
+    length: float
+    vehicle_width: float
+    vehicle_height: float
+    highest: float
+    rail: float
+
+    @property
+    def scale(self) -> float:
+        """Pixels a metre."""
+        return (RIGHT - LEFT) / self.length
+
+    @property
+    def rope(self) -> float:
+        """Height of the taut ropes in pixels: amid the vehicle."""
+        return self.rail - 6 - self.vehicle_height * self.scale / 2
+
+    def at(self, x: Floats) -> Floats:
+        """Positions along the rail in m as pixels."""
+        return LEFT + self.scale * np.asarray(x)
+
+
+def machine_of(experiment: Experiment, rail: float) -> Machine:
+    """The machine of an experiment; `rail` is its height in the picture in pixels."""
+    plant, limits = experiment.plant, experiment.controller.limits
+    vehicle = plant.vehicle
+    return Machine(
+        float(plant.track.length), float(vehicle.diameter), float(vehicle.height), float(limits.tension_max), rail
+    )
+
+
+def draw_machine(parent: Element, machine: Machine, frames: Frames, play: Play) -> None:
+    """Draw the machine in all its frames."""
+    _rail(parent, machine)
+    half = machine.vehicle_width * machine.scale / 2
+    vehicle = machine.at(frames.x)
+    _rope(parent, machine, frames.F2, play, fixed=LEFT - DRUM_GAP, moving=vehicle - half)
+    _rope(parent, machine, frames.F1, play, fixed=RIGHT + DRUM_GAP, moving=vehicle + half)
+    _drum(parent, machine, LEFT - DRUM_GAP, -frames.theta_2, play)
+    _drum(parent, machine, RIGHT + DRUM_GAP, frames.theta_1, play)
+    reference = add(parent, "g")
+    top = machine.rope - machine.vehicle_height * machine.scale / 2 - 8
+    add(reference, "path", d=f"M0 {number(top)}l-6 -10h12z", fill="none", stroke=INK, stroke_width=1.2)
+    transform(reference, "translate", [f"{number(x)} 0" for x in machine.at(frames.x_ref)], play)
+    _vehicle(parent, machine, vehicle, frames.force, play)
+
+
+def colour(tension: float, highest: float) -> str:
+    """Colour of a rope that carries a tension in N; grey where it carries none."""
+    return SLACK if tension <= 0 else to_hex(colormaps["plasma"](0.85 * min(tension / highest, 1.0)))
+
+
+def draw_colours(parent: Element, x: float, y: float, highest: float) -> None:
+    """The key to the ropes' colours, in a box of 200 x 30 pixels."""
+    steps, width = 40, 4.0
+    for step in range(steps):
+        shade = colour((step + 0.5) / steps * highest, highest)
+        add(parent, "rect", x=x + step * width, y=y, width=width + 0.3, height=8, fill=shade)
+    for share in (0.0, 0.5, 1.0):
+        words = f"{share * highest / 1e3:g}" + (" kN" if share == 1 else "")
+        text(parent, x + share * steps * width, y + 22, words, font_size=11, text_anchor="middle", fill=GREY)
+    text(parent, x - 12, y + 9, "tension", font_size=11, text_anchor="end", fill=GREY)
+
+
+def _rail(parent: Element, machine: Machine) -> None:
+    top = machine.rail
+    add(parent, "rect", x=0, y=top + 6, width=WIDTH, height=26, fill=BED)
+    add(parent, "rect", x=LEFT - 16, y=top, width=RIGHT - LEFT + 32, height=6, fill=GREY)
+    for metres in np.linspace(0, machine.length, 6):
+        x = float(machine.at(metres))
+        add(parent, "line", x1=x, x2=x, y1=top + 6, y2=top + 11, stroke=INK)
+        words = f"{metres:g} m" if metres else "x = 0"
+        text(parent, x, top + 25, words, font_size=11, text_anchor="middle")
+
+
+def _rope(parent: Element, machine: Machine, tension: Floats, play: Play, *, fixed: float, moving: Floats) -> None:
+    """A rope from the top of its drum to the vehicle."""
+    height, sags = machine.rope, SLACK_SAG / (1 + np.maximum(tension, 0) / SAG_FORCE)
+    rope = add(parent, "path", fill="none", stroke_width=3.5, stroke_linecap="round")
+    curves = [
+        f"M{number(fixed)} {number(height)}Q{number((fixed + end) / 2)} {number(height + 2 * sag)} "
+        f"{number(end)} {number(height)}"
+        for end, sag in zip(moving.tolist(), sags.tolist(), strict=True)
+    ]
+    move(rope, "d", curves, play)
+    move(rope, "stroke", [colour(value, machine.highest) for value in tension.tolist()], play)
+
+
+def _drum(parent: Element, machine: Machine, x: float, clockwise: Floats, play: Play) -> None:
+    """A drum whose top is as high as the ropes; it turns by angles in rad."""
+    y = machine.rope + DRUM
+    foot = machine.rail + 6
+    add(parent, "path", d=f"M{number(x - 22)} {number(foot)}L{number(x)} {number(y)}L{number(x + 22)} {number(foot)}z",
+        fill=GREY)  # fmt: skip
+    add(parent, "circle", cx=x, cy=y, r=DRUM, fill="#F7F3EA", stroke=INK, stroke_width=2)
+    spokes = add(parent, "g", stroke=INK, stroke_width=2)
+    for angle in np.radians([90, 210, 330]):
+        across, down = DRUM * np.cos(angle), DRUM * np.sin(angle)
+        add(spokes, "line", x1=x, y1=y, x2=x + across, y2=y + down)
+    centre = f"{number(x)} {number(y)}"
+    transform(spokes, "rotate", [f"{number(degrees)} {centre}" for degrees in np.degrees(clockwise)], play)
+    add(parent, "circle", cx=x, cy=y, r=5, fill=INK)
+
+
+def _vehicle(parent: Element, machine: Machine, x: Floats, force: Floats, play: Play) -> None:
+    """The hull on its shoes, with an arrow for the disturbance."""
+    width, height = machine.vehicle_width * machine.scale, machine.vehicle_height * machine.scale
+    top = machine.rope - height / 2
+    vehicle = add(parent, "g")
+    hull = {"x": -width / 2, "y": top, "width": width, "height": height, "rx": width / 5}
+    add(vehicle, "rect", **hull, fill=HULL, stroke=INK, stroke_width=1.5)
+    for side in (-1, 1):
+        add(vehicle, "rect", x=side * width / 3.2 - 3, y=top + height, width=6, height=8, fill=INK)
+    text(vehicle, 0, top - 26, "vehicle", text_anchor="middle", fill=GREY)
+    largest = float(np.abs(force).max(initial=0.0))
+    if largest > 0:
+        arrow = add(vehicle, "path", fill="none", stroke=VERMILION, stroke_width=3.5)
+        move(arrow, "d", _arrows(force / largest * ARROW, machine.rope), play)
+    transform(vehicle, "translate", [f"{number(value)} 0" for value in x], play)
+
+
+def _arrows(lengths: Floats, height: float) -> Sequence[str]:
+    y = number(height)
+    found = []
+    for length in lengths.tolist():
+        head = -np.sign(length) * min(abs(length), 7)
+        barb = number(head)
+        found.append(f"M0 {y}h{number(length)}m{barb} {barb}L{number(length)} {y}l{barb} {number(-head)}")
+    return found

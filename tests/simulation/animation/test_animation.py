@@ -1,0 +1,109 @@
+"""The animation shows the run: right states at right times, whole files, and nothing that a README could not play."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from dualwinch.cli import main
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.animation import animation, labelled_machine
+from dualwinch.simulation.animation.machine import LEFT, RIGHT, SLACK, colour
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.simulate import simulate
+
+SVG = "{http://www.w3.org/2000/svg}"
+LARGEST_FILE = 600_000
+
+
+@pytest.fixture(scope="module")
+def run(paper_run: Callable[[int, str], Result]) -> Result:
+    return paper_run(4, "fando-nftsm")
+
+
+@pytest.fixture(scope="module")
+def root(run: Result) -> ET.Element:
+    return ET.fromstring(animation(run))  # noqa: S314  # our own
+
+
+def frames(root: ET.Element, kind: str) -> list[list[float]]:
+    moving = [element for element in root.iter(f"{SVG}animateTransform") if element.get("type") == kind]
+    return [[float(frame.split()[0]) for frame in element.get("values", "").split(";")] for element in moving]
+
+
+def test_the_vehicle_is_where_the_run_says(root: ET.Element, run: Result) -> None:
+    reference, vehicle = frames(root, "translate")
+    rows = np.linspace(0, len(run["t"]) - 1, len(vehicle)).astype(int)
+    metres = (np.array(vehicle) - LEFT) / (RIGHT - LEFT) * 50
+    np.testing.assert_allclose(metres, run["x"][rows], atol=0.01)
+    np.testing.assert_allclose(np.array(reference), np.array(vehicle), atol=0.2)  # 6 mm are 0.1 pixels
+
+
+def test_drums_turn_the_way_they_retrieve(root: ET.Element, run: Result) -> None:
+    left, right = frames(root, "rotate")
+    assert right[-1] == pytest.approx(np.degrees(run["theta_1"][-1]), abs=0.1)
+    assert left[-1] == pytest.approx(-np.degrees(run["theta_2"][-1]), abs=0.1)
+    assert right[-1] > 0  # on the screen clockwise: rope comes in over the drum's top, from the left
+    assert left[-1] > 0
+
+
+def test_ropes_have_the_colours_of_their_tensions(root: ET.Element, run: Result) -> None:
+    strokes = [
+        element.get("values", "").split(";")
+        for element in root.iter(f"{SVG}animate")
+        if element.get("attributeName") == "stroke"
+    ]
+    rows = np.linspace(0, len(run["t"]) - 1, len(strokes[0])).astype(int)
+    highest = run.experiment.controller.limits.tension_max
+    for name, colours in zip(("F2", "F1"), strokes, strict=True):
+        assert colours == [colour(value, highest) for value in run[name][rows]]
+    assert len(set(strokes[1])) > 20
+    assert colour(0.0, 5e3) == SLACK != colour(1.0, 5e3)
+
+
+def test_it_is_one_small_file_without_scripts_or_links(run: Result) -> None:
+    text = animation(run)
+    assert len(text) < LARGEST_FILE
+    assert text == animation(run)
+    assert "<script" not in text
+    assert "href" not in text
+    assert not re.search(r"\bnan\b|\binf\b", text)
+    assert "mm)" in text
+
+
+def test_a_run_without_rows_cannot_be_played() -> None:
+    bare = simulate(case(4), stride=0)
+    with pytest.raises(ConfigurationError, match="stride >= 1"):
+        animation(bare)
+
+
+@pytest.mark.parametrize("experiment", [None, case(1)])
+def test_the_labelled_machine_stands_still_and_names_its_symbols(experiment: Experiment | None) -> None:
+    text = labelled_machine(experiment)
+    assert "<animate" not in text
+    assert {"F₁", "F₂", "x, v", "θ₁, ω₁, τ₁"} <= {element.text for element in ET.fromstring(text).iter()}  # noqa: S314
+
+
+def test_simulate_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "machine.svg"
+    main(["simulate", "--case", "2", "--set", "simulation.duration=0.5", "--animate", str(file)])
+    assert "wrote" in capsys.readouterr().err
+    assert file.read_text().startswith("<svg")
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["--animate", "machine.gif"], "an animation is an .svg"),
+        (["--ensemble", "sea", "--animate", "a.svg"], "--animate and --ensemble"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(words: list[str], what: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["simulate", *words])
+    assert what in capsys.readouterr().err
