@@ -27,7 +27,7 @@ TUNED_SHORTFALL, CHOSEN_SHORTFALL = 0.015, 0.01
 It falls behind further in one draw of some hundreds, and gains that had to hold there would be cautious everywhere.
 """
 
-FEASIBLE_DEMAND = 0.95
+FEASIBLE_DEMAND = 1.0
 """Share of the motors' force that a draw asks for at most (`demand`).
 
 Where more is asked for, the error is a hundred times as large, for lack of force and whatever the gains: a mean over
@@ -99,14 +99,14 @@ def vertices(
 
 
 def feasible(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
-    """The first draws that leave force to control with (`FEASIBLE_DEMAND`); too few: those nearest to it."""
+    """The first draws that ask for no more force than there is (`FEASIBLE_DEMAND`); too few: those nearest to it."""
     asked = _each(demand, ensemble.chosen(range(DRAWS_LOOKED_AT * count), seed))
     order = sorted(range(len(asked)), key=lambda index: max(asked[index], FEASIBLE_DEMAND))
     return [Pick(index) for index in sorted(order[:count])]
 
 
 def choosable(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """The draws that gains are chosen by: those that leave force to control with, or all where none does."""
+    """The draws that gains are chosen by: those that ask for no more force than there is, or all where none does."""
     asked = _each(demand, scenarios)
     found = [chosen for chosen, share in zip(scenarios, asked, strict=True) if share <= FEASIBLE_DEMAND]
     return found or list(scenarios)
