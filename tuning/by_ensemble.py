@@ -39,17 +39,12 @@ def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
 
     Where tensions are uncertain, commands keep off their limit: by up to twice of what they may be off there.
     """
-    if not forces_uncertain(ensemble):
+    if not _uncertain(ensemble, FORCES):
         return {}
     limit = ensemble.experiment.controller.limits.tension_max
     shares = (_largest(ensemble, key) for key in FORCES if "zero" not in key and "ripple" not in key)
     zeros = (_largest(ensemble, key) for key in FORCES if "zero" in key)
     return {RESERVE: {"lower": 0.0, "upper": 2 * (limit * max(shares) + max(zeros))}}
-
-
-def forces_uncertain(ensemble: Ensemble) -> bool:
-    """Whether tensions may be others than torques and load cells say."""
-    return _uncertain(ensemble, FORCES)
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:
