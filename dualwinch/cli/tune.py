@@ -34,7 +34,11 @@ def tune(
         str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, or a TOML file.")
     ] = None,
     scenarios: Annotated[
-        int | None, WHOLE, Parameter(help="Scenarios of the ensemble in which each candidate is tried.")
+        int | None,
+        WHOLE,
+        Parameter(
+            help="Scenarios of the ensemble in which candidates are tried (default 24; 8 with several objectives)."
+        ),
     ] = None,
     space: Annotated[
         list[str] | None,
