@@ -87,7 +87,8 @@ def first_case() -> list[Claim]:
     faster = Claim(
         "4.2",
         "Case 1: converges faster than the PID cascade.",
-        f"Within 0.2 m the PID cascade stays from {pid:.1f} s on, the paper's law from {law:.1f} s. Closer in it is the other "
+        f"Within 0.2 m the PID cascade stays from {pid:.1f} s on, the paper's law from {law:.1f} s. Closer in it "
+        "is the other "
         f"way round: within 0.1 m the paper's law stays from {settled(1, LAW, 0.1)} on, PID "
         f"{settled(1, PID, 0.1)} within the run.",
         HOLDS if law < pid else FAILS,
@@ -108,7 +109,8 @@ def second_case() -> list[Claim]:
     better = Claim(
         "4.2",
         "Case 2: shorter convergence and smaller steady-state error than the PID cascade.",
-        f"{1e3 * errors[0]:.1f} µm against {errors[1]:.0f} mm. The paper's law starts on the reference and stays within 1 mm; "
+        f"{1e3 * errors[0]:.1f} µm against {errors[1]:.0f} mm. The paper's law starts on the reference and stays "
+        "within 1 mm; "
         f"PID stays within 0.1 m from {settled(2, PID, 0.1)} on.",
         HOLDS if errors[0] < errors[1] else FAILS,
     )
@@ -116,7 +118,8 @@ def second_case() -> list[Claim]:
     smoother = Claim(
         "4.2",
         "A longer acceleration shakes the ropes less (Case 2 against Case 1).",
-        f"Largest tension {profile.peak_tension:.0f} N against {step.peak_tension:.0f} N; rope 2 goes slack in Case 1 and "
+        f"Largest tension {profile.peak_tension:.0f} N against {step.peak_tension:.0f} N; rope 2 goes slack in "
+        "Case 1 and "
         f"keeps {profile.min_tension:.0f} N in Case 2; chatter {profile.chatter:.2f} N against {step.chatter:.2f} N.",
         HOLDS if profile.peak_tension < step.peak_tension and profile.chatter < step.chatter else FAILS,
     )
@@ -132,8 +135,10 @@ def third_case() -> Claim:
     return Claim(
         "4.3",
         "Case 3: with the observer, overshoot, convergence and steady-state error are significantly smaller.",
-        f"The steady mean error falls by {-100 * change:.0f} %, overshoot from {overshoot[1]:.0f} mm to {overshoot[0]:.0f} mm; "
-        f"but it takes {times[0]:.1f} s to stay within 0.2 m, and {times[1]:.1f} s without the observer: the step of the speed "
+        f"The steady mean error falls by {-100 * change:.0f} %, overshoot from {overshoot[1]:.0f} mm to "
+        f"{overshoot[0]:.0f} mm; "
+        f"but it takes {times[0]:.1f} s to stay within 0.2 m, and {times[1]:.1f} s without the observer: the step "
+        "of the speed "
         "keeps both at the force limit.",
         PARTLY if change < 0 else FAILS,
     )
@@ -145,7 +150,8 @@ def fourth_case() -> Claim:
     return Claim(
         "4.4",
         "More accurate than both other controllers under disturbance.",
-        f"Case 4: {errors[0]:.2f} mm, {errors[1]:.1f} mm without the observer, {errors[2]:.0f} mm with the PID cascade. Laws "
+        f"Case 4: {errors[0]:.2f} mm, {errors[1]:.1f} mm without the observer, {errors[2]:.0f} mm with the PID "
+        "cascade. Laws "
         "with gains found by a search are [another matter](race.md).",
         HOLDS if errors == sorted(errors) else FAILS,
     )
@@ -161,7 +167,8 @@ def robust() -> Claim:
     return Claim(
         "4.4",
         "Robust against several unknown uncertainties.",
-        f"In {SCENARIOS} scenarios of [`sea`](ensembles.md) (uncertain plant, current, noise, delay) its mean square error is "
+        f"In {SCENARIOS} scenarios of [`sea`](ensembles.md) (uncertain plant, current, noise, delay) its mean "
+        "square error is "
         f"below that without the observer in {share[0]:.0f} %, and below the PID cascade's in {share[1]:.0f} %.",
         HOLDS if min(share) > 95 else PARTLY if max(share) > 50 else FAILS,
     )
@@ -175,8 +182,10 @@ def limits() -> Claim:
     return Claim(
         "5 (2)",
         "Coordination avoids actuator saturation and tension chattering.",
-        f"The force command is never cut off, and no rope goes slack, in Cases {' and '.join(map(str, kept))}. In Cases 1 and 3 it is at "
-        f"its limit for {shares} of the time, tensions pass 6000 N (up to {metrics[1].peak_tension:.0f} N) and rope 2 goes "
+        f"The force command is never cut off, and no rope goes slack, in Cases {' and '.join(map(str, kept))}. In "
+        "Cases 1 and 3 it is at "
+        f"its limit for {shares} of the time, tensions pass 6000 N (up to {metrics[1].peak_tension:.0f} N) and "
+        "rope 2 goes "
         "slack.",
         HOLDS if len(kept) == 4 else PARTLY if kept else FAILS,
     )
@@ -190,7 +199,8 @@ def theorem() -> Claim:
         "3.1.5",
         "Stability is proved by Lyapunov's method.",
         f"With the paper's gains {len(failing)} of the theorem's conditions fail, and V decreases over "
-        f"{100 * certificate.decreasing:.0f} % of the samples of Case 4. The loop is stable, [with margins](stability.md); the "
+        f"{100 * certificate.decreasing:.0f} % of the samples of Case 4. The loop is stable, [with "
+        "margins](stability.md); the "
         "proof does not show it.",
         HOLDS if certificate.certified else FAILS,
     )

@@ -1,4 +1,4 @@
-"""What each erratum and assumption is worth: the paper's headline number with another choice, or a fact of the printed form.
+"""What each erratum and assumption is worth: the headline with another choice, or a fact of the printed form.
 
 `benchmarks.paper_claims` puts the table into docs/paper.md.
 """
@@ -149,7 +149,8 @@ def facts() -> dict[str, str]:
         "E2": f"A vehicle at rest between balanced ropes would accelerate backwards at {push:.3f} m/s².",
         "E3": f"A torque meant to hold 3000 N would hold {3000 * winch.drum_radius:.0f} N.",
         "E5": "The reference would jump by 25.2 m, twice, and leave the track.",
-        "E6": f"Read as differences, a known force that swings by 1 kN at 5 Hz enters the observer as an unknown one of "
+        "E6": f"Read as differences, a known force that swings by 1 kN at 5 Hz enters the observer as an unknown "
+        "one of "
         f"{swing:.0f} N.",
         "E7": f"In Case 4's steady state the sliding variable approaches zero at {low:.2f} to {high:.2f} times the "
         "printed rate (5 % to 95 % of the samples).",
@@ -158,9 +159,11 @@ def facts() -> dict[str, str]:
         "E10": f"With the printed sign Case 4 ends as `{wrong.outcome}` after {wrong.end_time:.1f} s.",
         "E11": "Nothing here: both winches have the same limits.",
         "A12": f"Only the baseline's numbers: {1e3 * pid.steady_mae:.0f} mm in Case 4, where its integrals are never "
-        f"held; in Case 1 its force is at the limit for {100 * saturated:.0f} % of the time, and how the integrals are held "
+        f"held; in Case 1 its force is at the limit for {100 * saturated:.0f} % of the time, and how the "
+        "integrals are held "
         "decides how it converges.",
-        "A13": f"The observer's share over 20 to 29 s is {window(20, 29):.1f} %, over 18 to 25 s {window(18, 25):.1f} %, "
+        "A13": f"The observer's share over 20 to 29 s is {window(20, 29):.1f} %, over 18 to 25 s "
+        "{window(18, 25):.1f} %, "
         f"over the whole run {window(0, 50.1):.1f} %.".replace("-", "−"),
     }
 

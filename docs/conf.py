@@ -22,11 +22,7 @@ myst_fence_as_directive = ["math"]  # as code hosts write formulas
 myst_heading_anchors = 4
 html_math_renderer = "mathml"
 
-nb_execution_mode = "cache"
-nb_execution_cache_path = str(ROOT / "build" / "notebooks")
-nb_execution_timeout = 600
-nb_execution_raise_on_error = True
-nb_execution_show_tb = True
+nb_execution_mode = "off"  # outputs are kept in the notebooks: `python -m docs.notebooks`
 nb_merge_streams = True
 
 html_theme = "furo"

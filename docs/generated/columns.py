@@ -38,7 +38,9 @@ def own_columns() -> dict[str, tuple[Quantity, list[str]]]:
     usual = {variable.name for variable in dw.block("controller", dw.case(4, "nftsm")).outputs} - {"Z_a", "s"}
     found: dict[str, tuple[Quantity, list[str]]] = {}
     for kind, controller in _controllers():
-        experiment = dw.case(4, law=controller.law, estimator=controller.estimator, coordination=controller.coordination)
+        experiment = dw.case(
+            4, law=controller.law, estimator=controller.estimator, coordination=controller.coordination
+        )
         for variable in dw.block("controller", experiment).outputs:
             if variable.name in usual | NO_COLUMNS | set(COLUMNS) or (
                 controller.law.kind != kind and variable.name in {"d_hat", "L1", "Z_a", "s"}

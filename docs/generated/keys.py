@@ -17,7 +17,14 @@ def _default(leaf: Leaf) -> str:
 
 def _row(leaf: Leaf) -> list[str]:
     name = leaf.key.rsplit(".", 1)[-1]
-    return [code(name), unit(leaf.quantity.unit), leaf.quantity.meaning, leaf.allowed, _default(leaf), leaf.quantity.source]
+    return [
+        code(name),
+        unit(leaf.quantity.unit),
+        leaf.quantity.meaning,
+        leaf.allowed,
+        _default(leaf),
+        leaf.quantity.source,
+    ]
 
 
 def _table_of(leaf: Leaf) -> str:

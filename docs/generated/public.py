@@ -30,7 +30,7 @@ def _signature(name: str, thing: Any) -> str:
 
 
 def _default(value: Any) -> str:
-    return repr(value) if isinstance(value, (bool, int, float, str, type(None), tuple)) else "…"
+    return repr(value) if isinstance(value, (bool, int, float, str, type(None), tuple)) else "..."
 
 
 def _documented(thing: Any) -> str:

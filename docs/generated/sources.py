@@ -32,7 +32,7 @@ LINK = re.compile(r"\]\((?!\w+:|#)([^)#\s]+)")
 def redirect_links(app: Sphinx, name: str, source: list[str]) -> None:
     """Links to these files lead to their pages, and those to the README to the site's first page."""
     _ = app
-    known = {path: page for path, page in _pages().items()} | {ROOT / "README.md": "index.md"}
+    known = _pages() | {ROOT / "README.md": "index.md"}
     came_from = {page: path.parent for path, page in _pages().items()}
     here = ROOT / "docs" / PurePosixPath(name).parent
     copied = next((parent for page, parent in came_from.items() if page.rpartition(".")[0] == name), here)

@@ -19,9 +19,9 @@ def blocks() -> Canvas:
     """Reference, law, coordination, winches, plant, sensors, estimator."""
     canvas = Canvas(
         1060, 400, "The controller",
-        "The reference and the estimate enter the position law, whose force command is cut to its limits. The coordination "
-        "makes two tension commands of it; two winch controllers make torques of these. Sensors and an estimator close the "
-        "loop.",
+        "The reference and the estimate enter the position law, whose force command is cut to its limits. The "
+        "coordination makes two tension commands of it; two winch controllers make torques of these. Sensors and an "
+        "estimator close the loop.",
     )  # fmt: skip
     canvas.words(48, ROW - 14, "x_d , v_d , a_d", "blue", "small symbol")
     canvas.line([(12, ROW), (96, ROW)], "blue", head=True)
@@ -54,7 +54,5 @@ def blocks() -> Canvas:
     canvas.words(380, BOTTOM - 12, "estimated x, v", "ink", "small")
     canvas.line([(720, BOTTOM - 37), (720, ROW + 44)], head=True)
     canvas.words(710, (ROW + BOTTOM) / 2 + 14, "tensions", "ink", "small", "end")
-    canvas.words(
-        530, 384, "every block is one file, sampled at 1 ms; its numbers are its own", "grey", "small"
-    )
+    canvas.words(530, 384, "every block is one file, sampled at 1 ms; its numbers are its own", "grey", "small")
     return canvas

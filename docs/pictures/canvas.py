@@ -20,8 +20,7 @@ DARK_COLOURS = {
 
 
 def _rules(colours: dict[str, str]) -> str:
-    fills = "".join(f".f-{name}{{fill:{value}}}.s-{name}{{stroke:{value}}}" for name, value in colours.items())
-    return fills
+    return "".join(f".f-{name}{{fill:{value}}}.s-{name}{{stroke:{value}}}" for name, value in colours.items())
 
 
 STYLE = (
@@ -43,7 +42,14 @@ class Canvas:
     parts: list[str] = field(default_factory=list)
 
     def rectangle(
-        self, x: float, y: float, width: float, height: float, fill: str = "shade", edge: str = "grey", round_: float = 6
+        self,
+        x: float,
+        y: float,
+        width: float,
+        height: float,
+        fill: str = "shade",
+        edge: str = "grey",
+        round_: float = 6,
     ) -> None:
         """A box from its upper left corner."""
         self.parts.append(
@@ -51,7 +57,9 @@ class Canvas:
             f'class="f-{fill} s-{edge}" stroke-width="1.4"/>'
         )
 
-    def line(self, points: Sequence[tuple[float, float]], colour: str = "ink", style: str = "", head: bool = False) -> None:
+    def line(
+        self, points: Sequence[tuple[float, float]], colour: str = "ink", style: str = "", head: bool = False
+    ) -> None:
         """A line through points; with an arrow's head at its end."""
         path = "M" + "L".join(f"{x:g},{y:g}" for x, y in points)
         self.path(path, colour, style)
@@ -73,7 +81,9 @@ class Canvas:
         corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in (tip, left, right))
         self.parts.append(f'<polygon points="{corners}" class="f-{colour}"/>')
 
-    def words(self, x: float, y: float, text: str, colour: str = "ink", style: str = "", anchor: str = "middle") -> None:
+    def words(
+        self, x: float, y: float, text: str, colour: str = "ink", style: str = "", anchor: str = "middle"
+    ) -> None:
         """A line of text; what follows ``_`` up to a blank stands lower, as an index."""
         spans = []
         for number, piece in enumerate(text.split("_")):
@@ -81,7 +91,9 @@ class Canvas:
                 spans.append(escape(piece))
                 continue
             index, blank, rest = piece.partition(" ")
-            spans.append(f'<tspan dy="4" font-size="75%">{escape(index)}</tspan><tspan dy="-4">{blank}{escape(rest)}</tspan>')
+            spans.append(
+                f'<tspan dy="4" font-size="75%">{escape(index)}</tspan><tspan dy="-4">{blank}{escape(rest)}</tspan>'
+            )
         self.parts.append(
             f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="f-{colour} {style}">{"".join(spans)}</text>'
         )
