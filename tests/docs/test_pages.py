@@ -39,7 +39,8 @@ def test_the_site_lists_every_page_and_notebook_once() -> None:
     trees = re.findall(
         r"^```\{toctree\}\n(.*?)^```$", (DOCS / "index.md").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     )
-    listed = [line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")]
+    lines = [line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")]
+    listed = [re.sub(r"^.* <(.+)>$", r"\1", line) for line in lines]
     pages = {path.relative_to(DOCS).with_suffix("").as_posix() for path in WRITTEN} - {"index"}
     notebooks = {f"lessons/{path.stem}" for path in (ROOT / "notebooks").glob("*.ipynb")}
     assert sorted(listed) == sorted(pages | notebooks | MADE)
