@@ -21,6 +21,7 @@ myst_enable_extensions = ["dollarmath", "attrs_inline", "attrs_block", "deflist"
 myst_fence_as_directive = ["math"]  # as code hosts write formulas
 myst_heading_anchors = 4
 html_math_renderer = "mathml"
+smartquotes_action = "qe"  # not dashes: options begin with two hyphens
 
 nb_execution_mode = "off"  # outputs are kept in the notebooks: `python -m docs.notebooks`
 nb_merge_streams = True

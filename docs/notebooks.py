@@ -1,4 +1,4 @@
-"""Execute the notebooks and keep their outputs: ``python -m docs.notebooks [FILE...]``, all of them in a few minutes."""
+"""Execute the notebooks and keep their outputs: ``python -m docs.notebooks [FILE...]`` (all: a few minutes)."""
 
 import sys
 from pathlib import Path

@@ -16,15 +16,9 @@ def _default(leaf: Leaf) -> str:
 
 
 def _row(leaf: Leaf) -> list[str]:
-    name = leaf.key.rsplit(".", 1)[-1]
-    return [
-        code(name),
-        unit(leaf.quantity.unit),
-        leaf.quantity.meaning,
-        leaf.allowed,
-        _default(leaf),
-        leaf.quantity.source,
-    ]
+    name, quantity = leaf.key.rsplit(".", 1)[-1], leaf.quantity
+    allowed = " ".join(map(code, leaf.choices)) or leaf.allowed
+    return [code(name), unit(quantity.unit), quantity.meaning, allowed, _default(leaf), quantity.source]
 
 
 def _table_of(leaf: Leaf) -> str:
