@@ -92,11 +92,11 @@ def reduction(number: int, index: int | None = None) -> float:
     return 100 * (with_observer / without - 1)
 
 
-def row(words: tuple[str, str], index: int | None = None) -> list[str]:
+def row(words: str, index: int | None = None) -> list[str]:
     """One line of the table."""
     four, first = metrics(4, LAW, index), metrics(1, LAW, index)
     return [
-        *words,
+        words,
         f"{reduction(4, index):.1f} %".replace("-", "−"),
         f"{1e3 * four.steady_mae:.2f} mm",
         f"{four.chatter:.2f} N",
@@ -109,11 +109,11 @@ def row(words: tuple[str, str], index: int | None = None) -> list[str]:
 def choices_table() -> str:
     """Every choice that a configuration can make, beside the paper's numbers as they stand here."""
     headings = [
-        "choice", "", "Case 4: by the observer", "steady mean error", "chatter", "Case 1: steady mean error",
+        "choice", "Case 4: by the observer", "steady mean error", "chatter", "Case 1: steady mean error",
         "largest tension", "smallest",
     ]  # fmt: skip
-    rows = [row(("–", "as it stands"))]
-    rows += [row((choice.note, choice.words), index) for index, choice in enumerate(CHOICES)]
+    rows = [row("as it stands")]
+    rows += [row(f"{choice.note}: {choice.words}", index) for index, choice in enumerate(CHOICES)]
     return markdown(headings, rows)
 
 
