@@ -111,13 +111,13 @@ def least(race: Record) -> str:
     """What nobody gets below."""
     found = race["least"]
     if not found["beyond_authority"]:
-        return "In none of the scenarios does the reference take more force than the motors can give."
+        return "The reference is feasible in all scenarios."
     without, given = (_rms(found[name]) for name in ("without_foresight", "with_foresight"))
     best = min(value for entry in race["entries"] if (value := entry["statistics"]["mean.mse"]) is not None)
     return (
-        f"In {found['beyond_authority']} of the {race['held_out']} scenarios the reference takes more force than the "
-        f"motors can give. No controller that does not foresee that gets below an RMS error of {without} mm over all "
-        f"scenarios, none at all below {given} mm; the best here reaches {_rms(best)} mm."
+        f"In {found['beyond_authority']} of the {race['held_out']} scenarios the reference is infeasible: it needs "
+        f"more force than the motors can deliver. Lower bound on the RMS error over all scenarios: {without} mm for a "
+        f"non-anticipating optimal controller, {given} mm with full foresight; the best here reaches {_rms(best)} mm."
     )
 
 

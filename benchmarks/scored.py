@@ -22,7 +22,7 @@ HELD_OUT_SEED, SCENARIOS = 7, 200
 HEADINGS = (
     "chatter over the paper's",
     "mean MSE below the paper's",
-    "no controller, more than",
+    "upper bound (ideal torques)",
     "within authority",
     "median",
     "largest tension (N)",

@@ -1,10 +1,32 @@
-"""dualwinch: control of rope-towed machines, from one symbolic model to compiled closed loops.
+"""Control of rope-towed machines: one symbolic model, compiled closed loops, tuned gains.
 
-The public names stand in ``__init__.pyi``. Each is imported when first used: ``import dualwinch`` costs nothing.
+Run and look:
+    case(4), load("my.toml")         an experiment: of the paper, or of a file
+    override(experiment, {...})      the same with other values; any key of `dualwinch config`
+    simulate(experiment)             a run: columns, figures of merit, outcome
+    save(result, "run.parquet")      and load_result
+
+Many runs:
+    rollout, sensitivities           gains side by side in compiled code, and exact derivatives by them
+    sweep                            any keys over values
+    run_ensemble, compare            uncertain machines; controllers on the same ones
+    Stepper                          a policy of your own, sample by sample
+
+Design:
+    tune, stress, race               better gains, what breaks them first, law against law
+    linearise, modes, certify        linear models, margins, the paper's theorem
+    identify                         a machine's numbers from its logs
+    plant, controller_function       CasADi functions; export_c, export_fmu: code from them
+
+Parts of your own derive from PositionLaw, Estimator, Coordination, RopeLaw, Actuator, Metric or Distribution.
+
+`dir(dualwinch)` lists all names, `help(dualwinch.simulate)` explains one; the command line says the rest:
+`dualwinch --help`. Each name is imported when first used: `import dualwinch` costs nothing.
 """
 
 import lazy_loader
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+# without __all__, for which help() would print the documentation of every public class
+__getattr__, __dir__, _ = lazy_loader.attach_stub(__name__, __file__)

@@ -39,12 +39,17 @@ def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
 
     Where tensions are uncertain, commands keep off their limit: by up to twice of what they may be off there.
     """
-    if not _uncertain(ensemble, FORCES):
+    if not forces_uncertain(ensemble):
         return {}
     limit = ensemble.experiment.controller.limits.tension_max
     shares = (_largest(ensemble, key) for key in FORCES if "zero" not in key and "ripple" not in key)
     zeros = (_largest(ensemble, key) for key in FORCES if "zero" in key)
     return {RESERVE: {"lower": 0.0, "upper": 2 * (limit * max(shares) + max(zeros))}}
+
+
+def forces_uncertain(ensemble: Ensemble) -> bool:
+    """Whether tensions may be others than torques and load cells say."""
+    return _uncertain(ensemble, FORCES)
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:
@@ -57,12 +62,12 @@ def _largest(ensemble: Ensemble, key: str) -> float:
 def rests_on(ensemble: Ensemble | None) -> str:
     """What has to be true of a machine for gains tuned in an ensemble to be worth what they are there, in words."""
     if ensemble is None:
-        return "that rests on a machine and sensors that are exactly the model's"
+        return "this assumes that machine and sensors match the model exactly"
     if _uncertain(ensemble, POSITIONS):
-        return f"that rests on a machine within the tolerances of '{ensemble.name}'"
+        return f"this holds for machines within the tolerances of '{ensemble.name}'"
     return (
-        "that rests on drums, encoder zeros and a position sensor that are exactly what they should be, "
-        f"as they are in '{ensemble.name}' (dualwinch stress tells how exactly)"
+        "this assumes exact drums, encoder zeros and position sensor, as "
+        f"'{ensemble.name}' does (dualwinch stress finds how exact they must be)"
     )
 
 

@@ -13,6 +13,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.by_ensemble import forces_uncertain
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.margin_statistic import MarginStatistic
 from dualwinch.tuning.space import Interval, Point, Space
@@ -23,6 +24,9 @@ SELECTION, HELD_OUT = 1_000_000, 2_000_000
 
 MARGIN = 0.01
 """Distance that what is the worst keeps from its bound in the few scenarios of tuning, as a share: others are worse."""
+
+UNCERTAIN_MARGIN = 0.02
+"""That distance where torques or load cells are off: what a tension comes to then differs more between scenarios."""
 
 REPORTED = (
     "mean.mse",
@@ -134,7 +138,9 @@ class Problem:
 
     def margin(self, constraint: Constraint) -> float:
         """Distance that a constraint has to keep from its bound in tuning, as a share of the bound."""
-        return MARGIN if self.ensemble and constraint.statistic.kind == "worst" else 0.0
+        if not self.ensemble or constraint.statistic.kind != "worst":
+            return 0.0
+        return UNCERTAIN_MARGIN if forces_uncertain(self.ensemble) else MARGIN
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.

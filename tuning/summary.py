@@ -64,13 +64,13 @@ def headline(tuned: Finished) -> str:
     if tuned.verdict.improved:
         words = f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
         passed_over = len(tuned.verdict.passed_over)
-        return words + f", where {passed_over} that seemed better did not hold" if passed_over else words
+        return words + f", where {passed_over} that had looked better failed" if passed_over else words
     return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
 
 
 def worth(tuned: Finished) -> str:
     """What was gained, and what that rests on."""
-    gained = comparison(tuned) if tuned.verdict.improved else "nothing is gained: the start is kept"
+    gained = comparison(tuned) if tuned.verdict.improved else "no improvement: the start is kept"
     return f"{gained}; {rests_on(tuned.problem.ensemble)}"
 
 
@@ -120,12 +120,12 @@ def comparison(tuned: Finished) -> str:
 
 
 def times(ratio: float, whose: str) -> str:
-    """A ratio of theirs to ours in words: how many times ours is below or above."""
+    """A ratio of theirs to ours in words: how many times lower ours is, or how many times theirs, if that is worse."""
     if not (ratio > 0 and np.isfinite(ratio)):
         return f"not comparable with {whose}"
     if f"{ratio:.3g}" == "1":
         return f"as large as {whose}"
-    return f"{_digits(ratio)} times below {whose}" if ratio > 1 else f"{_digits(1 / ratio)} times above {whose}"
+    return f"{_digits(ratio)} times lower than {whose}" if ratio > 1 else f"{_digits(1 / ratio)} × {whose} (worse)"
 
 
 def _digits(ratio: float) -> str:
@@ -142,8 +142,8 @@ def authority(tuned: Finished) -> str:
         return ""
     within = times(verdict.improvement_within_authority(), "the paper's")
     return (
-        f"{beyond} of the scenarios are beyond the actuators' authority: they take more force than the motors can "
-        f"give; in the others the mean MSE is {within}"
+        f"{beyond} of the scenarios are infeasible: they need more force than the motors can deliver; in the feasible "
+        f"ones the mean MSE is {within}"
     )
 
 

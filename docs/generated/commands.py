@@ -15,9 +15,10 @@ def commands_markdown() -> str:
     from dualwinch.cli.app import COMMANDS, app
 
     whole = app.generate_docs(output_format="markdown", recursive=True, heading_level=1)
-    sections = re.split(r"^(?=## dualwinch )", whole, flags=re.MULTILINE)[1:]
-    text = "\n".join(
-        section.rstrip() + "\n" + _examples(module.app.help_epilogue)
-        for section, module in zip(sections, COMMANDS, strict=True)
-    )
-    return text.replace("```console\n", "```text\n")
+    examples = {module.app.name[0]: _examples(module.app.help_epilogue) for module in COMMANDS}
+    text = []
+    for section in re.split(r"^(?=## dualwinch )", whole, flags=re.MULTILINE)[1:]:
+        name = section.split("\n", 1)[0].removeprefix("## dualwinch ")
+        if name in examples:  # not what the library adds for shells
+            text.append(section.rstrip() + "\n" + examples[name])
+    return "\n".join(text).replace("```console\n", "```text\n")

@@ -32,15 +32,16 @@ DONE, FAILED, WRONG_INPUT = 0, 1, 2
 
 app = App(
     name="dualwinch",
-    help="""Control of a vehicle towed by two winches: simulate, reproduce the paper, generate compiled code.
+    help="""Control of a vehicle towed by two winches: simulate, reproduce the paper, tune gains, export code.
 
-Start with `dualwinch reproduce`, or look at one run:
+Start with `dualwinch reproduce`, or look at a single run:
 
     dualwinch simulate --case 4 --plot run.png
     dualwinch simulate --case 4 --set controller.observer.l0=20 --out run.csv
     dualwinch config --case 4 > my.toml && dualwinch simulate --config my.toml
 
-Where it fails, `--traceback` among the words says in which lines of the program.
+`dualwinch --install-completion` makes the Tab key complete commands and options (bash, zsh, fish).
+Add `--traceback` to any command to see where in the program a failure occurred.
 """,
     help_format="markdown",
     version=__version__,
@@ -70,6 +71,8 @@ COMMANDS = (
 for module in COMMANDS:
     app.command(module.app)
 
+
+app.register_install_completion_command()
 
 TRACEBACK = "--traceback"
 """Option of every command: print the traceback of a failure that nobody foresaw, in place of writing it to a file."""

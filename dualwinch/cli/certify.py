@@ -24,18 +24,17 @@ def certify(
     case: Case = None,
     config: Config = None,
     controller: Annotated[
-        Literal["fando-nftsm", "nftsm"] | None, Parameter(help="Position law the theorem is about.")
+        Literal["fando-nftsm", "nftsm"] | None, Parameter(help="Position law that the theorem covers.")
     ] = None,
     set_: Assignments = None,
     plugin: Plugins = None,
     out: Annotated[Path | None, Parameter(help="File for the report: .json.")] = None,
     plot: Annotated[Path | None, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
 ) -> None:
-    """Hold the paper's stability theorem against given gains and a scenario.
+    """Check the paper's stability theorem for given gains and a scenario.
 
-    Prints every condition with both its sides and a verdict, over how much of the run the theorem's Lyapunov
-    function decreases, nearby gains that would satisfy the conditions (or why there are none), and what the proof
-    takes for granted.
+    Prints every condition with both sides and a verdict, the share of the run in which the theorem's Lyapunov function
+    decreases, nearby gains that satisfy the conditions (or why there are none), and what the proof assumes.
     """
     from dualwinch.commands.certify import certify as run
 

@@ -25,7 +25,7 @@ def compare(
     scenarios: Annotated[int, WHOLE, Parameter(help="Scenarios, the same for every file.")] = 200,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of the draws and of the intervals.")] = 0,
     config: Annotated[
-        Path | None, Parameter(help="Experiment that gives the values the ensemble's file does not have.")
+        Path | None, Parameter(help="Experiment that supplies the values missing from the ensemble's file.")
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -38,8 +38,8 @@ def compare(
     """Compare files of gains in the same scenarios, with confidence intervals on the ratios to the first.
 
     A file is an experiment as `dualwinch config` prints one, or a part of it. Its [controller] tables are compared:
-    position law, gains, estimator, coordination and preload; keys it does not have keep their defaults. Plant, sea and
-    sensors come from the ensemble alone.
+    position law, gains, estimator, coordination and preload; missing keys keep their defaults. Plant, sea and sensors
+    come from the ensemble alone.
     """
     from dualwinch.commands.compare import compare as run
 

@@ -29,7 +29,7 @@ def config(
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
-    With --plugin, the numbers of its parts follow, also of those that are not chosen.
+    With --plugin, the numbers of its parts follow, including those of parts that are not in use.
     """
     use_parts(plugin)
     if ensemble is not None:

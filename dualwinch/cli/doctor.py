@@ -7,7 +7,7 @@ app = App(name="doctor")
 
 @app.default
 def doctor() -> None:
-    """Say which compiler, cache folder, processor features and optional parts are in use."""
+    """Show which compiler, cache folder, processor features and optional parts are in use."""
     from dualwinch.commands.doctor import doctor as run
 
     run()

@@ -10,7 +10,7 @@ from dualwinch.cli.options import Assignments, Case, Config, Plugins, use_parts
 
 app = App(
     name="export",
-    help="""Write controller, plant and closed loop as code for other people's tools.
+    help="""Write controller, plant and closed loop as code for other tools.
 
 Everything comes from the functions that `dualwinch simulate` runs, with the values of an experiment.
 """,

@@ -35,7 +35,7 @@ app = App(
 @app.default
 def linearise(
     *,
-    x: Annotated[float | None, Parameter(help="Position in m (default: amid the track).")] = None,
+    x: Annotated[float | None, Parameter(help="Position in m (default: middle of the track).")] = None,
     v: Annotated[float | None, Parameter(help="Speed in m/s (default 0); negative: towards winch 2.")] = None,
     preload: Annotated[
         float | None, Parameter(help="Sum of both tensions in N (default: controller.coordination.preload).")
@@ -68,7 +68,7 @@ def linearise(
         ),
     ] = None,
 ) -> None:
-    """Linearise the plant at an operating point or along a sweep; print its modes and what they demand.
+    """Linearise the plant at an operating point or along a sweep; print its modes and the sample rate they need.
 
     At rest the operating point is an equilibrium, else a steady cruise with constant tensions. Every derivative is
     exact.

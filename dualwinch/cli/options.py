@@ -18,9 +18,7 @@ Estimator = Annotated[str | None, Parameter(help=f"Estimator: {ESTIMATORS}, {OWN
 
 Plugins = Annotated[
     list[str] | None,
-    Parameter(
-        name="--plugin", help="Python file, or module, that defines parts of your own; may be repeated.", negative=""
-    ),
+    Parameter(name="--plugin", help="Python file, or module, with parts of your own; may be repeated.", negative=""),
 ]
 
 MOST_DIGITS = 18

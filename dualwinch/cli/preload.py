@@ -28,7 +28,7 @@ def preload(
     set_: Assignments = None,
     least: Annotated[
         Literal["load", "peak", "energy"],
-        Parameter(help="What is to be least: continuous load, largest tension, or work of the motors."),
+        Parameter(help="What to minimise: continuous load, largest tension, or work of the motors."),
     ] = "load",
     error: Annotated[float, Parameter(help="Optimum: largest distance from the reference in m that is allowed.")] = 0.0,
     torque_rate: Annotated[
@@ -38,7 +38,7 @@ def preload(
     out: Annotated[Path | None, Parameter(help="File for all numbers: .json.")] = None,
     plot: Figure = None,
 ) -> None:
-    """Hold a scheduled preload against constant ones, and against the least there could be.
+    """Compare a scheduled preload with constant ones and with the least possible.
 
     Runs the experiment with its preload kept constant, with the best constant preload of the same error and no smaller
     tensions, with the preload scheduled, and solves for the tensions over time that load the motors least. Prints for

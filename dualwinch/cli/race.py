@@ -41,17 +41,17 @@ def race(
         Parameter(help="Coordination, or all; may be repeated. Default: the paper's.", negative=""),
     ] = None,
     ablations: Annotated[
-        bool, Parameter(help="The paper's law without each of its parts takes part, too.", negative="")
+        bool, Parameter(help="Include the paper's law without each of its parts.", negative="")
     ] = False,
     plugin: Plugins = None,
     rollouts: Annotated[int, WHOLE, Parameter(help="Rollouts of each search.")] = 30_000,
     searches: Annotated[
         int,
         WHOLE,
-        Parameter(help="Searches of each entry, by seeds of their own: more than one tell how much is luck."),
+        Parameter(help="Searches per entry, each with its own seed: several show how much is luck."),
     ] = 1,
     scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios a candidate is tuned on (default 8).")] = None,
-    held_out: Annotated[int, WHOLE, Parameter(help="Unseen scenarios that score.")] = 200,
+    held_out: Annotated[int, WHOLE, Parameter(help="Held-out scenarios for the score.")] = 200,
     set_: AssignmentsInBrief = None,
     constraint: Annotated[
         list[str] | None,
@@ -62,14 +62,14 @@ def race(
     stress: Annotated[
         bool, Parameter(help="Find out what breaks the best of each first (`dualwinch stress`).", negative="")
     ] = False,
-    out: Annotated[Path, Parameter(help="Folder that the race is kept in, and gone on with.")] = Path("race"),
+    out: Annotated[Path, Parameter(help="Folder that keeps the race, to be continued.")] = Path("race"),
 ) -> None:
-    """Tune every law with the same number of rollouts, and score all in the same scenarios that nobody has seen.
+    """Tune every law with the same number of rollouts, and score all of them in the same held-out scenarios.
 
     Same seeds, constraints and scenarios for all; errors are compared scenario by scenario with those of the paper's
-    gains, and a fixed rule says who differs. Ctrl-C keeps the entries that are finished: the same call goes on with the
-    rest, and a call with other laws adds them. The folder gets race.json, report.html, figures, and the gains of each
-    entry as a configuration.
+    gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
+    continues with the rest, and a call with other laws adds them. The folder receives race.json, report.html, figures,
+    and the gains of each entry as a configuration.
     """
     from dualwinch.commands.race_run import run_race
 

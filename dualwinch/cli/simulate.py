@@ -65,9 +65,9 @@ def simulate(
 
     Without --case or --config the defaults of every key are used (the paper's Case 2).
 
-    With --ensemble, many scenarios are drawn and run on all cores. --case or --config give the values that the
-    ensemble's file does not have; --controller and --set change its nominal values, and distributions relative to
-    those follow. The data hold one row a scenario, the figure is a fan chart.
+    With --ensemble, many scenarios are drawn and run on all cores. --case or --config supply the values missing from
+    the ensemble's file; --controller and --set change its nominal values, and relative distributions follow. The data
+    hold one row per scenario, the figure is a fan chart.
     """
     from dualwinch.model.errors import ConfigurationError
 

@@ -33,13 +33,13 @@ def stress(
     base: Annotated[
         str,
         Parameter(
-            help="Ensemble they come on top of: `sea`, a TOML file, or `none` for the experiment as it is.",
+            help="Ensemble to which they are added: `sea`, a TOML file, or `none` for the experiment as it is.",
         ),
     ] = "sea",
     constraint: Annotated[
         list[str] | None,
         Parameter(
-            help="What must hold, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (what the paper's gains "
+            help="Constraints, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (what the paper's gains "
             "reach in the base); may be repeated; none: only that runs are completed. Default: those of the study "
             "beside the file, no slack, no peak beyond tension_max, no more than 4 times the paper's MSE.",
             negative="",
@@ -52,7 +52,7 @@ def stress(
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),
     ] = None,
 ) -> None:
-    """Find out which imperfection breaks gains first, and at which size, beside the paper's gains.
+    """Find which imperfection breaks gains first, and at which size, beside the paper's gains.
 
     Everything that the ensemble draws or sets and the base does not is an imperfection. Each is scaled, alone and with
     all others, from a thousandth of its size in the ensemble to a hundred times it, until the worst scenario breaks a

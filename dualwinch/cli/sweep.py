@@ -46,7 +46,8 @@ def sweep(
         Parameter(help="Figure of merit to show (default mse); may be repeated.", negative=""),
     ] = None,
     out: Annotated[
-        Path | None, Parameter(help="File for the data, a row a run with all figures of merit: .csv, .parquet, .npz.")
+        Path | None,
+        Parameter(help="File for the data, a row per run with all figures of merit: .csv, .parquet, .npz."),
     ] = None,
     plot: Figure = None,
     json: Annotated[
@@ -55,8 +56,8 @@ def sweep(
 ) -> None:
     """Run one experiment over values of one or two keys, side by side on all cores.
 
-    Any key of `dualwinch config` can be varied, those too that choose parts or shape the compiled code. The figure is
-    a line over one key, a heat map over two.
+    Any key of `dualwinch config` can be varied, including those that choose parts or shape the compiled code. The
+    figure is a line over one key, a heat map over two.
     """
     from dualwinch.commands.simulate import experiment
     from dualwinch.commands.sweep_run import run_sweep

@@ -34,14 +34,14 @@ def tune(
         str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, or a TOML file.")
     ] = None,
     scenarios: Annotated[
-        int | None, WHOLE, Parameter(help="Scenarios of the ensemble a candidate is tuned on.")
+        int | None, WHOLE, Parameter(help="Scenarios of the ensemble in which each candidate is tried.")
     ] = None,
     space: Annotated[
         list[str] | None,
         Parameter(
             help="Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` if not its own; "
-            "controller.winch.* ties both winches; controller.nftsm.p/q=5/3,7/5; or a TOML file. May be repeated. "
-            "Default: all gains in use.",
+            "controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. "
+            "May be repeated. Default: all gains in use.",
             negative="",
         ),
     ] = None,
@@ -67,9 +67,9 @@ def tune(
         ),
     ] = None,
     trials: Annotated[int | None, WHOLE, Parameter(help="Trials (default 1000 without --time and --rollouts).")] = None,
-    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds come on top.")] = None,
+    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds are added.")] = None,
     rollouts: Annotated[
-        int | None, WHOLE, Parameter(help="Rollouts of the search, so that a slow law is tried as often as a fast one.")
+        int | None, WHOLE, Parameter(help="Rollouts of the search, so that slow laws are tried as often as fast ones.")
     ] = None,
     storage: Annotated[
         str | None,
@@ -77,18 +77,18 @@ def tune(
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
     workers: Annotated[int, WHOLE, Parameter(help="Processes on this machine; more than one needs a database.")] = 1,
-    resume: Annotated[bool, Parameter(help="Go on with a study that has trials.", negative="")] = False,
+    resume: Annotated[bool, Parameter(help="Continue a study that has trials.", negative="")] = False,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of scenarios and optimiser.")] = 0,
     out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results"),
     stress: Annotated[
-        bool, Parameter(help="Then find out what breaks the best first (`dualwinch stress`), for the report.")
+        bool, Parameter(help="Afterwards find what breaks the best first (`dualwinch stress`), for the report.")
     ] = False,
 ) -> None:
-    """Search for better gains, and score the best in scenarios that the search never saw.
+    """Search for better gains, and score the best in held-out scenarios.
 
-    The first trials are the paper's gains and the experiment's own. Every candidate is tried in the same scenarios;
-    Ctrl-C ends the search and keeps the best so far. Gains that are no better than those it started from are never the
-    best: then it says so, and what would help. best.toml is a configuration: `dualwinch simulate --config best.toml`.
+    The first trials are the paper's gains and the experiment's own. All candidates run in the same scenarios; Ctrl-C
+    ends the search and keeps the best so far. The result is never worse than the start: if nothing is better, the start
+    is kept and remedies are listed. best.toml is a configuration: `dualwinch simulate --config best.toml`.
     """
     from dualwinch.commands.tuning_progress import StatusLine
 

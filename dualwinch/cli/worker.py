@@ -23,13 +23,13 @@ def worker(
         str | None, Parameter(help="postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE")
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
-    threads: Annotated[int | None, WHOLE, Parameter(help="Threads (default: one a core).")] = None,
+    threads: Annotated[int | None, WHOLE, Parameter(help="Threads (default: one per core).")] = None,
     plugin: Plugins = None,
 ) -> None:
-    """Join a study that `dualwinch tune` has begun in a database, and work on it until it is over.
+    """Join a study that `dualwinch tune` has started in a database, and work on it until it ends.
 
-    Parts of your own that the study rests on are imported from where they were when it was begun. On another machine,
-    or where they have moved, --plugin says where they are; they must be the same.
+    Your own parts are imported from where they were when the study was started. On another machine, or if they have
+    moved, --plugin says where they are; they must be unchanged.
     """
     from dualwinch.commands.tuning_progress import StatusLine
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.certificate import Certificate
 from dualwinch.simulation.analysis.certificate import certify as judge
 from dualwinch.simulation.analysis.nearby_gains import NearbyGains, nearby_gains
-from dualwinch.simulation.analysis.stability import GAPS, REAL
+from dualwinch.simulation.analysis.stability import GAPS, REAL, Condition
 
 POINTS = 2000
 """Points of V(t) a file keeps."""
@@ -101,8 +102,16 @@ def _verdict(certificate: Certificate) -> Text:
         return styled("bold", "Certified", ", also with what the ropes do not deliver counted as disturbance.")
     if certificate.certified:
         return styled("bold", "Certified as printed", f", but not with {REAL}: the force lags behind its command.")
-    failing = sum(not c.holds for c in certificate.conditions if c.basis != REAL)
-    return styled("bold", "Not certified", f": {failing} condition{'s' if failing > 1 else ''} of the paper's fail.")
+    printed = [c for c in certificate.conditions if c.basis != REAL]
+    failing, with_ropes = _failing(printed), _failing(certificate.conditions)
+    words = f"{failing} of the paper's {len(printed)} conditions fail"
+    if with_ropes > failing:
+        words += f"; with {REAL}, {with_ropes - failing} more"
+    return styled("bold", "Not certified", f": {words} ({with_ropes} of the {len(certificate.conditions)} rows above).")
+
+
+def _failing(conditions: Sequence[Condition]) -> int:
+    return sum(not condition.holds for condition in conditions)
 
 
 def _search(near: NearbyGains) -> str:

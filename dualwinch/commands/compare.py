@@ -103,7 +103,7 @@ def compare(
     with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)
         result = run(wanted, drawn, scenarios, seed, progress=lambda share: bar.update(task, completed=share))
-    with console.status("finding what no controller can track"):
+    with console.status("finding infeasible scenarios"):
         facts = as_json(result)
     print_comparison(result, facts)
     if out:
@@ -192,9 +192,9 @@ def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
             1e6 * facts["beyond_authority"][key] for key in ("least_mean_mse", "least_mean_mse_foreseeing")
         )
         console.print(
-            f"{beyond} scenarios are beyond the actuators' authority: they ask for more force than the motors can "
-            f"give. No controller that does not foresee them gets below a mean MSE of {least:.3g} mm², and none that "
-            f"foresees all below {foreseeing:.3g} mm².",
+            f"{beyond} scenarios are infeasible: they need more force than the motors can "
+            f"deliver. Lower bound on their mean MSE: {least:.3g} mm² for a non-anticipating optimal controller, "
+            f"{foreseeing:.3g} mm² with full foresight.",
             soft_wrap=True,
         )
     if any(set(file["outcomes"]) != {"completed"} for file in files):

@@ -8,22 +8,22 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from rich import box
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.engine import engine_here
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.commands.folders import make_folder
-from dualwinch.commands.measured import measured
+from dualwinch.commands.reproduce_print import new_table, print_claims, print_tables
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
-from dualwinch.simulation.comparison import percent, reductions
+from dualwinch.reports.claims import claims
+from dualwinch.simulation.comparison import reductions
+from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
 from dualwinch.simulation.results.result import Result
@@ -78,12 +78,14 @@ def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str]
         step("report")
         from dualwinch.reports.reproduction import write_report
 
-        write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions())
+        found = claims(runs, _other_observers(runs, engine) if compared else None)
+        write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions(), found)
     console = terminal()
-    _print_tables(console, runs)
+    print_tables(console, runs)
+    print_claims(console, found)
     if extended:
         print_variants(
-            console, variants, _table("Beyond the paper: position laws, and coordinations with fando-nftsm", ())
+            console, variants, new_table("Beyond the paper: position laws, and coordinations with fando-nftsm", ())
         )
     console.print("Figures, data and report are in", styled("bold", str(out), f"; open {out / 'report.html'}"))
 
@@ -160,45 +162,16 @@ def _finite(values: dict[str, float]) -> dict[str, float | None]:
     return {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
 
 
-def _table(title: str, columns: tuple[str, ...]) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("case", justify="right")
-    table.add_column("controller", no_wrap=True)
-    for name in columns:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
+OTHER_GAINS = (2.5, 50.0)
+"""Gains L₀ = K_f in 1/s beside the assumed ones (A9), to say what rests on them."""
 
 
-def _print_tables(console: Console, runs: Runs) -> None:
-    whole, steady = ("MAE\nmm", "max |e|\nmm", "MSE\nmm²"), ("steady\nMAE mm", "steady\nmax |e|", "steady\nMSE mm²")
-    tracking = _table("Tracking error", whole + steady)
-    ropes = _table("Ropes and limits", ("saturated\n%", "peak tension\nN", "least tension\nN", "chatter\nN/sample"))
-    last = 0
-    for (number, kind), result in runs.items():
-        if last and number != last:
-            tracking.add_section()
-            ropes.add_section()
-        m, ended = result.metrics, "" if result.outcome == "completed" else f" ({result.outcome})"
-        head = (str(number) if number != last else "", CONTROLLERS[kind] + ended)
-        millimetres = (1e3 * m.mae, 1e3 * m.max_abs_error, 1e6 * m.mse)
-        millimetres += (1e3 * m.steady_mae, 1e3 * m.steady_max_abs_error, 1e6 * m.steady_mse)
-        tracking.add_row(*head, *(measured(value, ".3g") for value in millimetres))
-        forces = (100 * m.saturated_share, m.peak_tension, m.min_tension, m.chatter)
-        ropes.add_row(*head, *map(measured, forces))
-        last = number
-    console.print(tracking)
-    console.print(ropes)
-    change = reductions(runs)
-    if change:
-        _print_reductions(console, change)
-
-
-def _print_reductions(console: Console, change: dict[str, float]) -> None:
-    table = Table(
-        title="Figure 21: what the observer changes\n(Case 4, steady state)", title_justify="left", box=box.SIMPLE_HEAD
-    )
-    for name in ("", "MAE", "max |e|", "MSE"):
-        table.add_column(name, justify="right" if name else "left")
-    table.add_row("here", *(percent(change[key]) for key in REDUCTIONS))
-    table.add_row("paper", *(percent(share, "+g") for share in REDUCTIONS.values()))
-    console.print(table)
+def _other_observers(runs: Runs, engine: EngineName) -> dict[float, float]:
+    """Gain of an observer in Case 4 → change of the steady mean error by it."""
+    without = runs[4, "nftsm"].metrics.steady_mae
+    found = {}
+    for gain in OTHER_GAINS:
+        gains = {"controller.observer.l0": gain, "controller.observer.kf": gain}
+        with_it = simulate(override(case(4), gains), stride=0, engine_name=engine)
+        found[gain] = with_it.metrics.steady_mae / without - 1
+    return found

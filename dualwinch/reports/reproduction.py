@@ -1,7 +1,7 @@
 """The report of ``dualwinch reproduce``: one HTML file with tables, figures, configuration, versions and errata."""
 
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +9,8 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from dualwinch.codegen.files import atomic
+from dualwinch.reports.captions import told
+from dualwinch.reports.claims import Claim, claims
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
 from dualwinch.reports.page import template
 from dualwinch.simulation.comparison import percent, reductions
@@ -62,25 +64,27 @@ TITLES = {
 }
 
 CAPTIONS = {
-    "trajectory": "Position and speed of the vehicle, with the reference dotted. The inset enlarges the end of the "
-    "steady state, where the lags that remain are seen.",
-    "error": "Above, the error over the whole run. Below, its size on a logarithmic axis, and the steady state by "
-    "itself; a controller much worse than the others there is told in words.",
-    "commands": "What the coordination asks of each rope, between its limits (dashed). Where one rope is at its "
-    "limit, the other takes over, so that their difference stays the force wanted.",
-    "tensions": "What each rope carries. The limits (dashed) hold for the commands, not for the tensions.",
+    "trajectory": "Position and speed of the vehicle; the reference is the dotted black line. The inset enlarges the "
+    "end of the steady state, where the remaining lags are visible.",
+    "error": "Top: the error over the whole run. Bottom left: its size on a logarithmic axis. Bottom right: the "
+    "steady state alone.",
+    "commands": "The tension that the coordination demands of each rope, between its limits (black, dotted). When one "
+    "rope reaches its limit the other takes over, so that their difference remains the force required.",
+    "tensions": "The tension each rope carries. The limits (black, dotted) apply to the commands, not to the tensions.",
 }
 
 EVENTS = {
-    "uniform": "The enlarged stretch is the start: a step of the speed that no winch can follow and that sets the "
-    "ropes ringing.",
-    "profile": "The enlarged stretch is the beginning of braking, where the reference acceleration jumps.",
+    "uniform": "Right: the start, enlarged. The reference demands a step in speed, which no winch can follow.",
+    "profile": "Right: the start of braking, enlarged. The reference acceleration jumps there.",
 }
 """What the enlarged panels of commands and tensions show, by reference."""
 
+RINGING = "The ropes ring for some 20 ms: between samples of 1 ms the tensions are integrated in steps of 0.05 ms."
+"""What the enlarged panels of tensions show besides."""
+
 FIGURE_21 = (
-    "Errors in the steady state of Case 4 without and with the disturbance observer, and the change by the observer "
-    "beside the one the paper reports."
+    "Steady-state errors of Case 4 without and with the disturbance observer (top), and the reduction it brings beside "
+    "the one the paper reports (bottom)."
 )
 
 
@@ -100,6 +104,7 @@ def write_report(
     figures: Mapping[int, bytes],
     configuration: str,
     versions: Mapping[str, str],
+    found: Sequence[Claim] | None = None,
 ) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
@@ -109,11 +114,12 @@ def write_report(
         figures: number of the paper's figure → its content, PNG or SVG; any subset of 5 to 21.
         configuration: the configuration as TOML text.
         versions: name → version of everything the results depend on.
+        found: the paper's claims; default: those that the runs alone tell something of.
 
     Raises:
         OSError: the file cannot be written.
     """
-    page = render_report(runs, figures, configuration, versions)
+    page = render_report(runs, figures, configuration, versions, found)
     with atomic(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
@@ -123,6 +129,7 @@ def render_report(
     figures: Mapping[int, bytes],
     configuration: str,
     versions: Mapping[str, str],
+    found: Sequence[Claim] | None = None,
 ) -> str:
     """The report as HTML text; arguments as for `write_report`."""
     cases = sorted({number for number, _kind in runs})
@@ -136,6 +143,7 @@ def render_report(
         paper=PAPER,
         summary=summary(runs),
         cards=cards,
+        claims=claims(runs) if found is None else found,
         columns=TABLE,
         groups=_groups(),
         cases=[
@@ -161,9 +169,7 @@ def summary(runs: Mapping[tuple[int, str], Result]) -> str:
     kinds = [CONTROLLERS[kind] for kind in CONTROLLERS if any(run == kind for _number, run in runs)]
     cases = f"Case{'s' * (len(numbers) > 1)} {_listing([str(number) for number in numbers])}"
     plural = "s" * (len(runs) != 1)
-    first = (
-        f"This report shows {len(runs)} simulated run{plural} of the paper's {cases}, controlled by {_listing(kinds)}."
-    )
+    first = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {_listing(kinds)}."
     change = reductions(runs)
     if change is None:
         return first + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
@@ -237,6 +243,10 @@ def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapp
         caption = CAPTIONS[figure.content]
         if figure.content in {"commands", "tensions"}:
             caption += " " + EVENTS[reference]
+        if figure.content == "tensions":
+            caption += " " + RINGING
+        drawn = {kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}
+        caption = " ".join([caption, *told(figure.content, drawn)])
         title = f"Case {number}: {TITLES[figure.content]}"
         pictures.append(Picture(figure.number, title, caption, data_uri(figures[figure.number])))
     return pictures
@@ -245,7 +255,7 @@ def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapp
 def _comparison(figures: Mapping[int, bytes]) -> Picture | None:
     if 21 not in figures:
         return None
-    return Picture(21, "Case 4: what the observer is worth in the steady state", FIGURE_21, data_uri(figures[21]))
+    return Picture(21, "Case 4: effect of the observer in the steady state", FIGURE_21, data_uri(figures[21]))
 
 
 def data_uri(content: bytes) -> str:

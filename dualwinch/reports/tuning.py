@@ -10,12 +10,12 @@ from dualwinch.codegen.files import atomic
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri, number_text
+from dualwinch.reports.tuning_words import costs, gained, next_steps
 from dualwinch.simulation.plots.files import encode
 from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, parallel_coordinates
 from dualwinch.tuning.summary import (
-    advice,
     authority,
     contenders,
     headings,
@@ -27,16 +27,16 @@ from dualwinch.tuning.summary import (
 from dualwinch.tuning.tuned import Tuned
 
 CAPTIONS = {
-    "history": "Every dot is a candidate in all tuning scenarios. Pale ones break a constraint, or were given up after "
-    "the first scenarios. A candidate that keeps to every constraint is better than any that does not.",
-    "importance": "Of all complete trials the best tenth is taken, whatever the constraints; a gain matters as much as "
-    "its values there differ from those elsewhere (PED-ANOVA). An unimportant gain may be left at its default.",
-    "parallel": "One line a candidate, one column a gain, from its lower to its upper bound. Where all lines meet, the "
-    "gain is settled; where they fan out, it matters little. Lines that end at a bound ask for a wider one.",
-    "front": "What one figure of merit costs in the other. A bound on the chatter that lies on the lower edge is what "
-    "keeps the error from being smaller.",
-    "before": "The same plant, sea and noise for both. Mind the two scales of the error.",
-    "held_out": "The same scenarios for both. Neither the search nor the choice of the best has seen them.",
+    "history": "Each dot is a candidate in all tuning scenarios. Pale ones violate a constraint or were abandoned "
+    "after the first scenarios. A candidate that satisfies every constraint ranks above any that does not.",
+    "importance": "How much a gain's values among the best tenth of all complete trials, constraints aside, differ "
+    "from those elsewhere (PED-ANOVA). An unimportant gain may stay at its default.",
+    "parallel": "One line per candidate, one column per gain, from its lower to its upper bound. Where lines converge, "
+    "the gain is settled; where they fan out, it matters little; where they end at a bound, widen it.",
+    "front": "The price of one figure of merit in terms of the other. Where a bound on the chatter touches the lower "
+    "edge, it is what keeps the error from being smaller.",
+    "before": "The same plant, sea and noise for both. Note the two scales of the error.",
+    "held_out": "The same scenarios for both, seen neither by the search nor by the choice of the best.",
 }
 
 
@@ -52,11 +52,16 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
     Raises:
         OSError: the file cannot be written.
     """
+    folder = Path(path).parent
     kept = "; ".join(constraint.label for constraint in tuned.prepared.constraints) or "nothing"
     page = template("tuning.html.j2").render(
         summary=_summary(tuned),
-        advice=advice(tuned),
-        constraints=f"Kept to in the search: {kept}.",
+        gained=gained(tuned),
+        costs=costs(tuned),
+        steps=next_steps(tuned, folder),
+        best=folder / "best.toml",
+        folder=folder,
+        constraints=f"Constraints of the search: {kept}.",
         contenders=" ".join(map(_sentence, contenders(tuned))),
         authority=_sentence(authority(tuned)),
         where=where(tuned),
@@ -79,10 +84,10 @@ def _sentence(words: str) -> str:
 
 def _summary(tuned: Tuned) -> str:
     feasible = sum(trial.feasible for trial in tuned.trials)
-    kept = "keeps" if tuned.verdict.scored.feasible else "does not keep"
+    kept = "satisfies" if tuned.verdict.scored.feasible else "does not satisfy"
     return (
-        f"{_sentence(worth(tuned))} {_sentence(headline(tuned))} It {kept} to every constraint there. "
-        f"Of {len(tuned.trials)} trials {feasible} are within the constraints."
+        f"{_sentence(worth(tuned))} {_sentence(headline(tuned))} It {kept} every constraint there. "
+        f"Of {len(tuned.trials)} trials, {feasible} satisfied them in all tuning scenarios."
     )
 
 
@@ -133,18 +138,23 @@ def _cost(tuned: Tuned) -> dict[str, str]:
     }
 
 
-def _pictures(tuned: Tuned) -> list[dict[str, str]]:
+SECTIONS = {"gained": ("held_out", "before"), "cost": ("front",), "search": ("history", "importance", "parallel")}
+"""Section of the report → its figures."""
+
+
+def _pictures(tuned: Tuned) -> dict[str, list[dict[str, str]]]:
     problem, trials, verdict = tuned.problem, tuned.trials, tuned.verdict
     figures: dict[str, tuple[str, Figure | None]] = {
-        "held_out": ("Scenarios that nobody tuned on", held_out(verdict)),
+        "held_out": ("Held-out scenarios", held_out(verdict)),
         "before": ("The paper's gains and the best", before_and_after(problem, verdict)),
-        "history": ("History of the search", history(problem, trials)),
-        "front": ("What is traded", front(problem, tuned.prepared.constraints, trials)),
+        "history": ("History", history(problem, trials)),
+        "front": ("Trade-off", front(problem, tuned.prepared.constraints, trials)),
         "importance": ("Which gains matter", importance(problem, trials)),
-        "parallel": ("Where the best lie", parallel_coordinates(problem, trials)),
+        "parallel": ("Gains of the best candidates", parallel_coordinates(problem, trials)),
     }
-    return [
-        {"title": title, "caption": CAPTIONS[name], "source": data_uri(encode(figure, ".png"))}
+    shown = {
+        name: {"title": title, "caption": CAPTIONS[name], "source": data_uri(encode(figure, ".png"))}
         for name, (title, figure) in figures.items()
         if figure is not None
-    ]
+    }
+    return {section: [shown[name] for name in names if name in shown] for section, names in SECTIONS.items()}

@@ -44,7 +44,7 @@ class Panel:
     low: float
     high: float
 
-    def y(self, values: Floats) -> Floats:
+    def y(self, values: Floats | float) -> Floats:
         """Values as heights in pixels."""
         return self.bottom - (np.asarray(values) - self.low) / (self.high - self.low) * (self.bottom - self.top)
 

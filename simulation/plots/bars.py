@@ -49,7 +49,7 @@ def steady_state_bars(results: Runs, *, ax: GivenAxes = None) -> Figure:
     experiment = pair[1].experiment
     start, end = experiment.steady_window
     number = case_number(experiment)
-    title = "what the observer is worth in the steady state"
+    title = "effect of the observer in the steady state"
     title = f"Figure 21 · Case {number}: {title}" if number == 4 else title[0].upper() + title[1:]
     subtitle = f"{scenario(experiment).capitalize()}; steady state from {start:g} to {end:g} s"
     draw = [partial(_errors, pair=pair, metric=metric) for metric in NAMES]

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.between_samples import finely
 from dualwinch.simulation.plots.curves import Curve, Runs, curves, longest
 from dualwinch.simulation.plots.headings import headings
 from dualwinch.simulation.plots.page import GivenAxes, Page
@@ -94,7 +95,7 @@ def _two_ropes(runs: Sequence[Curve], content: str, words: str, quantity: str, a
     zoomed = enlarged(experiment)[0] < experiment.duration
     draw = [partial(_whole_run, quantity=quantity, rope=rope) for rope in (1, 2)]
     if zoomed:
-        draw += [partial(_enlarged_run, column=column) for column in COLUMNS[quantity]]
+        draw += [partial(_enlarged_run, quantity=quantity, rope=rope) for rope in (1, 2)]
     with house_style():
         page = Page(ax, 5.2, *headings([run.experiment for run in runs], content, words))
         panels = page.panels(2, 1 + zoomed, sharex="col", width_ratios=(2.3, 1)[: 1 + zoomed])
@@ -122,12 +123,18 @@ def _whole_run(axes: Axes, runs: Sequence[Curve], quantity: str, rope: int) -> N
         axes.set_title(_extremes(runs, column), loc="right", fontsize=7.5, color=GREY)
 
 
-def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
+def _enlarged_run(axes: Axes, runs: Sequence[Curve], quantity: str, rope: int) -> None:
+    """Commands as they are held from sample to sample, tensions as they ring between samples."""
     experiment = runs[0].experiment
     start, end, origin, _event = enlarged(experiment)
     for run in runs:
         rows = within(run.result["t"], start, end)
-        run.draw(axes, (run.result["t"][rows] - origin) * 1e3, run.result[column][rows] / KILO)
+        if quantity == "tension":
+            t, *forces = finely(run.result, rows)
+            run.draw(axes, (t - origin) * 1e3, forces[rope - 1] / KILO)
+        else:
+            command = run.result[COLUMNS[quantity][rope - 1]][rows] / KILO
+            run.draw(axes, (run.result["t"][rows] - origin) * 1e3, command, drawstyle="steps-post")
     axes.set_xlim((start - origin) * 1e3, (min(end, experiment.duration) - origin) * 1e3)
     bottom, top = axes.get_ylim()
     spare = max(SMALLEST_SPAN - (top - bottom), 0.0) / 2

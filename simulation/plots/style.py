@@ -55,6 +55,7 @@ STYLE = {
     "axes.axisbelow": True,
     "axes.prop_cycle": cycler(color=[BLUE, VERMILION, GREEN, GOLD, WINE]),
     "axes.formatter.useoffset": False,
+    "axes.formatter.min_exponent": 3,  # logarithmic axes say 6, not 6 x 10^0
     "grid.color": LIGHT,
     "grid.linewidth": 0.5,
     "xtick.color": GREY,

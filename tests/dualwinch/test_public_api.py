@@ -1,4 +1,5 @@
 import pkgutil
+import pydoc
 import re
 import subprocess
 import sys
@@ -42,3 +43,12 @@ def test_the_command_line_imports_nothing_heavy() -> None:
 def test_no_module_of_the_package_hides_a_public_name() -> None:
     """An imported submodule becomes an attribute of its package, in place of what ``__getattr__`` would find."""
     assert not {module.name for module in pkgutil.iter_modules(dualwinch.__path__)} & set(NAMES)
+
+
+def test_help_is_a_page_and_names_what_there_is() -> None:
+    page = pydoc.render_doc(dualwinch, renderer=pydoc.TextDoc())
+    assert len(page.splitlines()) < 60
+    table = re.findall(r"^    (\S.*?)   ", dualwinch.__doc__ or "", re.MULTILINE)
+    names = {name for entry in table for name in re.sub(r"\(.*?\)", "", entry).split(", ")}
+    assert len(names) > 15
+    assert names - set(NAMES) == set()

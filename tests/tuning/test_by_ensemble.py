@@ -43,6 +43,6 @@ def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None
 
 
 def test_what_was_gained_says_what_it_rests_on() -> None:
-    assert rests_on(load_ensemble("rig")) == "that rests on a machine within the tolerances of 'rig'"
-    assert "exactly what they should be, as they are in 'sea'" in rests_on(load_ensemble("sea"))
-    assert "exactly the model's" in rests_on(None)
+    assert rests_on(load_ensemble("rig")) == "this holds for machines within the tolerances of 'rig'"
+    assert "assumes exact drums, encoder zeros and position sensor, as 'sea' does" in rests_on(load_ensemble("sea"))
+    assert "match the model exactly" in rests_on(None)

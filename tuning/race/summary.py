@@ -132,11 +132,12 @@ def least_words(found: Found) -> str:
     least, foreseeing = found.paper.least, found.paper.least_foreseeing
     beyond = int((least > 0).sum())
     if not beyond:
-        return "All scenarios are within the actuators' authority: nothing keeps a controller from following exactly."
+        return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
     without, given = (MILLIMETRES * math.sqrt(values.mean()) for values in (least, foreseeing))
     return (
-        f"{beyond} of the scenarios take more force than the motors can give: no controller that does not foresee them "
-        f"gets below an RMS error of {without:.3g} mm, and none at all below {given:.3g} mm."
+        f"{beyond} of the scenarios are infeasible: they need more force than the motors can deliver. Lower bound on "
+        f"the RMS error: {without:.3g} mm for a non-anticipating optimal controller, {given:.3g} mm with full "
+        "foresight."
     )
 
 

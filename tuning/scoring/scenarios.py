@@ -45,25 +45,19 @@ def drawn(picks: Sequence[Pick], ensemble: Ensemble, seed: int) -> list[Scenario
     return [found[picked] for picked in picks]
 
 
-def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pick], list[Pick]]:
+def pick(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
     """Scenarios of an ensemble, draws and vertices spread evenly: there are some of each among the first of them.
 
     Args:
         ensemble: what is drawn from.
         count: how many.
-        more: how many further vertices.
         seed: of the draws.
-
-    Returns:
-        The scenarios, and the further vertices.
     """
     number = int(VERTEX_SHARE * count)
     plain = [Pick(index) for index in range(count - number)]
-    chosen = vertices(ensemble, number + more, seed)
-    spread = [
-        ((index + 0.5) / len(sort), picked) for sort in (plain, chosen[:number]) for index, picked in enumerate(sort)
-    ]
-    return [picked for _, picked in sorted(spread, key=lambda entry: entry[0])], chosen[number:]
+    chosen = vertices(ensemble, number, seed)
+    spread = [((index + 0.5) / len(sort), picked) for sort in (plain, chosen) for index, picked in enumerate(sort)]
+    return [picked for _, picked in sorted(spread, key=lambda entry: entry[0])]
 
 
 def vertices(

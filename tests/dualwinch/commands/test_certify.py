@@ -14,7 +14,9 @@ def test_the_report_says_what_fails_and_the_file_holds_the_same(
     out, plot = tmp_path / "c.json", tmp_path / "v.svg"
     main(["certify", "--case", "4", "--out", str(out), "--plot", str(plot)])
     said = capsys.readouterr().out
-    assert "Not certified: 2 conditions of the paper's fail." in said
+    assert "Not certified: 2 of the paper's 5 conditions fail; with real ropes, 2 more (4 of the 7 rows above)." in said
+    verdicts = [line.split()[-1] for line in said.splitlines() if line.split()[-1:] in (["holds"], ["fails"])]
+    assert (verdicts.count("holds"), verdicts.count("fails")) == (3, 4)
     assert "the force is never cut off in this run" in said
     held = json.loads(out.read_text())
     assert held["certified"] is False

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 import sys
 import tomllib
@@ -45,7 +46,7 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert dualwinch("tune", *SHORT, "--trials", 40, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
     assert "is the best; scored in 8 held-out scenarios" in said.out
-    assert "times below the paper's and" in said.out
+    assert "times lower than the paper's and" in said.out
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
     assert [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")] == [
@@ -55,7 +56,10 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     ]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 6
-    assert "times below the paper&#39;s and" in page
+    assert "times lower than the paper&#39;s and" in page
+    assert re.search(r"Root mean square error: \d\S* .?m, where it was \d\S* .?m with the start and \d", page)
+    assert re.search(r"Chatter: 0\.\d+ × the paper&#39;s, no cost\.", page)
+    assert f"dualwinch stress {tmp_path / 'out' / 'best.toml'} --out {tmp_path / 'out'}" in page
     wanted = "worst.min_tension >= 80 N; worst.peak_tension <= 6000 N; mean.chatter <= 0.25 times the paper's"
     assert f"subject to {wanted}" in said.err
     study = json.loads((tmp_path / "out" / "study.json").read_text())
@@ -137,7 +141,8 @@ def test_gains_no_better_than_the_start_are_not_called_best(
     assert "# trial: the start" in (tmp_path / "best.toml").read_text()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "The start is kept: no trial is better" in page
-    assert "<li>another method (--method hybrid)</li>" in page
+    assert "<li>Another method (--method hybrid).</li>" in page
+    assert "Root mean square error" not in page
     assert json.loads((tmp_path / "study.json").read_text())["best"]["trial"] is None
 
 

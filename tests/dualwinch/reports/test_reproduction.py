@@ -87,7 +87,10 @@ def test_report_is_complete_and_self_contained(runs: Runs, tmp_path: Path) -> No
         assert note.here in page.words
     assert "rope_slack = true  # <b>A2</b> & more" in page.words
     assert "1.2.3" in page.words
-    assert "speed that no winch can follow" in page.words
+    assert "a step in speed, which no winch can follow" in page.words
+    assert "the lines of FANDO-NFTSM and NFTSM coincide" in page.words
+    assert "converges faster than the PID cascade" in page.words
+    assert "does not hold" in page.words
 
 
 def test_table_shows_numbers_and_marks_the_best(runs: Runs) -> None:
@@ -102,9 +105,7 @@ def test_table_shows_numbers_and_marks_the_best(runs: Runs) -> None:
 
 def test_summary_puts_the_paper_beside_what_was_measured(runs: Runs) -> None:
     words = summary(runs).replace("\N{NO-BREAK SPACE}", " ")
-    assert words.startswith(
-        "This report shows 6 simulated runs of the paper's Cases 1 and 4, controlled by FANDO-NFTSM,"
-    )
+    assert words.startswith("6 simulated runs of the paper's Cases 1 and 4, under FANDO-NFTSM,")
     assert "mean |e| by −74.4 %, largest |e| by −77.4 % and mean e² by −93.8 %" in words
     assert words.endswith("the paper reports −76 %, −67 % and −93.5 %.")
 
@@ -112,7 +113,7 @@ def test_summary_puts_the_paper_beside_what_was_measured(runs: Runs) -> None:
 def test_one_run_is_enough(runs: Runs) -> None:
     alone = {(4, "nftsm"): runs[4, "nftsm"]}
     page = Page(render_report(alone, {18: SVG}, "", VERSIONS))
-    assert "1 simulated run of the paper's Case 4, controlled by NFTSM." in page.words
+    assert "1 simulated run of the paper's Case 4, under NFTSM." in page.words
     assert "paper: −76" not in page.words
     assert "comparison" not in page.ids
     assert "#comparison" not in page.links

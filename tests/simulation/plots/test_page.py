@@ -25,6 +25,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.linear import bode, mode_shapes
 from dualwinch.simulation.plots.loop import amplitude_margins, closed_loop_poles, loop_bode
 from dualwinch.simulation.plots.modes import modal_frequencies, pole_map
+from dualwinch.simulation.plots.style import house_style
 from dualwinch.simulation.simulate import simulate
 
 Draw = Callable[..., Figure]
@@ -132,3 +133,17 @@ def test_axes_of_a_part_of_a_figure() -> None:
 def test_what_are_no_axes_is_refused(wrong: Any) -> None:
     with pytest.raises(ConfigurationError, match=r"^ax: must be matplotlib axes, or a list or array of them$"):
         plots.error(runs(), ax=wrong)
+
+
+def test_logarithmic_axes_within_a_decade_say_plain_numbers() -> None:
+    with house_style():
+        figure = Figure()
+        axes = figure.subplots()
+        axes.plot([1, 2], [4.0, 9.0])
+        axes.set_yscale("log")
+    plots.encode(figure, ".svg")
+    with house_style():
+        axis = axes.yaxis
+        labels = [axis.get_minor_formatter()(tick) for tick in axis.get_minorticklocs()]
+    assert "$\\mathdefault{6}$" in labels
+    assert not [label for label in labels if "times" in label]

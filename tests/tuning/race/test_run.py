@@ -117,7 +117,7 @@ def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
     for runs in (found.paper.runs, *(scored.runs for scored in found.entries)):
         errors = runs.metrics["mse"][runs.completed]
         assert (errors >= least[runs.completed]).all()
-    assert "3 of the scenarios take more force than the motors can give" in repr(found)
+    assert "3 of the scenarios are infeasible" in repr(found)
 
 
 def test_other_terms_are_refused_before_anything_runs(make_race: MakeRace, tmp_path: Path) -> None:

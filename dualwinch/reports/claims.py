@@ -1,0 +1,171 @@
+"""What the paper concludes from its simulations, each claim beside what the runs say, by a rule that is stated."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from dualwinch.simulation.comparison import percent, reductions
+from dualwinch.simulation.results.result import Result
+
+Runs: TypeAlias = Mapping[tuple[int, str], Result]
+"""(case, controller) → result."""
+
+Verdict: TypeAlias = Literal["holds", "partly", "does not hold"]
+
+PROPOSED, BASELINE, PID = "fando-nftsm", "nftsm", "pid-cascade"
+
+BAND = 0.2
+"""Size in m of the error below which a run counts as converged, if it stays there."""
+
+NEAR = 0.05
+"""Figure 21 is reproduced if the mean error's reduction is this near the paper's, as a share of the error without."""
+
+NOTICEABLE = 0.5
+"""What the observer must at least take off an error for the paper's word "significantly"."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of the paper.
+
+    Attributes:
+        section: where the paper makes it.
+        words: what it says.
+        here: what the runs say.
+        verdict: whether it holds.
+    """
+
+    section: str
+    words: str
+    here: str
+    verdict: Verdict
+
+
+def claims(runs: Runs, observer_gains: Mapping[float, float] | None = None) -> list[Claim]:
+    """Every claim that these runs can tell something of; those that did not reach their end tell nothing.
+
+    Args:
+        runs: (case, controller) → result.
+        observer_gains: L₀ = K_f in 1/s → change of Case 4's steady mean error by an observer with these gains.
+    """
+    complete = {key: run for key, run in runs.items() if run.outcome == "completed"}
+    return [
+        *_convergence(complete),
+        *_steady_errors(complete),
+        *_observer_in_case_3(complete),
+        *_figure_21(complete, observer_gains or {}),
+        *_smooth_profile(complete),
+        *_limits(complete),
+    ]
+
+
+def converged_at(result: Result, band: float = BAND) -> float:
+    """Time in s from which on the error stays within ±`band` m; infinite where it does not."""
+    outside = np.flatnonzero(~(np.abs(result["e"]) <= band))
+    if not outside.size:
+        return float(result["t"][0])
+    return float(result["t"][outside[-1] + 1]) if outside[-1] + 1 < len(result["t"]) else np.inf
+
+
+def verdict_of(*holds: bool) -> Verdict:
+    """A claim of several parts: all, some or none of them hold."""
+    return "holds" if all(holds) else "partly" if any(holds) else "does not hold"
+
+
+def _convergence(runs: Runs) -> Iterator[Claim]:
+    if {(1, PROPOSED), (1, PID)} <= runs.keys():
+        own, other = converged_at(runs[1, PROPOSED]), converged_at(runs[1, PID])
+        yield Claim(
+            "4.2",
+            "Case 1: the proposed controller converges faster than the PID cascade.",
+            f"Within ±{BAND:g} m for good after {own:.3g} s; the PID cascade after {other:.3g} s.",
+            verdict_of(own < other),
+        )
+
+
+def _steady_errors(runs: Runs) -> Iterator[Claim]:
+    cases = [number for number in (1, 2, 3, 4) if {(number, PROPOSED), (number, PID)} <= runs.keys()]
+    if cases:
+        pairs = [(runs[n, PROPOSED].metrics.steady_mae, runs[n, PID].metrics.steady_mae) for n in cases]
+        words = "; ".join(
+            f"Case {number}: {1e3 * own:.3g} against {1e3 * other:.3g} mm"
+            for number, (own, other) in zip(cases, pairs, strict=True)
+        )
+        yield Claim(
+            "4.2, 4.4",
+            "Its steady-state error is smaller than the PID cascade's.",
+            f"Mean |e|, {words}.",
+            verdict_of(*(own < other for own, other in pairs)),
+        )
+
+
+def _observer_in_case_3(runs: Runs) -> Iterator[Claim]:
+    if {(3, PROPOSED), (3, BASELINE)} <= runs.keys():
+        own, other = runs[3, PROPOSED], runs[3, BASELINE]
+        change = own.metrics.steady_mae / other.metrics.steady_mae - 1
+        times = converged_at(own), converged_at(other)
+        yield Claim(
+            "4.3",
+            "Case 3: the observer makes convergence and steady-state error significantly better.",
+            f"Mean steady |e| {percent(change, '+.0f')}; within ±{BAND:g} m after {times[0]:.3g} s with it and "
+            f"{times[1]:.3g} s without.",
+            "holds" if change <= -NOTICEABLE else verdict_of(change < 0, times[0] < (1 - NOTICEABLE) * times[1]),
+        )
+
+
+def _figure_21(runs: Runs, observer_gains: Mapping[float, float]) -> Iterator[Claim]:
+    change = reductions(runs)
+    if change is not None:
+        here = ", ".join(percent(change[name]) for name in ("mae", "max_abs_error", "mse"))
+        gains = ", ".join(
+            f"with {gain:g} 1/s the mean changes by {percent(share)}" for gain, share in observer_gains.items()
+        )
+        rests = f" This rests on the assumed L₀ = K_f = 5 1/s (A9): {gains}." if gains else ""
+        yield Claim(
+            "4.3",
+            "Case 4: the observer takes 76 % off the mean, 67 % off the largest and 93.5 % off the mean square error.",
+            f"{here}.{rests}",
+            verdict_of(abs(change["mae"] + 0.76) <= NEAR, *(change[name] <= -NOTICEABLE for name in change)),
+        )
+
+
+def _smooth_profile(runs: Runs) -> Iterator[Claim]:
+    if {(1, PROPOSED), (2, PROPOSED)} <= runs.keys():
+        step, profile = runs[1, PROPOSED].metrics, runs[2, PROPOSED].metrics
+        yield Claim(
+            "4.2",
+            "A reference that accelerates slowly (Case 2) makes the rope tensions smoother than a step (Case 1).",
+            f"Peak tension {profile.peak_tension / 1e3:.3g} against {step.peak_tension / 1e3:.3g} kN, chatter "
+            f"{profile.chatter:.2g} against {step.chatter:.2g} N a sample.",
+            verdict_of(profile.peak_tension < step.peak_tension, profile.chatter < step.chatter),
+        )
+
+
+def _limits(runs: Runs) -> Iterator[Claim]:
+    cases = [number for number in (1, 2, 3, 4) if (number, PROPOSED) in runs]
+    if cases:
+        found = {number: _exceeded(runs[number, PROPOSED]) for number in cases}
+        kept = [f"Case {number}" for number, words in found.items() if not words]
+        broken = [f"Case {number}: {words}" for number, words in found.items() if words]
+        sentences = [f"Kept in {' and '.join(kept)}." if kept else "", *(f"{words}." for words in broken)]
+        yield Claim(
+            "5",
+            "The coordination avoids actuator saturation and keeps the tensions under control.",
+            " ".join(filter(None, sentences)),
+            verdict_of(*(not words for words in found.values())),
+        )
+
+
+def _exceeded(run: Result) -> str:
+    """What a run does beyond its limits, in words; nothing where it keeps to them."""
+    m, limit = run.metrics, float(run.experiment.controller.limits.tension_max)
+    words = []
+    if m.saturated_share > 0:
+        words.append(f"force at its limit {100 * m.saturated_share:.2g} % of the time")
+    if m.peak_tension > limit:
+        words.append(f"peak of {m.peak_tension / 1e3:.3g} kN (commands: {limit / 1e3:g} kN)")
+    if m.slack_share > 0:
+        words.append(f"a rope slack for {1e3 * m.slack_share * run.end_time:.2g} ms")
+    return ", ".join(words)
