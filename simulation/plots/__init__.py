@@ -8,19 +8,26 @@ from dualwinch.simulation.plots.certificate import lyapunov
 from dualwinch.simulation.plots.comparison import comparison
 from dualwinch.simulation.plots.ensemble import fan_chart
 from dualwinch.simulation.plots.files import encode, save
+from dualwinch.simulation.plots.loop import amplitude_margins, closed_loop_poles, loop_bode
+from dualwinch.simulation.plots.modes import modal_frequencies, pole_map
 from dualwinch.simulation.plots.motion import error, trajectory
 from dualwinch.simulation.plots.overview import overview
 from dualwinch.simulation.plots.preloads import preloads
 from dualwinch.simulation.plots.ropes import commands, tensions
 
 __all__ = [
+    "amplitude_margins",
+    "closed_loop_poles",
     "commands",
     "comparison",
     "encode",
     "error",
     "fan_chart",
+    "loop_bode",
     "lyapunov",
+    "modal_frequencies",
     "overview",
+    "pole_map",
     "preloads",
     "save",
     "steady_state_bars",

@@ -1,0 +1,1 @@
+"""Pictures of the control, drawn as SVG by ``python -m docs.pictures``."""
