@@ -111,11 +111,22 @@ class Fitting:
         readings = np.concatenate([section.readings for section in self.filters.sections])
         return Levels(first_noise(readings, self._experiment.sensors), described(self._experiment))
 
+    def information(self, values: Floats) -> Floats | None:
+        """(p, p) of the logs where the unknowns have some values and noise is as believed; None: filters go astray."""
+        levels = self.first_levels()
+        weights = self._weighed(values, levels)
+        if not all_completed(weights):
+            return None
+        experiment = self.with_values(values)
+        runs = self.filters.predict(self.filters.vector(experiment, levels), experiment, levels, weights)
+        return np.sum([run.normal for run in runs], axis=0)[:-1, :-1] if all_completed(runs) else None
+
     def run(self, start: Floats, progress: Callable[[float], None] = lambda _: None) -> Fit:
         """From a start to where nothing moves any more.
 
         Raises:
-            ConfigurationError: the filter goes astray at the start: the log is of another machine.
+            ConfigurationError: the filter goes astray at the start: the log is of another machine; or a number of which
+                nothing is known has no effect at all.
             KeyboardInterrupt: interrupted.
         """
         values, levels, settled = start, self.first_levels(), False
@@ -128,6 +139,8 @@ class Fitting:
         for number in range(ROUNDS):
             progress(number / ROUNDS)
             found, information = self._solved(values, levels, weights)
+            if number == 0:
+                self._check_acting(information)
             deviation = self._deviations(information)
             moved = float(np.max(np.abs(found - values) / deviation, initial=0.0))
             values = found
@@ -141,6 +154,14 @@ class Fitting:
                 settled = True
                 break
         return Fit(values, information, levels, tuple(weights), self.with_values(values), self.passes, settled)
+
+    def _check_acting(self, information: Floats) -> None:
+        for unknown, told in zip(self.unknowns, np.diag(information).tolist(), strict=True):
+            if told == 0 and not unknown.prior:
+                raise ConfigurationError(
+                    f"--fit {unknown.key}: nothing that these logs hold depends on it: other values switch it off, or "
+                    "its sensor was not recorded"
+                )
 
     def _weighed(self, values: Floats, levels: Levels, samples: int | None = None) -> list[Weights]:
         self.passes += 1

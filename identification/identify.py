@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.identification.blind import blind
+from dualwinch.identification.doubts import check_fit, check_log
 from dualwinch.identification.fit import Fit, Fitting, covariance_of
 from dualwinch.identification.log import Log
 from dualwinch.identification.result import Identified
@@ -20,9 +21,6 @@ from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
-
-ANOTHER = 0.3
-"""Unrecorded torque over the recorded one, both root mean square, from which on a log is of another machine."""
 
 WINDOWS, LEAST = 200, 50
 """Windows of time that surprises are summed up in, at most, and samples of one, at least."""
@@ -70,6 +68,8 @@ def identify(
         raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
     if starts < 1:
         raise ConfigurationError(f"starts = {starts}: must be >= 1")
+    for log in logs:
+        check_log(log, experiment)
     names = keys_of(keys, experiment)
     unknowns = unknowns_of(names, experiment, priors or {})
     whole = sections_of(logs, experiment, threads or cores())
@@ -91,7 +91,7 @@ def identify(
         found.append((sum(float(each.squares.sum() + each.logarithms.sum()) for each in fit.weights), fit))
     found.sort(key=lambda each: each[0])
     fit = found[0][1]
-    _check_machine(logs[0].name, fit, fitted)
+    check_fit(logs[0].name, fit, fitted, experiment)
     filters = fitting.filters
     surprises = _surprises(filters, fit)
     held = _surprises(fitting.others(kept), fit) if kept else []
@@ -146,21 +146,6 @@ def _starts(unknowns: Sequence[Unknown], count: int, seed: int) -> list[Floats]:
         ]
         starts.append(np.clip(moved, [each.lower for each in unknowns], [each.upper for each in unknowns]))
     return starts
-
-
-def _check_machine(name: str, fit: Fit, sections: Sequence[Section]) -> None:
-    """Refuse a fit that has to explain torques away.
-
-    Raises:
-        ConfigurationError: torques that nobody recorded would be as large as those that were.
-    """
-    given = float(np.sqrt(np.mean([np.mean(section.inputs[:, 1:] ** 2) for section in sections])))
-    needed = fit.levels.scatter["torque_1"].deviation
-    if needed > ANOTHER * given:
-        raise ConfigurationError(
-            f"{name}: torques of {needed:.3g} N m that nobody recorded would have to act beside those of {given:.3g} "
-            "N m that were: it is of another machine, or tau_1 or tau_2 is of another sign, unit or time"
-        )
 
 
 def _surprises(filters: Filters, fit: Fit) -> list[Floats]:

@@ -60,17 +60,12 @@ def identify(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
-    known = load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
-    believed = experiment or (known.experiment if known else Experiment())
-    wanted = keys_of([keys] if isinstance(keys, str) else keys, believed)
-    given = {key: Prior(*prior) for key, prior in (priors or {}).items()}
-    if known:
-        given = priors_of(known, believed, beside=(*wanted, *given)) | given
+    believed, wanted, given = believed_of(keys, experiment, ensemble, priors)
     sources = [logs] if isinstance(logs, (Log, Run, str, PathLike)) else list(logs)
     map_ = column_map(columns)
     return fitting.identify(
         [_log(source, map_) for source in sources],
-        [*wanted, *(key for key in given if key not in wanted)],
+        wanted,
         believed,
         priors=given,
         hold_out=hold_out,
@@ -79,6 +74,26 @@ def identify(
         threads=threads,
         progress=progress,
     )
+
+
+def believed_of(
+    keys: str | Sequence[str],
+    experiment: Experiment | None,
+    ensemble: str | PathLike[str] | Ensemble | None,
+    priors: Mapping[str, tuple[float, float]] | None,
+) -> tuple[Experiment, tuple[str, ...], dict[str, Prior]]:
+    """What is believed, all keys that are fitted, and what is known of them beforehand; arguments as of `identify`.
+
+    Raises:
+        ConfigurationError: an ensemble that cannot be read, or a key that no log tells.
+    """
+    known = load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
+    believed = experiment or (known.experiment if known else Experiment())
+    wanted = keys_of([keys] if isinstance(keys, str) else keys, believed)
+    given = {key: Prior(*prior) for key, prior in (priors or {}).items()}
+    if known:
+        given = priors_of(known, believed, beside=(*wanted, *given)) | given
+    return believed, (*wanted, *(key for key in given if key not in wanted)), given
 
 
 def priors_of(ensemble: Ensemble, believed: Experiment, beside: Sequence[str] = ()) -> dict[str, Prior]:
