@@ -35,6 +35,9 @@ SOLVING = 5
 STILL = 0.02
 """A move, over the standard deviation, that counts as none."""
 
+NEAR = 0.5
+"""A move, over the standard deviation, from which on values are good enough to tell scatter from what they got wrong."""
+
 OUTLIER = 4.0
 """Surprise, over its standard deviation, from which on a reading counts less."""
 
@@ -129,7 +132,7 @@ class Fitting:
                 nothing is known has no effect at all.
             KeyboardInterrupt: interrupted.
         """
-        values, levels, settled = start, self.first_levels(), False
+        values, levels, settled, calm = start, self.first_levels(), False, False
         weights = self._weighed(values, levels)
         if not all_completed(weights):
             raise ConfigurationError(
@@ -143,14 +146,14 @@ class Fitting:
                 self._check_acting(information)
             deviation = self._deviations(information)
             moved = float(np.max(np.abs(found - values) / deviation, initial=0.0))
-            values = found
-            if number in {0, 2}:
-                levels = self._scattered(values, levels)
+            values = turned_back(found, self.unknowns)
+            if number == 0 or (moved < NEAR and not calm):
+                levels, calm = self._scattered(values, levels), number > 0
             weights = self._weighed(values, levels)
             quieter = self._levelled(levels, weights)
             changed = float(np.max(np.abs(np.log(quieter.noise / levels.noise)), initial=0.0))
             levels = quieter
-            if moved < STILL and changed < STILL and number > 2:
+            if moved < STILL and changed < STILL and calm:
                 settled = True
                 break
         return Fit(values, information, levels, tuple(weights), self.with_values(values), self.passes, settled)
@@ -248,6 +251,12 @@ class Fitting:
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in weights], axis=0)
         noise = np.where(counts > 0, squares / np.maximum(counts, 1), levels.noise)
         return replace(levels, noise=np.clip(noise, levels.noise / 4, levels.noise * 4))
+
+
+def turned_back(values: Floats, unknowns: Sequence[Unknown]) -> Floats:
+    """Values with angles within half a turn of where the search began: whole turns more or less are the same."""
+    starts, angles = np.array([each.start for each in unknowns]), np.array([each.cyclic for each in unknowns])
+    return np.where(angles, starts + np.remainder(values - starts + np.pi, 2 * np.pi) - np.pi, values)
 
 
 def covariance_of(information: Floats, unknowns: Sequence[Unknown]) -> Floats:

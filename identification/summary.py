@@ -1,10 +1,17 @@
 """What logs say of a machine, in words and tables: the same at a prompt, in a notebook and on the terminal."""
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dualwinch.identification.found import Found
 from dualwinch.identification.surprises import Whiteness
+from dualwinch.identification.unknowns import Unknown
 from dualwinch.model.quantities.quantity import behind_number
+
+Floats = NDArray[np.float64]
 
 CORRELATED = 0.9
 """Correlation of two estimates' errors from which on it is told."""
@@ -71,9 +78,7 @@ def notes(found: Found) -> list[str]:
     """What a reader has to know of the tables."""
     words = [each.words for each in found.blind]
     deviations, correlation = found.deviations, found.correlation
-    for index, unknown in enumerate(found.unknowns):
-        if unknown.prior and deviations[index] > HARDLY * unknown.prior.deviation:
-            words.append(f"{unknown.key}: the logs add hardly anything to what was known beforehand")
+    words += [f"{key}: the logs add hardly anything to what was known beforehand" for key in hardly_told(found)]
     for row in range(len(found.keys)):
         for column in range(row):
             if abs(correlation[row, column]) > CORRELATED:
@@ -88,6 +93,20 @@ def notes(found: Found) -> list[str]:
     if not found.settled:
         words.append("the fit had not come to rest after the last round: deviations may be too small")
     return words
+
+
+def hardly_told(found: Found) -> tuple[str, ...]:
+    """Keys that are known hardly any better than beforehand."""
+    return hardly_known(found.unknowns, found.deviations)
+
+
+def hardly_known(unknowns: Sequence[Unknown], deviations: Floats) -> tuple[str, ...]:
+    """Keys whose deviation after a fit is hardly less than that beforehand."""
+    return tuple(
+        unknown.key
+        for unknown, deviation in zip(unknowns, deviations.tolist(), strict=True)
+        if unknown.prior and deviation > HARDLY * unknown.prior.deviation
+    )
 
 
 def _digits(value: float, deviation: float) -> int:
