@@ -1,7 +1,7 @@
 """Whether what `dualwinch.identify` says of a machine is so: logs of many simulated machines, each fitted.
 
-``python -m benchmarks.identify --logs 1000 --file coverage.jsonl`` draws machines of the ensemble `rig`, simulates a log
-of each, fits everything that the ensemble draws and a log can tell, and looks where the truth lies. Every log is a line
+``python -m benchmarks.identify --logs 1000 --file coverage.jsonl`` draws machines of the ensemble `rig`, simulates a
+log of each, fits everything that the ensemble draws and a log can tell, and looks where the truth lies. Each is a line
 of the file, and those that are there already are not done again. ``--write FILE`` puts the table between the file's two
 marks.
 
@@ -29,7 +29,7 @@ from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log, log_of
 from dualwinch.identification.sections import sections_of
 from dualwinch.identification.summary import hardly_known, hardly_told
-from dualwinch.identification.unknowns import Prior, Unknown, unknowns_of
+from dualwinch.identification.unknowns import Prior, Unknown
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Scenario

@@ -18,7 +18,7 @@ from dualwinch.codegen.drivers.prediction import Weights, compile_predictor
 from dualwinch.identification.noise import first_noise
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
 from dualwinch.identification.sections import Filters, Levels, Section, all_completed
-from dualwinch.identification.unknowns import Unknown
+from dualwinch.identification.unknowns import Prior, Unknown
 from dualwinch.identification.unrecorded import described
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
@@ -36,7 +36,7 @@ STILL = 0.02
 """A move, over the standard deviation, that counts as none."""
 
 NEAR = 0.5
-"""A move, over the standard deviation, from which on values are good enough to tell scatter from what they got wrong."""
+"""A move, over the standard deviation, from which on values are good enough to tell what else acts on a machine."""
 
 OUTLIER = 4.0
 """Surprise, over its standard deviation, from which on a reading counts less."""
@@ -64,6 +64,7 @@ class Fit:
         levels: noise and scatter.
         weights: of the sections, with the gains of the last round.
         experiment: with these values.
+        squares: of what is left, whitened, and of departures from what was known beforehand.
         passes: how many times the logs were gone through.
         settled: whether the last round moved nothing any more.
     """
@@ -73,6 +74,7 @@ class Fit:
     levels: Levels
     weights: tuple[Weights, ...]
     experiment: Experiment
+    squares: float
     passes: int
     settled: bool
 
@@ -93,7 +95,7 @@ class Fitting:
         self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
         keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
         self._predictor = compile_predictor(predicted(structure, keys))
-        self._structure, self._threads = structure, threads
+        self.structure, self._threads = structure, threads
         self.filters = Filters(self._predictor, structure, sections, threads)
         self._columns = [parameter_names(structure).index(key) for key in keys]
         self._scale = np.array([unknown.scale for unknown in unknowns])
@@ -102,7 +104,7 @@ class Fitting:
 
     def others(self, sections: Sequence[Section]) -> Filters:
         """Filters of other sections."""
-        return Filters(self._predictor, self._structure, sections, self._threads)
+        return Filters(self._predictor, self.structure, sections, self._threads)
 
     def with_values(self, values: Floats) -> Experiment:
         """The experiment with other values of the unknowns."""
@@ -138,10 +140,10 @@ class Fitting:
             raise ConfigurationError(
                 f"{self.filters.sections[0].name}: no machine near the one that is believed does what this log says"
             )
-        information = np.zeros((len(start), len(start)))
+        information, squares = np.zeros((len(start), len(start))), np.inf
         for number in range(ROUNDS):
             progress(number / ROUNDS)
-            found, information = self._solved(values, levels, weights)
+            found, information, squares = self.solved(values, levels, weights)
             if number == 0:
                 self._check_acting(information)
             deviation = self._deviations(information)
@@ -156,7 +158,7 @@ class Fitting:
             if moved < STILL and changed < STILL and calm:
                 settled = True
                 break
-        return Fit(values, information, levels, tuple(weights), self.with_values(values), self.passes, settled)
+        return Fit(values, information, levels, tuple(weights), self.with_values(values), squares, self.passes, settled)
 
     def _check_acting(self, information: Floats) -> None:
         for unknown, told in zip(self.unknowns, np.diag(information).tolist(), strict=True):
@@ -170,17 +172,26 @@ class Fitting:
         self.passes += 1
         return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier, samples=samples)
 
-    def _solved(self, values: Floats, levels: Levels, weights: Sequence[Weights]) -> tuple[Floats, Floats]:
-        """Values that fit best with given gains, and the information of the logs there."""
+    def solved(
+        self, values: Floats, levels: Levels, weights: Sequence[Weights], pinned: Sequence[tuple[int, Prior]] = ()
+    ) -> tuple[Floats, Floats, float]:
+        """Values that fit best with given gains, the information of the logs there, and the sum of squares.
+
+        Args:
+            values: (p,) where the search begins.
+            levels: noise and scatter.
+            weights: gains of the sections.
+            pinned: indices of unknowns and what further is known of them; it does not count in the sum.
+        """
         experiment, p = self.with_values(values), len(values)
         base = self.filters.vector(experiment, levels)
         scale, last = self._scale, dict[bytes, tuple[Floats, Floats, Floats]]()
         known = [(index, unknown.prior) for index, unknown in enumerate(self.unknowns) if unknown.prior]
+        known += pinned
 
         def squares(scaled: Floats) -> tuple[Floats, Floats, Floats]:
             key = scaled.tobytes()
             if key not in last:
-                last.clear()
                 vector = base.copy()
                 vector[self._columns] = scaled * scale
                 self.passes += 1
@@ -198,12 +209,13 @@ class Fitting:
             lambda scaled: squares(scaled)[1],
             bounds=[bound / scale for bound in self._bounds],
             x_scale="jac",
-            ftol=1e-10,
+            ftol=1e-9,
             xtol=1e-7,
             max_nfev=SOLVING,
         )
-        normal = squares(solved.x)[2]
-        return solved.x * scale, normal[:-1, :-1]
+        residual, _, normal = squares(solved.x)
+        counted = residual[: len(residual) - len(pinned)]
+        return solved.x * scale, normal[:-1, :-1], float(counted @ counted)
 
     def _rows(self, normal: Floats, scaled: Floats, known: Sequence) -> tuple[Floats, Floats, Floats]:
         """A problem of p + 1 rows that has the same squares and slopes, and a row for each prior."""

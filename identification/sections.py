@@ -97,8 +97,9 @@ class Filters:
         outlier: float = np.inf,
         rows: bool = False,
         samples: int | None = None,
+        watched: int = 0,
     ) -> list[Weights]:
-        """Gains in every section.
+        """Gains in every section; arguments as of `codegen.drivers.prediction.Predictor.weigh`.
 
         Raises:
             KeyboardInterrupt: interrupted.
@@ -109,7 +110,7 @@ class Filters:
             section = section.upto(samples) if samples else section
             course, covariance = self.course(experiment, levels, section)
             spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
-            return self._predictor.weigh(vector, course, spread, outlier=outlier, rows=rows)
+            return self._predictor.weigh(vector, course, spread, outlier=outlier, rows=rows, watched=watched)
 
         return self._each(weigh)
 
@@ -135,6 +136,26 @@ class Filters:
             return self._predictor.predict(vector, course, numbered[id(section)], rows=rows)
 
         return self._each(predict)
+
+    def smooth(self, experiment: Experiment, levels: Levels) -> list[tuple[Floats, Floats, Floats]]:
+        """What acted unrecorded in every section, by all its readings.
+
+        Returns:
+            Of each section (samples, states) what was expected at the time, (samples, unrecorded) what acted, and
+            (samples, unrecorded, unrecorded) the covariances of that.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        weights = self.weigh(experiment, levels, rows=True, watched=len(NAMES))
+        numbered = dict(zip(map(id, self.sections), weights, strict=True))
+        vector = self.vector(experiment, levels)
+
+        def smooth(section: Section) -> tuple[Floats, Floats, Floats]:
+            course, own = self.course(experiment, levels, section)[0], numbered[id(section)]
+            return np.asarray(own.states), *self._predictor.smooth(vector, course, own)
+
+        return self._each(smooth)
 
     def _each(self, work: Callable[[Section], object]) -> list:
         found: list[object] = [None] * len(self.sections)

@@ -65,6 +65,32 @@ def sensors_table(found: Found) -> tuple[list[str], list[list[str]]]:
     return headings, rows
 
 
+def optima_table(found: Found) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows: where searches from several starts came to rest, and how likely the logs are there."""
+    rows = [
+        [f"{each.searches}", f"{-each.worse / 2:.3g}", *(f"{value:.5g}" for value in each.values)]
+        for each in found.optima
+    ]
+    return ["searches", "log likelihood over the best", *found.keys], rows
+
+
+def profiles_table(found: Found) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows: intervals by the likelihood itself, beside those by the standard deviation."""
+    rows = []
+    for profile in found.profiles:
+        ends = (*profile.interval, *found.interval(profile.key))
+        low, high, by_low, by_high = (f"{end:.6g}" for end in ends)
+        rows.append([profile.key, f"{low} to {high}", f"{by_low} to {by_high}"])
+    return ["", "95 % interval by its profile", "by its deviation"], rows
+
+
+def tables(found: Found) -> list[tuple[list[str], list[list[str]]]]:
+    """All tables that there are."""
+    further = [optima_table(found)] if len(found.optima) > 1 else []
+    further += [profiles_table(found)] if found.profiles else []
+    return [estimates_table(found), sensors_table(found), *further]
+
+
 def left(test: Whiteness) -> str:
     """What is left of a sensor, in words."""
     if test.white:
@@ -77,7 +103,7 @@ def left(test: Whiteness) -> str:
 def notes(found: Found) -> list[str]:
     """What a reader has to know of the tables."""
     words = [each.words for each in found.blind]
-    deviations, correlation = found.deviations, found.correlation
+    correlation = found.correlation
     words += [f"{key}: the logs add hardly anything to what was known beforehand" for key in hardly_told(found)]
     for row in range(len(found.keys)):
         for column in range(row):
@@ -88,8 +114,9 @@ def notes(found: Found) -> list[str]:
         if min(value - unknown.lower, unknown.upper - value) <= 1e-6 * unknown.scale:
             words.append(f"{unknown.key}: lies at the end of its range; is the log of this machine?")
     if len(found.optima) > 1:
-        less = f"exp({found.optima[1] / 2:.3g})"
-        words.append(f"{len(found.optima)} distinct optima; the second is less likely by a factor of {less}")
+        words.append(
+            f"{len(found.optima)} distinct optima; the second is less likely, exp({-found.optima[1].worse / 2:.3g})"
+        )
     if not found.settled:
         words.append("the fit had not come to rest after the last round: deviations may be too small")
     return words

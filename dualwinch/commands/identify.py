@@ -28,6 +28,8 @@ def identify(
     hold_out: float = 0.0,
     starts: int = 1,
     seed: int = 0,
+    profiles: str | Sequence[str] = (),
+    forces: bool = False,
     threads: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Identified:
@@ -48,6 +50,9 @@ def identify(
         hold_out: share of each log, its end, that is not fitted but predicted.
         starts: searches from different starts; all but the first are drawn.
         seed: of these draws.
+        profiles: some of what is fitted, whose likelihood is followed away from the best.
+        forces: whether to find out as well what acted on the vehicle and nobody recorded: `forces` of what comes back,
+            for ``disturbance.force``.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
@@ -71,6 +76,8 @@ def identify(
         hold_out=hold_out,
         starts=starts,
         seed=seed,
+        profiles=[profiles] if isinstance(profiles, str) else profiles,
+        forces=forces,
         threads=threads,
         progress=progress,
     )

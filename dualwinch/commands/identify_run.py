@@ -12,6 +12,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemaining
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
+from dualwinch.commands.folders import check_folder
 from dualwinch.commands.identify import identify
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.terminal import terminal
@@ -23,6 +24,7 @@ from dualwinch.identification.result import Identified
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.formats import format_of
 
 
 def run_identify(
@@ -38,6 +40,8 @@ def run_identify(
     hold_out: str,
     starts: int,
     seed: int,
+    profiles: Sequence[str],
+    disturbance: Path | None,
     out: Path | None,
     plot: Path | None,
 ) -> None:
@@ -50,6 +54,9 @@ def run_identify(
     share, known = _share(hold_out), dict(map(prior_from, priors))
     if out and out.suffix.lower() != ".toml":
         raise ConfigurationError(f"--out {out}: must end in .toml")
+    if disturbance:
+        format_of(disturbance)
+        check_folder(disturbance.parent)
     experiment, drawn = believed_from(case, config, ensemble, assignments)
     console = terminal(stderr=True)
     with progress_bar(console) as progress:
@@ -63,10 +70,13 @@ def run_identify(
             hold_out=share,
             starts=starts,
             seed=seed,
+            profiles=profiles,
+            forces=disturbance is not None,
             progress=progress,
         )
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     written = [*(write_identified(out, found, seed) if out else []), *([plot] if plot else [])]
+    written += write_forces(disturbance, found) if disturbance else []
     if plot:
         from dualwinch.simulation.plots import save
 
@@ -88,6 +98,19 @@ def believed_from(
     if case is not None or config:
         raise ConfigurationError("give --ensemble, which has an experiment of its own, or --case or --config")
     return None, reset(load_ensemble(ensemble), dict(map(parse_assignment, assignments)))
+
+
+def write_forces(file: Path, found: Identified) -> list[Path]:
+    """Write the force on the vehicle in each log, as ``disturbance.force.file`` takes it.
+
+    Returns:
+        The files: the one, or of several logs NAME-1, NAME-2, ...
+    """
+    many = len(found.forces) > 1
+    files = [file.with_stem(f"{file.stem}-{k}") if many else file for k in range(1, len(found.forces) + 1)]
+    for path, force in zip(files, found.forces, strict=True):
+        format_of(path).write(force.content, path)
+    return files
 
 
 @contextmanager
