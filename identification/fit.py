@@ -140,15 +140,17 @@ class Fitting:
             raise ConfigurationError(
                 f"{self.filters.sections[0].name}: no machine near the one that is believed does what this log says"
             )
-        information, squares = np.zeros((len(start), len(start))), np.inf
+        information, squares, last = np.zeros((len(start), len(start))), np.inf, np.zeros(len(start))
         for number in range(ROUNDS):
             progress(number / ROUNDS)
             found, information, squares = self.solved(values, levels, weights)
             if number == 0:
                 self._check_acting(information)
             deviation = self._deviations(information)
-            moved = float(np.max(np.abs(found - values) / deviation, initial=0.0))
-            values = turned_back(found, self.unknowns)
+            move = (turned_back(found, self.unknowns) - values) / deviation
+            moved = float(np.max(np.abs(move), initial=0.0))
+            values = values + deviation * damped(move, last)
+            last = move
             if number == 0 or (moved < NEAR and not calm):
                 levels, calm = self._scattered(values, levels), number > 0
             weights = self._weighed(values, levels)
@@ -209,7 +211,7 @@ class Fitting:
             lambda scaled: squares(scaled)[1],
             bounds=[bound / scale for bound in self._bounds],
             x_scale="jac",
-            ftol=1e-9,
+            ftol=1e-8,
             xtol=1e-7,
             max_nfev=SOLVING,
         )
@@ -263,6 +265,16 @@ class Fitting:
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in weights], axis=0)
         noise = np.where(counts > 0, squares / np.maximum(counts, 1), levels.noise)
         return replace(levels, noise=np.clip(noise, levels.noise / 4, levels.noise * 4))
+
+
+def damped(move: Floats, last: Floats) -> Floats:
+    """A move, shorter where it takes back what the last one did.
+
+    New gains may turn a fit from one side of where it would rest to the other. Were each move r times the one before,
+    moves would add up to 1 / (1 - r) of this one.
+    """
+    ratio = float(move @ last) / max(float(last @ last), np.finfo(float).tiny)
+    return move / (1 - np.clip(ratio, -1.0, 0.0))
 
 
 def turned_back(values: Floats, unknowns: Sequence[Unknown]) -> Floats:
