@@ -7,7 +7,7 @@ from dualwinch.identification.fit import Fit, Fitting
 from dualwinch.identification.force import Force
 from dualwinch.identification.log import Log
 from dualwinch.identification.predictor import state_template
-from dualwinch.identification.sections import sections_of
+from dualwinch.identification.sections import whole_section
 from dualwinch.identification.unrecorded import NAMES
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.vehicle import drag, friction
@@ -32,7 +32,7 @@ def force_of(fitting: Fitting, log: Log, fit: Fit) -> Force:
     Raises:
         KeyboardInterrupt: interrupted.
     """
-    experiment, filters = fit.experiment, fitting.others(sections_of([log], fit.experiment, 1))
+    experiment, filters = fit.experiment, fitting.others([whole_section(log, fit.experiment)])
     ((states, acting, spreads),) = filters.smooth(experiment, fit.levels)
     (section,), vehicle = filters.sections, experiment.plant.vehicle
     rows = slice(None, None, max(1, round(EVERY / experiment.simulation.sample_time)))

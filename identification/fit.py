@@ -151,8 +151,8 @@ class Fitting:
             moved = float(np.max(np.abs(move), initial=0.0))
             values = values + deviation * damped(move, last)
             last = move
-            if number == 0 or (moved < NEAR and not calm):
-                levels, calm = self._scattered(values, levels), number > 0
+            if number in {0, 2} or (moved < NEAR and not calm):
+                levels, calm = self._scattered(values, levels), moved < NEAR
             weights = self._weighed(values, levels)
             quieter = self._levelled(levels, weights)
             changed = float(np.max(np.abs(np.log(quieter.noise / levels.noise)), initial=0.0))

@@ -11,6 +11,7 @@ from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.identification.course import samples_of
 from dualwinch.identification.log import Log
 from dualwinch.identification.predictor import MachineState, parameter_names, state_template
+from dualwinch.identification.rest import stretches
 from dualwinch.identification.start import starting
 from dualwinch.identification.unrecorded import NAMES, Scatter
 from dualwinch.model.quantities.tree import leaves
@@ -41,7 +42,7 @@ class Section:
 
 
 def sections_of(logs: Sequence[Log], experiment: Experiment, at_once: int) -> tuple[Section, ...]:
-    """All logs on samples, cut where there are fewer logs than computations at once.
+    """All logs on samples, without rest, cut where there are fewer logs than computations at once.
 
     Raises:
         ConfigurationError: as `identification.course.samples_of`.
@@ -49,12 +50,28 @@ def sections_of(logs: Sequence[Log], experiment: Experiment, at_once: int) -> tu
     found: list[Section] = []
     for log in logs:
         inputs, readings = samples_of(log, experiment)
-        length = len(inputs) * experiment.simulation.sample_time
-        count = max(1, min(-(-at_once // len(logs)), int(length // SHORTEST)))
-        for piece in np.array_split(np.arange(len(inputs)), count):
-            part = slice(int(piece[0]), int(piece[-1]) + 1)
-            found.append(Section(log.name, np.ascontiguousarray(inputs[part]), np.ascontiguousarray(readings[part])))
+        under_way = stretches(readings, experiment)
+        for stretch in under_way:
+            rows = np.arange(stretch.start, stretch.stop)
+            length = len(rows) * experiment.simulation.sample_time
+            count = max(1, min(-(-at_once // (len(logs) * len(under_way))), int(length // SHORTEST)))
+            for piece in np.array_split(rows, count):
+                part = slice(int(piece[0]), int(piece[-1]) + 1)
+                found.append(_section(log, inputs[part], readings[part]))
     return tuple(found)
+
+
+def whole_section(log: Log, experiment: Experiment) -> Section:
+    """All of a log.
+
+    Raises:
+        ConfigurationError: as `identification.course.samples_of`.
+    """
+    return _section(log, *samples_of(log, experiment))
+
+
+def _section(log: Log, inputs: Floats, readings: Floats) -> Section:
+    return Section(log.name, np.ascontiguousarray(inputs), np.ascontiguousarray(readings))
 
 
 @dataclass(frozen=True)
