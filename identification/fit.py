@@ -97,7 +97,7 @@ class Fitting:
         self._predictor = compile_predictor(predicted(structure, keys))
         self.structure, self._threads = structure, threads
         self.filters = Filters(self._predictor, structure, sections, threads)
-        self._columns = [parameter_names(structure).index(key) for key in keys]
+        self.columns = [parameter_names(structure).index(key) for key in keys]
         self._scale = np.array([unknown.scale for unknown in unknowns])
         self._bounds = [np.array([getattr(unknown, end) for unknown in unknowns]) for end in ("lower", "upper")]
         self.passes = 0
@@ -195,7 +195,7 @@ class Fitting:
             key = scaled.tobytes()
             if key not in last:
                 vector = base.copy()
-                vector[self._columns] = scaled * scale
+                vector[self.columns] = scaled * scale
                 self.passes += 1
                 runs = self.filters.predict(vector, experiment, levels, weights)
                 normal = np.sum([run.normal for run in runs], axis=0)

@@ -1,7 +1,7 @@
 """Where a machine stands still: friction that may point either way tells a filter less than it believes.
 
-A filter takes friction for a slope at what it expects of the speed. Which way friction points on a drum that sticks, and how
-far below its limit, nobody knows; a slope there makes up what the log does not tell.
+A filter takes friction for a slope at what it expects of the speed. Which way friction points on a drum that sticks,
+and how far below its limit, nobody knows; a slope there makes up what the log does not tell.
 """
 
 import numpy as np
