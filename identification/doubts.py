@@ -96,10 +96,11 @@ def check_fit(name: str, fit: Fit, sections: Sequence[Section], experiment: Expe
             f"{name}: a force of {scatter['force'].deviation:.3g} N that nobody recorded would have to act on the "
             f"vehicle beside the {force:.3g} N of the ropes: {unlike}"
         )
-    jumps = smallest_noise(np.concatenate([section.readings for section in sections]))
+    readings = np.concatenate([section.readings for section in sections])
+    jumps, counts = smallest_noise(readings), np.isfinite(readings).sum(axis=0)
     ratios = np.sqrt(fit.levels.noise) / jumps
     for index, reading in enumerate(READINGS):
-        if ratios[index] > NOISIER:
+        if counts[index] and ratios[index] > NOISIER:
             raise ConfigurationError(
                 f"{name}: {reading}: what is left of it is {jumps[index] * ratios[index]:.3g} (s.d.), its own noise "
                 f"{jumps[index]:.3g}: {unlike}"
