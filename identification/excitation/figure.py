@@ -7,7 +7,7 @@ from dualwinch.identification.blind import believed
 from dualwinch.identification.excitation.designed import Designed
 from dualwinch.model.reference import setpoint
 from dualwinch.simulation.plots.page import GivenAxes, Page
-from dualwinch.simulation.plots.style import BLUE, GREY, house_style, plain
+from dualwinch.simulation.plots.style import BLUE, GREY, house_style, logarithmic, plain
 
 POINTS = 600
 """Points of the motion."""
@@ -32,6 +32,7 @@ def excited_figure(designed: Designed, *, ax: GivenAxes = None) -> Figure:
         right.plot(after, rows, "o", color=BLUE, markersize=5, label="this motion")
         right.set_yticks(rows, [plain(key.removeprefix("plant.").removeprefix("sensors.")) for key in designed.keys])
         right.set_ylim(len(rows) - 0.5, -0.5)
-        right.set(xscale="log", xlabel="standard deviation to expect, % of what was believed")
+        logarithmic(right, between=(1, 2, 5))
+        right.set_xlabel("deviation to expect, % of the number")
         page.legend(list(right.get_lines()))
     return page.figure
