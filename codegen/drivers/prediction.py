@@ -157,17 +157,9 @@ class Predictor:
         counts, squares, logarithms, noise = sums.T
         with np.errstate(invalid="ignore"):
             noise = noise / counts
+        found, spreads = kept if rows else (None, None)
         return Weights(
-            outcome,
-            done.value,
-            gains,
-            whitening,
-            counts,
-            squares,
-            logarithms,
-            noise,
-            *(kept or (None, None)),
-            covariances,
+            outcome, done.value, gains, whitening, counts, squares, logarithms, noise, found, spreads, covariances
         )
 
     def smooth(self, parameters: Floats, course: Course, weights: Weights) -> tuple[Floats, Floats]:
