@@ -3,6 +3,7 @@
 from .codegen.block import Block as Block
 from .codegen.errors import DualwinchError as DualwinchError
 from .codegen.native import compile as compile  # noqa: A004
+from .commands.excite import excite as excite
 from .commands.export import export_c as export_c
 from .commands.export import export_casadi as export_casadi
 from .commands.export import export_mex as export_mex

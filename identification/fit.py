@@ -18,7 +18,7 @@ from dualwinch.codegen.drivers.prediction import Weights, compile_predictor
 from dualwinch.identification.noise import first_noise
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
 from dualwinch.identification.sections import Filters, Levels, Section, all_completed
-from dualwinch.identification.unknowns import Unknown
+from dualwinch.identification.unknowns import Prior, Unknown
 from dualwinch.identification.unrecorded import described
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
@@ -34,6 +34,9 @@ SOLVING = 5
 
 STILL = 0.02
 """A move, over the standard deviation, that counts as none."""
+
+NEAR = 0.5
+"""A move, over the standard deviation, from which on values are good enough to tell what else acts on a machine."""
 
 OUTLIER = 4.0
 """Surprise, over its standard deviation, from which on a reading counts less."""
@@ -61,6 +64,7 @@ class Fit:
         levels: noise and scatter.
         weights: of the sections, with the gains of the last round.
         experiment: with these values.
+        squares: of what is left, whitened, and of departures from what was known beforehand.
         passes: how many times the logs were gone through.
         settled: whether the last round moved nothing any more.
     """
@@ -70,6 +74,7 @@ class Fit:
     levels: Levels
     weights: tuple[Weights, ...]
     experiment: Experiment
+    squares: float
     passes: int
     settled: bool
 
@@ -90,16 +95,16 @@ class Fitting:
         self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
         keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
         self._predictor = compile_predictor(predicted(structure, keys))
-        self._structure, self._threads = structure, threads
+        self.structure, self._threads = structure, threads
         self.filters = Filters(self._predictor, structure, sections, threads)
-        self._columns = [parameter_names(structure).index(key) for key in keys]
+        self.columns = [parameter_names(structure).index(key) for key in keys]
         self._scale = np.array([unknown.scale for unknown in unknowns])
         self._bounds = [np.array([getattr(unknown, end) for unknown in unknowns]) for end in ("lower", "upper")]
         self.passes = 0
 
     def others(self, sections: Sequence[Section]) -> Filters:
         """Filters of other sections."""
-        return Filters(self._predictor, self._structure, sections, self._threads)
+        return Filters(self._predictor, self.structure, sections, self._threads)
 
     def with_values(self, values: Floats) -> Experiment:
         """The experiment with other values of the unknowns."""
@@ -111,54 +116,86 @@ class Fitting:
         readings = np.concatenate([section.readings for section in self.filters.sections])
         return Levels(first_noise(readings, self._experiment.sensors), described(self._experiment))
 
+    def information(self, values: Floats) -> Floats | None:
+        """(p, p) of the logs where the unknowns have some values and noise is as believed; None: filters go astray."""
+        levels = self.first_levels()
+        weights = self._weighed(values, levels)
+        if not all_completed(weights):
+            return None
+        experiment = self.with_values(values)
+        runs = self.filters.predict(self.filters.vector(experiment, levels), experiment, levels, weights)
+        return np.sum([run.normal for run in runs], axis=0)[:-1, :-1] if all_completed(runs) else None
+
     def run(self, start: Floats, progress: Callable[[float], None] = lambda _: None) -> Fit:
         """From a start to where nothing moves any more.
 
         Raises:
-            ConfigurationError: the filter goes astray at the start: the log is of another machine.
+            ConfigurationError: the filter goes astray at the start: the log is of another machine; or a number of which
+                nothing is known has no effect at all.
             KeyboardInterrupt: interrupted.
         """
-        values, levels, settled = start, self.first_levels(), False
+        values, levels, settled, calm = start, self.first_levels(), False, False
         weights = self._weighed(values, levels)
         if not all_completed(weights):
             raise ConfigurationError(
                 f"{self.filters.sections[0].name}: no machine near the one that is believed does what this log says"
             )
-        information = np.zeros((len(start), len(start)))
+        information, squares, last = np.zeros((len(start), len(start))), np.inf, np.zeros(len(start))
         for number in range(ROUNDS):
             progress(number / ROUNDS)
-            found, information = self._solved(values, levels, weights)
+            found, information, squares = self.solved(values, levels, weights)
+            if number == 0:
+                self._check_acting(information)
             deviation = self._deviations(information)
-            moved = float(np.max(np.abs(found - values) / deviation, initial=0.0))
-            values = found
-            if number in {0, 2}:
-                levels = self._scattered(values, levels)
+            move = (turned_back(found, self.unknowns) - values) / deviation
+            moved = float(np.max(np.abs(move), initial=0.0))
+            values = values + deviation * damped(move, last)
+            last = move
+            if number in {0, 2} or (moved < NEAR and not calm):
+                levels, calm = self._scattered(values, levels), moved < NEAR
             weights = self._weighed(values, levels)
             quieter = self._levelled(levels, weights)
             changed = float(np.max(np.abs(np.log(quieter.noise / levels.noise)), initial=0.0))
             levels = quieter
-            if moved < STILL and changed < STILL and number > 2:
+            if moved < STILL and changed < STILL and calm:
                 settled = True
                 break
-        return Fit(values, information, levels, tuple(weights), self.with_values(values), self.passes, settled)
+        return Fit(values, information, levels, tuple(weights), self.with_values(values), squares, self.passes, settled)
+
+    def _check_acting(self, information: Floats) -> None:
+        for unknown, told in zip(self.unknowns, np.diag(information).tolist(), strict=True):
+            if told == 0 and not unknown.prior:
+                raise ConfigurationError(
+                    f"--fit {unknown.key}: nothing that these logs hold depends on it: other values switch it off, or "
+                    "its sensor was not recorded"
+                )
 
     def _weighed(self, values: Floats, levels: Levels, samples: int | None = None) -> list[Weights]:
         self.passes += 1
         return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier, samples=samples)
 
-    def _solved(self, values: Floats, levels: Levels, weights: Sequence[Weights]) -> tuple[Floats, Floats]:
-        """Values that fit best with given gains, and the information of the logs there."""
+    def solved(
+        self, values: Floats, levels: Levels, weights: Sequence[Weights], pinned: Sequence[tuple[int, Prior]] = ()
+    ) -> tuple[Floats, Floats, float]:
+        """Values that fit best with given gains, the information of the logs there, and the sum of squares.
+
+        Args:
+            values: (p,) where the search begins.
+            levels: noise and scatter.
+            weights: gains of the sections.
+            pinned: indices of unknowns and what further is known of them; it does not count in the sum.
+        """
         experiment, p = self.with_values(values), len(values)
         base = self.filters.vector(experiment, levels)
         scale, last = self._scale, dict[bytes, tuple[Floats, Floats, Floats]]()
         known = [(index, unknown.prior) for index, unknown in enumerate(self.unknowns) if unknown.prior]
+        known += pinned
 
         def squares(scaled: Floats) -> tuple[Floats, Floats, Floats]:
             key = scaled.tobytes()
             if key not in last:
-                last.clear()
                 vector = base.copy()
-                vector[self._columns] = scaled * scale
+                vector[self.columns] = scaled * scale
                 self.passes += 1
                 runs = self.filters.predict(vector, experiment, levels, weights)
                 normal = np.sum([run.normal for run in runs], axis=0)
@@ -174,12 +211,13 @@ class Fitting:
             lambda scaled: squares(scaled)[1],
             bounds=[bound / scale for bound in self._bounds],
             x_scale="jac",
-            ftol=1e-10,
+            ftol=1e-8,
             xtol=1e-7,
             max_nfev=SOLVING,
         )
-        normal = squares(solved.x)[2]
-        return solved.x * scale, normal[:-1, :-1]
+        residual, _, normal = squares(solved.x)
+        counted = residual[: len(residual) - len(pinned)]
+        return solved.x * scale, normal[:-1, :-1], float(counted @ counted)
 
     def _rows(self, normal: Floats, scaled: Floats, known: Sequence) -> tuple[Floats, Floats, Floats]:
         """A problem of p + 1 rows that has the same squares and slopes, and a row for each prior."""
@@ -227,6 +265,22 @@ class Fitting:
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in weights], axis=0)
         noise = np.where(counts > 0, squares / np.maximum(counts, 1), levels.noise)
         return replace(levels, noise=np.clip(noise, levels.noise / 4, levels.noise * 4))
+
+
+def damped(move: Floats, last: Floats) -> Floats:
+    """A move, shorter where it takes back what the last one did.
+
+    New gains may turn a fit from one side of where it would rest to the other. Were each move r times the one before,
+    moves would add up to 1 / (1 - r) of this one.
+    """
+    ratio = float(move @ last) / max(float(last @ last), np.finfo(float).tiny)
+    return move / (1 - np.clip(ratio, -1.0, 0.0))
+
+
+def turned_back(values: Floats, unknowns: Sequence[Unknown]) -> Floats:
+    """Values with angles within half a turn of where the search began: whole turns more or less are the same."""
+    starts, angles = np.array([each.start for each in unknowns]), np.array([each.cyclic for each in unknowns])
+    return np.where(angles, starts + np.remainder(values - starts + np.pi, 2 * np.pi) - np.pi, values)
 
 
 def covariance_of(information: Floats, unknowns: Sequence[Unknown]) -> Floats:

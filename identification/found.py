@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.identification.blind import Blind
+from dualwinch.identification.force import Force
+from dualwinch.identification.optima import Optimum
+from dualwinch.identification.profile import Profile
 from dualwinch.identification.surprises import Whiteness
 from dualwinch.identification.unknowns import Unknown
 from dualwinch.identification.unrecorded import Scatter
@@ -39,8 +42,10 @@ class Found:
         duration: of all logs in s.
         passes: how many times the logs were gone through.
         settled: whether the fit came to an end.
-        optima: sums of squares of the distinct optima that several starts came to, the best first, over the best.
+        optima: the distinct ones that several starts came to, the best first.
+        profiles: likelihoods of numbers for which they were asked for.
         seconds: wall time.
+        forces: on the vehicle, of each log, where they were asked for.
     """
 
     experiment: Experiment
@@ -57,8 +62,10 @@ class Found:
     duration: float
     passes: int
     settled: bool
-    optima: tuple[float, ...]
+    optima: tuple[Optimum, ...]
     seconds: float
+    forces: tuple[Force, ...] = ()
+    profiles: tuple[Profile, ...] = ()
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -7,22 +7,23 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.identification.acting import force_of
 from dualwinch.identification.blind import blind
+from dualwinch.identification.doubts import check_fit, check_log
 from dualwinch.identification.fit import Fit, Fitting, covariance_of
 from dualwinch.identification.log import Log
+from dualwinch.identification.optima import fits_from, optima_of
+from dualwinch.identification.profile import profile_of
 from dualwinch.identification.result import Identified
 from dualwinch.identification.sections import Filters, Section, sections_of
 from dualwinch.identification.sensed import READINGS
 from dualwinch.identification.surprises import Whiteness, whiteness
-from dualwinch.identification.unknowns import Prior, Unknown, keys_of, unknowns_of
+from dualwinch.identification.unknowns import Prior, keys_of, unknowns_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
-
-ANOTHER = 0.3
-"""Unrecorded torque over the recorded one, both root mean square, from which on a log is of another machine."""
 
 WINDOWS, LEAST = 200, 50
 """Windows of time that surprises are summed up in, at most, and samples of one, at least."""
@@ -37,6 +38,8 @@ def identify(
     hold_out: float = 0.0,
     starts: int = 1,
     seed: int = 0,
+    profiles: Sequence[str] = (),
+    forces: bool = False,
     threads: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Identified:
@@ -54,6 +57,8 @@ def identify(
         hold_out: share of each log, its end, that is not fitted but predicted.
         starts: searches from different starts; all but the first are drawn.
         seed: of these draws.
+        profiles: some of what is fitted, whose likelihood is followed away from the best.
+        forces: whether it is said what acted on the vehicle and nobody recorded.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
@@ -70,28 +75,19 @@ def identify(
         raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
     if starts < 1:
         raise ConfigurationError(f"starts = {starts}: must be >= 1")
+    for log in logs:
+        check_log(log, experiment)
     names = keys_of(keys, experiment)
+    for key in keys_of(profiles, experiment):
+        if key not in names:
+            raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
     unknowns = unknowns_of(names, experiment, priors or {})
     whole = sections_of(logs, experiment, threads or cores())
     fitted, kept = _parted(logs, experiment, whole, hold_out, threads)
     fitting = Fitting(fitted, experiment, unknowns, threads=threads)
-    found: list[tuple[float, Fit]] = []
-    for number, start in enumerate(_starts(unknowns, starts, seed)):
-        begun = number / starts
-
-        def report(part: float, begun: float = begun) -> None:
-            progress(begun + part / starts)
-
-        try:
-            fit = fitting.run(start, report)
-        except ConfigurationError:
-            if number == 0:
-                raise
-            continue
-        found.append((sum(float(each.squares.sum() + each.logarithms.sum()) for each in fit.weights), fit))
-    found.sort(key=lambda each: each[0])
-    fit = found[0][1]
-    _check_machine(logs[0].name, fit, fitted)
+    fits = fits_from(fitting, starts, seed, progress)
+    fit = fits[0]
+    check_fit(logs[0].name, fit, fitted, experiment)
     filters = fitting.filters
     surprises = _surprises(filters, fit)
     held = _surprises(fitting.others(kept), fit) if kept else []
@@ -111,8 +107,10 @@ def identify(
         duration=sum(log.duration for log in logs),
         passes=fitting.passes,
         settled=fit.settled,
-        optima=_optima(found, covariance),
+        optima=optima_of(fits, covariance),
         seconds=perf_counter() - began,
+        profiles=tuple(profile_of(fitting, fit, key) for key in keys_of(profiles, experiment)),
+        forces=tuple(force_of(fitting, log, fit) for log in logs) if forces else (),
     )
 
 
@@ -130,37 +128,6 @@ def _parted(
 
 def _part(log: Log, rows: NDArray[np.bool_]) -> Log:
     return replace(log, t=log.t[rows], columns={name: values[rows] for name, values in log.columns.items()})
-
-
-def _starts(unknowns: Sequence[Unknown], count: int, seed: int) -> list[Floats]:
-    """Where searches begin: at what is believed, and anywhere between half and twice of it or within what is known."""
-    drawn, starts = np.random.default_rng(seed), [np.array([unknown.start for unknown in unknowns])]
-    for _ in range(count - 1):
-        moved = [
-            drawn.normal(unknown.prior.mean, unknown.prior.deviation)
-            if unknown.prior
-            else unknown.start * 2 ** drawn.uniform(-1, 1)
-            if unknown.start
-            else drawn.uniform(-1, 1) * unknown.scale
-            for unknown in unknowns
-        ]
-        starts.append(np.clip(moved, [each.lower for each in unknowns], [each.upper for each in unknowns]))
-    return starts
-
-
-def _check_machine(name: str, fit: Fit, sections: Sequence[Section]) -> None:
-    """Refuse a fit that has to explain torques away.
-
-    Raises:
-        ConfigurationError: torques that nobody recorded would be as large as those that were.
-    """
-    given = float(np.sqrt(np.mean([np.mean(section.inputs[:, 1:] ** 2) for section in sections])))
-    needed = fit.levels.scatter["torque_1"].deviation
-    if needed > ANOTHER * given:
-        raise ConfigurationError(
-            f"{name}: torques of {needed:.3g} N m that nobody recorded would have to act beside those of {given:.3g} "
-            "N m that were: it is of another machine, or tau_1 or tau_2 is of another sign, unit or time"
-        )
 
 
 def _surprises(filters: Filters, fit: Fit) -> list[Floats]:
@@ -201,13 +168,3 @@ def _noise(logs: Sequence[Log], fit: Fit) -> dict[str, float]:
         for name, deviation, counts in zip(READINGS, deviations, counted, strict=True)
         if name in read and counts
     }
-
-
-def _optima(found: Sequence[tuple[float, Fit]], covariance: Floats) -> tuple[float, ...]:
-    """How much worse than the best the distinct optima are: twice the difference of the logarithms of likelihoods."""
-    distinct: list[tuple[float, Fit]] = []
-    deviations = np.sqrt(np.diag(covariance))
-    for worth, fit in found:
-        if all(np.max(np.abs(fit.values - other.values) / deviations) > 1 for _, other in distinct):
-            distinct.append((worth, fit))
-    return tuple(worth - distinct[0][0] for worth, _ in distinct)

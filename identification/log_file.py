@@ -22,12 +22,16 @@ UNIT_OF = {
 """Name → SI unit."""
 
 
+NONE = "-"
+"""In the place of a column's name: there is none."""
+
+
 @dataclass(frozen=True)
 class Column:
     """Where a reading is found.
 
     Attributes:
-        name: of the file's column.
+        name: of the file's column; `NONE`: it is left out.
         unit: that it is in; None: what the file says, else the SI unit.
     """
 
@@ -36,7 +40,7 @@ class Column:
 
 
 def column_map(texts: Sequence[str]) -> dict[str, Column]:
-    """Columns from texts such as ``F1=load_cell_left`` or ``F1=load_cell_left:kN``.
+    """Columns from texts such as ``F1=load_cell_left``, ``F1=load_cell_left:kN`` or ``F1=-``, which leaves it out.
 
     Raises:
         ConfigurationError: anything else, or an unknown reading or unit.
@@ -78,6 +82,8 @@ def read_log(file: str | Path, columns: Mapping[str, Column] | None = None) -> L
     found: dict[str, np.ndarray] = {}
     for reading, si in UNIT_OF.items():
         given = columns.get(reading)
+        if given and given.name == NONE:
+            continue
         names = [given.name] if given else [f"{reading}{READ}", reading]
         name = next((name for name in names if name in held), None)
         if name is None:
@@ -86,7 +92,10 @@ def read_log(file: str | Path, columns: Mapping[str, Column] | None = None) -> L
                 raise ConfigurationError(f"{path}: unknown column '{given.name}'; it has {listed}")
             continue
         unit = (given.unit if given else None) or units.get(name) or si
-        found[reading] = held[name] * (1.0 if unit == si else factor(unit, si))
+        try:
+            found[reading] = held[name] * (1.0 if unit == si else factor(unit, si))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{path}: column '{name}': {error}") from None
     if "t" not in found:
         raise ConfigurationError(f"{path}: t: no such column; name the one of times with --column t=NAME")
     times = found.pop("t")

@@ -43,11 +43,18 @@ def first_noise(readings: Floats, sensors: Sensors) -> Floats:
         "F2": sensors.tension_noise,
     }
     found = []
-    for name, values in zip(READINGS, readings.T, strict=True):
+    for name, least in zip(READINGS, smallest_noise(readings).tolist(), strict=True):
         believed = given.get(name, 0.0)
-        deviation = believed if believed > 0 else _jumps(values[np.isfinite(values)])
-        found.append(max(deviation, FINEST[name]) ** 2)
+        found.append((max(believed, FINEST[name]) if believed > 0 else least) ** 2)
     return np.array(found)
+
+
+def smallest_noise(readings: Floats) -> Floats:
+    """Standard deviations of all sensors, (readings,), by their own jumps from sample to sample alone."""
+    return np.array([
+        max(_jumps(values[np.isfinite(values)]), FINEST[name])
+        for name, values in zip(READINGS, readings.T, strict=True)
+    ])  # fmt: skip
 
 
 def _jumps(values: Floats) -> float:

@@ -38,6 +38,15 @@ def to_record(found: Found) -> dict[str, Any]:
         "unrecorded": {name: asdict(each) for name, each in found.scatter.items()},
         "left": [asdict(test) | {"white": test.white} for test in found.tests],
         "held_out": [asdict(test) | {"white": test.white} for test in found.held_out],
-        "optima": list(found.optima),
+        "optima": [asdict(each) for each in found.optima],
+        "profiles": [
+            {
+                "key": each.key,
+                "values": each.values.tolist(),
+                "rise": each.rise.tolist(),
+                "interval": [end if np.isfinite(end) else None for end in each.interval],
+            }
+            for each in found.profiles
+        ],
         "notes": notes(found),
     }

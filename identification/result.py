@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from dualwinch.identification.found import Found
-from dualwinch.identification.summary import estimates_table, headline, notes, sensors_table
+from dualwinch.identification.summary import headline, notes, tables
 from dualwinch.model.quantities.html import page, table
 from dualwinch.model.quantities.markdown import markdown
 from dualwinch.simulation.plots.page import GivenAxes
@@ -13,13 +13,13 @@ class Identified(Found):
     """What logs say of a machine; fields are those of `Found`."""
 
     def __repr__(self) -> str:
-        tables = [markdown(*estimates_table(self)), "", markdown(*sensors_table(self))]
-        return "\n".join([f"Identified: {headline(self)}", "", *tables, "", *notes(self)]).rstrip()
+        parts = [f"Identified: {headline(self)}", *(markdown(*each) for each in tables(self)), "\n".join(notes(self))]
+        return "\n\n".join(parts).rstrip()
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
         words = ". ".join([headline(self), *notes(self)])
-        return page("Identified", words, table(*estimates_table(self)) + table(*sensors_table(self)))
+        return page("Identified", words, "".join(table(*each) for each in tables(self)))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
         """Draw estimates with their intervals, and how surprising the readings were over time.

@@ -11,6 +11,7 @@ from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.identification.course import samples_of
 from dualwinch.identification.log import Log
 from dualwinch.identification.predictor import MachineState, parameter_names, state_template
+from dualwinch.identification.rest import stretches
 from dualwinch.identification.start import starting
 from dualwinch.identification.unrecorded import NAMES, Scatter
 from dualwinch.model.quantities.tree import leaves
@@ -41,7 +42,7 @@ class Section:
 
 
 def sections_of(logs: Sequence[Log], experiment: Experiment, at_once: int) -> tuple[Section, ...]:
-    """All logs on samples, cut where there are fewer logs than computations at once.
+    """All logs on samples, without rest, cut where there are fewer logs than computations at once.
 
     Raises:
         ConfigurationError: as `identification.course.samples_of`.
@@ -49,12 +50,28 @@ def sections_of(logs: Sequence[Log], experiment: Experiment, at_once: int) -> tu
     found: list[Section] = []
     for log in logs:
         inputs, readings = samples_of(log, experiment)
-        length = len(inputs) * experiment.simulation.sample_time
-        count = max(1, min(-(-at_once // len(logs)), int(length // SHORTEST)))
-        for piece in np.array_split(np.arange(len(inputs)), count):
-            part = slice(int(piece[0]), int(piece[-1]) + 1)
-            found.append(Section(log.name, np.ascontiguousarray(inputs[part]), np.ascontiguousarray(readings[part])))
+        under_way = stretches(readings, experiment)
+        for stretch in under_way:
+            rows = np.arange(stretch.start, stretch.stop)
+            length = len(rows) * experiment.simulation.sample_time
+            count = max(1, min(-(-at_once // (len(logs) * len(under_way))), int(length // SHORTEST)))
+            for piece in np.array_split(rows, count):
+                part = slice(int(piece[0]), int(piece[-1]) + 1)
+                found.append(_section(log, inputs[part], readings[part]))
     return tuple(found)
+
+
+def whole_section(log: Log, experiment: Experiment) -> Section:
+    """All of a log.
+
+    Raises:
+        ConfigurationError: as `identification.course.samples_of`.
+    """
+    return _section(log, *samples_of(log, experiment))
+
+
+def _section(log: Log, inputs: Floats, readings: Floats) -> Section:
+    return Section(log.name, np.ascontiguousarray(inputs), np.ascontiguousarray(readings))
 
 
 @dataclass(frozen=True)
@@ -97,8 +114,9 @@ class Filters:
         outlier: float = np.inf,
         rows: bool = False,
         samples: int | None = None,
+        watched: int = 0,
     ) -> list[Weights]:
-        """Gains in every section.
+        """Gains in every section; arguments as of `codegen.drivers.prediction.Predictor.weigh`.
 
         Raises:
             KeyboardInterrupt: interrupted.
@@ -109,7 +127,7 @@ class Filters:
             section = section.upto(samples) if samples else section
             course, covariance = self.course(experiment, levels, section)
             spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
-            return self._predictor.weigh(vector, course, spread, outlier=outlier, rows=rows)
+            return self._predictor.weigh(vector, course, spread, outlier=outlier, rows=rows, watched=watched)
 
         return self._each(weigh)
 
@@ -135,6 +153,26 @@ class Filters:
             return self._predictor.predict(vector, course, numbered[id(section)], rows=rows)
 
         return self._each(predict)
+
+    def smooth(self, experiment: Experiment, levels: Levels) -> list[tuple[Floats, Floats, Floats]]:
+        """What acted unrecorded in every section, by all its readings.
+
+        Returns:
+            Of each section (samples, states) what was expected at the time, (samples, unrecorded) what acted, and
+            (samples, unrecorded, unrecorded) the covariances of that.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        weights = self.weigh(experiment, levels, rows=True, watched=len(NAMES))
+        numbered = dict(zip(map(id, self.sections), weights, strict=True))
+        vector = self.vector(experiment, levels)
+
+        def smooth(section: Section) -> tuple[Floats, Floats, Floats]:
+            course, own = self.course(experiment, levels, section)[0], numbered[id(section)]
+            return np.asarray(own.states), *self._predictor.smooth(vector, course, own)
+
+        return self._each(smooth)
 
     def _each(self, work: Callable[[Section], object]) -> list:
         found: list[object] = [None] * len(self.sections)

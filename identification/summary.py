@@ -1,10 +1,17 @@
 """What logs say of a machine, in words and tables: the same at a prompt, in a notebook and on the terminal."""
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dualwinch.identification.found import Found
 from dualwinch.identification.surprises import Whiteness
+from dualwinch.identification.unknowns import Unknown
 from dualwinch.model.quantities.quantity import behind_number
+
+Floats = NDArray[np.float64]
 
 CORRELATED = 0.9
 """Correlation of two estimates' errors from which on it is told."""
@@ -58,6 +65,32 @@ def sensors_table(found: Found) -> tuple[list[str], list[list[str]]]:
     return headings, rows
 
 
+def optima_table(found: Found) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows: where searches from several starts came to rest, and how likely the logs are there."""
+    rows = [
+        [f"{each.searches}", f"{-each.worse / 2:.3g}", *(f"{value:.5g}" for value in each.values)]
+        for each in found.optima
+    ]
+    return ["searches", "log likelihood over the best", *found.keys], rows
+
+
+def profiles_table(found: Found) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows: intervals by the likelihood itself, beside those by the standard deviation."""
+    rows = []
+    for profile in found.profiles:
+        ends = (*profile.interval, *found.interval(profile.key))
+        low, high, by_low, by_high = (f"{end:.6g}" for end in ends)
+        rows.append([profile.key, f"{low} to {high}", f"{by_low} to {by_high}"])
+    return ["", "95 % interval by its profile", "by its deviation"], rows
+
+
+def tables(found: Found) -> list[tuple[list[str], list[list[str]]]]:
+    """All tables that there are."""
+    further = [optima_table(found)] if len(found.optima) > 1 else []
+    further += [profiles_table(found)] if found.profiles else []
+    return [estimates_table(found), sensors_table(found), *further]
+
+
 def left(test: Whiteness) -> str:
     """What is left of a sensor, in words."""
     if test.white:
@@ -70,10 +103,8 @@ def left(test: Whiteness) -> str:
 def notes(found: Found) -> list[str]:
     """What a reader has to know of the tables."""
     words = [each.words for each in found.blind]
-    deviations, correlation = found.deviations, found.correlation
-    for index, unknown in enumerate(found.unknowns):
-        if unknown.prior and deviations[index] > HARDLY * unknown.prior.deviation:
-            words.append(f"{unknown.key}: the logs add hardly anything to what was known beforehand")
+    correlation = found.correlation
+    words += [f"{key}: the logs add hardly anything to what was known beforehand" for key in hardly_told(found)]
     for row in range(len(found.keys)):
         for column in range(row):
             if abs(correlation[row, column]) > CORRELATED:
@@ -83,11 +114,26 @@ def notes(found: Found) -> list[str]:
         if min(value - unknown.lower, unknown.upper - value) <= 1e-6 * unknown.scale:
             words.append(f"{unknown.key}: lies at the end of its range; is the log of this machine?")
     if len(found.optima) > 1:
-        less = f"exp({found.optima[1] / 2:.3g})"
-        words.append(f"{len(found.optima)} distinct optima; the second is less likely by a factor of {less}")
+        words.append(
+            f"{len(found.optima)} distinct optima; the second is less likely, exp({-found.optima[1].worse / 2:.3g})"
+        )
     if not found.settled:
         words.append("the fit had not come to rest after the last round: deviations may be too small")
     return words
+
+
+def hardly_told(found: Found) -> tuple[str, ...]:
+    """Keys that are known hardly any better than beforehand."""
+    return hardly_known(found.unknowns, found.deviations)
+
+
+def hardly_known(unknowns: Sequence[Unknown], deviations: Floats) -> tuple[str, ...]:
+    """Keys whose deviation after a fit is hardly less than that beforehand."""
+    return tuple(
+        unknown.key
+        for unknown, deviation in zip(unknowns, deviations.tolist(), strict=True)
+        if unknown.prior and deviation > HARDLY * unknown.prior.deviation
+    )
 
 
 def _digits(value: float, deviation: float) -> int:

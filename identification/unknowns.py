@@ -12,8 +12,8 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 
 FACTOR = 10.0
-"""How far from where the search begins a number may lie, within its annotation's bounds: so many times its scale, and
-down to that share of a positive one."""
+"""How far from where the search begins a number may lie, within its annotation's bounds: so many times its scale (of
+what is known beforehand: its deviation), and else down to that share of a positive one."""
 
 PREFIXES = tuple(f"{group}." for group in GROUPS)
 
@@ -53,6 +53,11 @@ class Unknown:
     scale: float
     prior: Prior | None = None
 
+    @property
+    def cyclic(self) -> bool:
+        """Whether a whole turn more is the same."""
+        return self.key.endswith("_angle")
+
 
 def keys_of(patterns: Sequence[str], experiment: Experiment) -> tuple[str, ...]:
     """Keys that patterns such as ``plant.rope_*.modulus`` stand for, each once.
@@ -90,8 +95,8 @@ def unknowns_of(keys: Sequence[str], experiment: Experiment, priors: Mapping[str
         if prior and not lower <= prior.mean <= upper:
             raise ConfigurationError(f"--prior {key}={prior.mean:g}: must be {leaf.wanted}")
         start = prior.mean if prior else float(values[key])
-        scale = abs(start) or (prior.deviation if prior else 0.0) or _some_scale(key)
-        least = start / FACTOR if lower >= 0 < start else start - FACTOR * scale
+        scale = prior.deviation if prior else abs(start) or _some_scale(key)
+        least = start / FACTOR if lower >= 0 < start and not prior else start - FACTOR * scale
         ends = max(lower, least), min(upper, start + FACTOR * scale)
         found.append(Unknown(key, leaf.quantity.unit, start, *ends, scale, prior))
     return tuple(found)

@@ -131,12 +131,13 @@ static void weigh_sample(double *covariance, const double *surprise, const doubl
    start (STATES), first_covariance (STATES²): what is expected before the first sample; walk (STATES): what a sample adds to
    its variances; variances (READINGS) of the sensors' noise; outlier: surprise over its deviation from which on a reading
    counts less (Huber). sums (4 a sensor) is overwritten. states and deviations (samples × STATES), what is expected after
-   each sample's readings and how well it is known, may be null.
+   each sample's readings and how well it is known, and covariances (samples × watched × STATES), the rows of the last
+   `watched` states then, may be null.
    Returns the outcome: an expectation that is not finite or leaves the track ends it; *done: samples gone through. */
 EXPORT int weigh(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                  const double *start, const double *first_covariance, const double *walk, const double *variances,
                  double outlier, double *gains, double *whitening, double *sums, double *states, double *deviations,
-                 int64_t *done) {
+                 int64_t watched, double *covariances, int64_t *done) {
   Derived derived;
   Moved moved;
   double state[STATES], covariance[STATES * STATES], expected[READINGS], h[READINGS * STATES];
@@ -155,6 +156,10 @@ EXPORT int weigh(const double *parameters, const double *inputs, const double *r
     if (states) {
       memcpy(states, state, sizeof state), states += STATES;
       for (int i = 0; i < STATES; ++i) *deviations++ = sqrt(covariance[i * STATES + i]);
+    }
+    if (covariances) {
+      const double *rows = covariance + (STATES - watched) * STATES;
+      memcpy(covariances, rows, watched * STATES * sizeof *rows), covariances += watched * STATES;
     }
     advance(state, inputs, parameters, &derived, &moved);
     memcpy(state, moved.state, sizeof state);
@@ -214,6 +219,74 @@ EXPORT int predict(const double *parameters, const double *inputs, const double 
     if (!all_finite(state, STATES)) return DIVERGED;
     if (moved.margin < 0) return LEFT;
     inputs += INPUTS, readings += READINGS, gains += GAINS, whitening += WHITENING;
+  }
+  return COMPLETED;
+}
+
+/* What the last `watched` states were, by all readings: the modified Bryson–Frazier smoother (Bierman, Factorization
+   Methods for Discrete Sequential Estimation, 1977), which goes backwards with the gains of `weigh`.
+   states (samples × STATES) and covariances (samples × watched × STATES): as `weigh` gives them. smoothed
+   (samples × watched) and spreads, their covariances (samples × watched²), are overwritten. Else as `weigh`. */
+EXPORT int smooth(const double *parameters, const double *inputs, const double *readings, int64_t samples,
+                  const double *states, const double *gains, const double *whitening, int64_t watched,
+                  const double *covariances, double *smoothed, double *spreads) {
+  Derived derived;
+  Moved moved;
+  double pull[STATES] = {0}, certainty[STATES * STATES] = {0}; /* slopes and curvature by what comes later */
+  double turned[STATES], product[STATES * STATES], kept[STATES * STATES], expected[READINGS], h[READINGS * STATES];
+  double by_fitted[READINGS * FITTED + 1], surprise[READINGS], white[READINGS], white_h[READINGS * STATES];
+  derive(parameters, &derived);
+  for (int64_t k = samples - 1; k >= 0; --k) {
+    for (int64_t i = 0; i < watched; ++i) {
+      const double *row = covariances + (k * watched + i) * STATES;
+      double mean = states[k * STATES + STATES - watched + i];
+      memset(turned, 0, sizeof turned);
+      add_product(turned, row, certainty, 1, STATES, STATES);
+      for (int j = 0; j < STATES; ++j) mean += row[j] * pull[j];
+      smoothed[k * watched + i] = mean;
+      for (int64_t other = 0; other < watched; ++other) {
+        double spread = row[STATES - watched + other];
+        for (int j = 0; j < STATES; ++j) spread -= turned[j] * covariances[(k * watched + other) * STATES + j];
+        spreads[(k * watched + i) * watched + other] = spread;
+      }
+    }
+    if (k == 0) break;
+    advance(states + (k - 1) * STATES, inputs + (k - 1) * INPUTS, parameters, &derived, &moved);
+    sense(moved.state, inputs + k * INPUTS, parameters, derived.for_sense, expected, h, by_fitted);
+    const double *gain = gains + k * GAINS, *by = whitening + k * WHITENING;
+    for (int i = 0; i < READINGS; ++i) {
+      const double read = readings[k * READINGS + i];
+      surprise[i] = absent(read) ? 0 : read - expected[i];
+    }
+    memset(white, 0, sizeof white);
+    memset(white_h, 0, sizeof white_h);
+    add_product(white, by, surprise, READINGS, READINGS, 1);
+    add_product(white_h, by, h, READINGS, READINGS, STATES);
+    memset(kept, 0, sizeof kept); /* share of a state that a correction leaves: 1 - gain h */
+    for (int i = 0; i < STATES; ++i) {
+      kept[i * STATES + i] = 1;
+      for (int r = 0; r < READINGS; ++r) add(kept + i * STATES, -gain[i * READINGS + r], h + r * STATES, STATES);
+    }
+    /* before the correction, then before the move */
+    memset(turned, 0, sizeof turned);
+    add_product(turned, pull, kept, 1, STATES, STATES);
+    add_product(turned, white, white_h, 1, READINGS, STATES);
+    memset(pull, 0, sizeof pull);
+    add_product(pull, turned, moved.by_state, 1, STATES, STATES);
+    memset(product, 0, sizeof product);
+    add_product(product, certainty, kept, STATES, STATES, STATES);
+    memset(certainty, 0, sizeof certainty);
+    for (int i = 0; i < STATES; ++i) /* kept' product + white_h' white_h */
+      for (int j = 0; j < STATES; ++j) add(certainty + i * STATES, kept[j * STATES + i], product + j * STATES, STATES);
+    for (int r = 0; r < READINGS; ++r)
+      for (int i = 0; i < STATES; ++i) add(certainty + i * STATES, white_h[r * STATES + i], white_h + r * STATES, STATES);
+    memset(product, 0, sizeof product);
+    add_product(product, certainty, moved.by_state, STATES, STATES, STATES);
+    memset(certainty, 0, sizeof certainty);
+    for (int i = 0; i < STATES; ++i)
+      for (int j = 0; j < STATES; ++j)
+        add(certainty + i * STATES, moved.by_state[j * STATES + i], product + j * STATES, STATES);
+    if (!all_finite(pull, STATES)) return DIVERGED;
   }
   return COMPLETED;
 }

@@ -65,6 +65,7 @@ class Weights:
         noise: (readings,) variance that each sensor's noise turns out to have; NaN without readings.
         states, deviations: (samples, states) what is expected after each sample's readings, and its standard deviation;
             or None.
+        covariances: (samples, watched, states) the last states' rows of its covariance; or None.
     """
 
     outcome: int
@@ -77,6 +78,7 @@ class Weights:
     noise: Floats
     states: Floats | None
     deviations: Floats | None
+    covariances: Floats | None = None
 
     @property
     def unlikelihood(self) -> float:
@@ -108,9 +110,17 @@ class Predictor:
     _sizes: dict[str, int]
     _weigh: "ctypes._NamedFuncPointer"
     _predict: "ctypes._NamedFuncPointer"
+    _smooth: "ctypes._NamedFuncPointer"
 
     def weigh(
-        self, parameters: Floats, course: Course, spread: Spread, *, outlier: float = np.inf, rows: bool = False
+        self,
+        parameters: Floats,
+        course: Course,
+        spread: Spread,
+        *,
+        outlier: float = np.inf,
+        rows: bool = False,
+        watched: int = 0,
     ) -> Weights:
         """The gains of every sample, by an extended Kalman filter.
 
@@ -120,11 +130,13 @@ class Predictor:
             spread: variances.
             outlier: surprise, over its standard deviation, from which on a reading counts less (Huber).
             rows: whether what is expected is kept.
+            watched: of how many states, the last ones, rows of the covariance are kept.
         """
         samples, states, readings = len(course.inputs), self._sizes["STATES"], self._sizes["READINGS"]
         gains, whitening = np.empty((samples, states, readings)), np.empty((samples, readings, readings))
         sums, done = np.empty((readings, 4)), ctypes.c_int64()
         kept = [np.full((samples, states), np.nan) for _ in range(2)] if rows else []
+        covariances = np.full((samples, watched, states), np.nan) if watched else None
         inputs, read, length, start = course.pointers()
         outcome = self._weigh(
             parameters.ctypes.data,
@@ -138,14 +150,49 @@ class Predictor:
             whitening.ctypes.data,
             sums.ctypes.data,
             *((array.ctypes.data for array in kept) if rows else (None, None)),
+            watched,
+            None if covariances is None else covariances.ctypes.data,
             ctypes.byref(done),
         )
         counts, squares, logarithms, noise = sums.T
         with np.errstate(invalid="ignore"):
             noise = noise / counts
+        found, spreads = kept if rows else (None, None)
         return Weights(
-            outcome, done.value, gains, whitening, counts, squares, logarithms, noise, *(kept or (None, None))
+            outcome, done.value, gains, whitening, counts, squares, logarithms, noise, found, spreads, covariances
         )
+
+    def smooth(self, parameters: Floats, course: Course, weights: Weights) -> tuple[Floats, Floats]:
+        """What the last states were by all readings, those that came later among them.
+
+        Args:
+            parameters: (parameters,).
+            course: the log.
+            weights: with rows, and covariances of the states that are watched.
+
+        Returns:
+            (samples, watched) means, and (samples, watched, watched) their covariances.
+
+        Raises:
+            ValueError: weights without rows or covariances.
+        """
+        if weights.states is None or weights.covariances is None:
+            raise ValueError("weights: must have rows and covariances")
+        samples, watched, _ = weights.covariances.shape
+        means, spreads = np.full((samples, watched), np.nan), np.full((samples, watched, watched), np.nan)
+        inputs, read, length, _ = course.pointers()
+        self._smooth(
+            parameters.ctypes.data,
+            inputs,
+            read,
+            length,
+            *(array.ctypes.data for array in (weights.states, weights.gains, weights.whitening)),
+            watched,
+            weights.covariances.ctypes.data,
+            means.ctypes.data,
+            spreads.ctypes.data,
+        )
+        return means, spreads
 
     def predict(self, parameters: Floats, course: Course, weights: Weights, *, rows: bool = False) -> Prediction:
         """What is expected with given gains, and its exact slopes by the fitted numbers.
@@ -195,7 +242,10 @@ def compile_predictor(system: Predicted, compiler: Compiler | None = None) -> Pr
     chosen = compiler or find_compiler()
     loaded = ctypes.CDLL(str(library(prediction_source(system), chosen, FLAGS)))
     pointer, count, done = ctypes.c_void_p, ctypes.c_int64, ctypes.POINTER(ctypes.c_int64)
-    loaded.weigh.argtypes = [pointer] * 3 + [count] + [pointer] * 4 + [ctypes.c_double] + [pointer] * 5 + [done]
+    loaded.weigh.argtypes = (
+        [pointer] * 3 + [count] + [pointer] * 4 + [ctypes.c_double] + [pointer] * 5 + [count, pointer, done]
+    )
+    loaded.smooth.argtypes = [pointer] * 3 + [count] + [pointer] * 3 + [count] + [pointer] * 3
     loaded.predict.argtypes = [pointer] * 3 + [count] + [pointer] * 5 + [done]
-    loaded.weigh.restype = loaded.predict.restype = ctypes.c_int
-    return Predictor(system.sizes, loaded.weigh, loaded.predict)
+    loaded.weigh.restype = loaded.predict.restype = loaded.smooth.restype = ctypes.c_int
+    return Predictor(system.sizes, loaded.weigh, loaded.predict, loaded.smooth)

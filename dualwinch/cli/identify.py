@@ -16,6 +16,8 @@ app = App(
     dualwinch identify run.parquet --fit "plant.rope_*.modulus" --hold-out 20% --plot fit.png --out fitted.toml
     dualwinch identify a.csv b.csv --ensemble rig --fit plant.vehicle.mass --column F1=load_cell_left:kN
     dualwinch identify run.mat --fit plant.vehicle.mass,sensors.load_cell_zero_* --prior plant.vehicle.mass=1e4+-500
+    dualwinch identify run.parquet --fit plant.vehicle.mass --disturbance force.parquet
+    dualwinch simulate --set disturbance.force.file=force.parquet    # the sea of that log, again
     dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines that the logs allow for
 """,
 )
@@ -50,6 +52,14 @@ def identify(
     hold_out: Annotated[str, Parameter(help="Share of each log, its end, that is not fitted but predicted.")] = "0%",
     starts: Annotated[int, WHOLE, Parameter(help="Searches from different starts, which tell distinct optima.")] = 1,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of these starts, and of the ensemble's draws.")] = 0,
+    profile: Annotated[
+        list[str] | None,
+        Parameter(help="Keys whose likelihood is followed away from the best; may be repeated.", negative=""),
+    ] = None,
+    disturbance: Annotated[
+        Path | None,
+        Parameter(help="File for what acted on the vehicle, .csv or .parquet; disturbance.force.file takes it."),
+    ] = None,
     plugin: Plugins = None,
     out: Annotated[
         Path | None,
@@ -78,6 +88,8 @@ def identify(
         hold_out=hold_out,
         starts=starts,
         seed=seed,
+        profiles=profile or [],
+        disturbance=disturbance,
         out=out,
         plot=plot,
     )

@@ -28,6 +28,8 @@ def identify(
     hold_out: float = 0.0,
     starts: int = 1,
     seed: int = 0,
+    profiles: str | Sequence[str] = (),
+    forces: bool = False,
     threads: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Identified:
@@ -48,6 +50,9 @@ def identify(
         hold_out: share of each log, its end, that is not fitted but predicted.
         starts: searches from different starts; all but the first are drawn.
         seed: of these draws.
+        profiles: some of what is fitted, whose likelihood is followed away from the best.
+        forces: whether to find out as well what acted on the vehicle and nobody recorded: `forces` of what comes back,
+            for ``disturbance.force``.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
@@ -60,25 +65,42 @@ def identify(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
+    believed, wanted, given = believed_of(keys, experiment, ensemble, priors)
+    sources = [logs] if isinstance(logs, (Log, Run, str, PathLike)) else list(logs)
+    map_ = column_map(columns)
+    return fitting.identify(
+        [_log(source, map_) for source in sources],
+        wanted,
+        believed,
+        priors=given,
+        hold_out=hold_out,
+        starts=starts,
+        seed=seed,
+        profiles=[profiles] if isinstance(profiles, str) else profiles,
+        forces=forces,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def believed_of(
+    keys: str | Sequence[str],
+    experiment: Experiment | None,
+    ensemble: str | PathLike[str] | Ensemble | None,
+    priors: Mapping[str, tuple[float, float]] | None,
+) -> tuple[Experiment, tuple[str, ...], dict[str, Prior]]:
+    """What is believed, all keys that are fitted, and what is known of them beforehand; arguments as of `identify`.
+
+    Raises:
+        ConfigurationError: an ensemble that cannot be read, or a key that no log tells.
+    """
     known = load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
     believed = experiment or (known.experiment if known else Experiment())
     wanted = keys_of([keys] if isinstance(keys, str) else keys, believed)
     given = {key: Prior(*prior) for key, prior in (priors or {}).items()}
     if known:
         given = priors_of(known, believed, beside=(*wanted, *given)) | given
-    sources = [logs] if isinstance(logs, (Log, Run, str, PathLike)) else list(logs)
-    map_ = column_map(columns)
-    return fitting.identify(
-        [_log(source, map_) for source in sources],
-        [*wanted, *(key for key in given if key not in wanted)],
-        believed,
-        priors=given,
-        hold_out=hold_out,
-        starts=starts,
-        seed=seed,
-        threads=threads,
-        progress=progress,
-    )
+    return believed, (*wanted, *(key for key in given if key not in wanted)), given
 
 
 def priors_of(ensemble: Ensemble, believed: Experiment, beside: Sequence[str] = ()) -> dict[str, Prior]:

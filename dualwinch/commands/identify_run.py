@@ -2,14 +2,17 @@
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
+from dualwinch.commands.folders import check_folder
 from dualwinch.commands.identify import identify
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.terminal import terminal
@@ -19,6 +22,9 @@ from dualwinch.config.toml_text import parse_assignment
 from dualwinch.identification.record import to_record
 from dualwinch.identification.result import Identified
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.formats import format_of
 
 
 def run_identify(
@@ -34,6 +40,8 @@ def run_identify(
     hold_out: str,
     starts: int,
     seed: int,
+    profiles: Sequence[str],
+    disturbance: Path | None,
     out: Path | None,
     plot: Path | None,
 ) -> None:
@@ -43,19 +51,15 @@ def run_identify(
         ConfigurationError: anything wrong with a file, a key, a value or a log.
         KeyboardInterrupt: interrupted; nothing is written.
     """
-    share, known = _share(hold_out), dict(map(_prior, priors))
+    share, known = _share(hold_out), dict(map(prior_from, priors))
     if out and out.suffix.lower() != ".toml":
         raise ConfigurationError(f"--out {out}: must end in .toml")
-    drawn = load_ensemble(ensemble) if ensemble else None
-    if drawn and (case is not None or config):
-        raise ConfigurationError("give --ensemble, which has an experiment of its own, or --case or --config")
-    if drawn:
-        drawn = reset(drawn, dict(map(parse_assignment, assignments)))
-    experiment = None if drawn else experiment_from(case, config, None, assignments)
+    if disturbance:
+        format_of(disturbance)
+        check_folder(disturbance.parent)
+    experiment, drawn = believed_from(case, config, ensemble, assignments)
     console = terminal(stderr=True)
-    shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
+    with progress_bar(console) as progress:
         found = identify(
             list(logs),
             fit,
@@ -66,16 +70,56 @@ def run_identify(
             hold_out=share,
             starts=starts,
             seed=seed,
-            progress=lambda done: bar.update(task, completed=done),
+            profiles=profiles,
+            forces=disturbance is not None,
+            progress=progress,
         )
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     written = [*(write_identified(out, found, seed) if out else []), *([plot] if plot else [])]
+    written += write_forces(disturbance, found) if disturbance else []
     if plot:
         from dualwinch.simulation.plots import save
 
         save(found.plot(), plot)
     for file in written:
         console.print(f"wrote {file}", soft_wrap=True, highlight=False)
+
+
+def believed_from(
+    case: int | None, config: Path | None, ensemble: str | None, assignments: Sequence[str]
+) -> tuple[Experiment | None, Ensemble | None]:
+    """What words say that is believed: an experiment or an ensemble.
+
+    Raises:
+        ConfigurationError: both, or anything wrong with one.
+    """
+    if not ensemble:
+        return experiment_from(case, config, None, assignments), None
+    if case is not None or config:
+        raise ConfigurationError("give --ensemble, which has an experiment of its own, or --case or --config")
+    return None, reset(load_ensemble(ensemble), dict(map(parse_assignment, assignments)))
+
+
+def write_forces(file: Path, found: Identified) -> list[Path]:
+    """Write the force on the vehicle in each log, as ``disturbance.force.file`` takes it.
+
+    Returns:
+        The files: the one, or of several logs NAME-1, NAME-2, ...
+    """
+    many = len(found.forces) > 1
+    files = [file.with_stem(f"{file.stem}-{k}") if many else file for k in range(1, len(found.forces) + 1)]
+    for path, force in zip(files, found.forces, strict=True):
+        format_of(path).write(force.content, path)
+    return files
+
+
+@contextmanager
+def progress_bar(console: Console) -> Iterator[Callable[[float], None]]:
+    """A bar on a terminal, to be told the share that is done."""
+    shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda done: bar.update(task, completed=done)
 
 
 def write_identified(out: Path, found: Identified, seed: int) -> list[Path]:
@@ -109,7 +153,12 @@ def _share(text: str) -> float:
     return value
 
 
-def _prior(text: str) -> tuple[str, tuple[float, float]]:
+def prior_from(text: str) -> tuple[str, tuple[float, float]]:
+    """A key with mean and deviation, from a text such as ``plant.vehicle.mass=1e4±500``.
+
+    Raises:
+        ConfigurationError: anything else.
+    """
     parts = re.fullmatch(r"\s*([\w.]+)\s*=\s*(\S+?)\s*(?:±|\+-)\s*(\S+)\s*", text)
     values: Any = (parts[2], parts[3]) if parts else ("", "")
     try:

@@ -80,7 +80,7 @@ class Options:
     stress: bool = False
 
 
-def seconds_from(text: str) -> float:
+def seconds_from(text: str, option: str = "--time") -> float:
     """A time such as ``60s``, ``5min``, ``2h`` or ``90`` in s.
 
     Raises:
@@ -88,7 +88,7 @@ def seconds_from(text: str) -> float:
     """
     parts = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|m|h|)\s*", text)
     if not parts or not 0 < float(parts[1]) <= LONGEST_TIME:
-        raise ConfigurationError(f"--time {text}: must be a time such as 60s, 5min or 2h")
+        raise ConfigurationError(f"{option} {text}: must be a time such as 60s, 5min or 2h")
     return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
 
 

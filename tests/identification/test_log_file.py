@@ -73,3 +73,21 @@ def test_wrong_files_are_refused(tmp_path: Path) -> None:
         read_log(file)
     with pytest.raises(ConfigurationError, match="unknown column 'left'; it has zeit, tau_1, tau_2, x"):
         read_log(file, column_map(["t=zeit", "F1=left"]))
+
+
+def test_a_column_may_be_left_out(tmp_path: Path) -> None:
+    file = csv(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
+    assert read_log(file).readings == ("x", "F1")
+    assert read_log(file, column_map(["F1=-"])).readings == ("x",)
+
+
+def test_a_unit_of_the_file_that_cannot_be_is_told_with_its_column(tmp_path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    names = ("t", "tau_1", "tau_2", "x")
+    fields = [pa.field(name, pa.float64(), metadata={"unit": "kg"} if name == "x" else None) for name in names]
+    rows = [pa.array(np.arange(ROWS, dtype=float)) for _ in names]
+    parquet.write_table(pa.table(rows, schema=pa.schema(fields)), tmp_path / "rig.parquet")
+    with pytest.raises(ConfigurationError, match=r"rig.parquet: column 'x': unit \"kg\": must be one of m, "):
+        read_log(tmp_path / "rig.parquet")

@@ -1,7 +1,7 @@
 """The filter in C: beside one in NumPy, and its slopes beside differences."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -28,13 +28,24 @@ def filters(fitted: Sequence[str] = FITTED) -> tuple[Filters, Levels]:
     return Filters(compile_predictor(predicted(structure, tuple(fitted))), structure, [section], None), levels
 
 
-def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> tuple[np.ndarray, np.ndarray, float]:
-    """An extended Kalman filter as in a textbook, all sensors at once: states, deviations, and minus the likelihood."""
+@dataclass
+class Textbook:
+    """States and covariances after readings; slopes to the next and what is expected there; minus the likelihood."""
+
+    states: list[np.ndarray]
+    covariances: list[np.ndarray]
+    slopes: list[np.ndarray]
+    ahead: list[np.ndarray]
+    unlikelihood: float
+
+
+def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> Textbook:
+    """An extended Kalman filter as in a textbook, all sensors at once."""
     system = predicted(machine_of(MACHINE), FITTED)
     assert system.one_step is not None
     n, motion = len(course.start), system.move.size1_in("motion")
     x, P = course.start.copy(), spread.start.copy()
-    states, deviations, unlikelihood = [], [], 0.0
+    found = Textbook([], [], [], [], 0.0)
 
     def called(function: ca.Function, *given: object) -> dict[str, np.ndarray]:
         return {
@@ -50,9 +61,9 @@ def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> tuple[np.nda
         S = H @ P @ H.T + R
         K = P @ H.T @ np.linalg.inv(S)
         x, P = x + K @ surprise, P - K @ S @ K.T
-        unlikelihood += (surprise @ np.linalg.solve(S, surprise) + np.linalg.slogdet(S)[1]) / 2
-        states.append(x)
-        deviations.append(np.sqrt(np.diag(P)))
+        found.unlikelihood += (surprise @ np.linalg.solve(S, surprise) + np.linalg.slogdet(S)[1]) / 2
+        found.states.append(x)
+        found.covariances.append(P)
         held = called(system.prepare, x, given, vector)
         moved = called(system.one_step, x[:motion], held["hold"], vector)
         parts = [moved]
@@ -66,8 +77,26 @@ def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> tuple[np.nda
             A = moved["by_motion"].reshape(motion, motion) @ A
             A += moved["by_hold"].reshape(motion, -1) @ held["hold_by_state"].reshape(-1, n)
         A = np.vstack([A, held["rest_by_state"].reshape(-1, n)])
+        found.slopes.append(A)
         x, P = np.concatenate([parts[-1]["next_motion"], held["rest"]]), A @ P @ A.T + np.diag(spread.walk)
-    return np.array(states), np.array(deviations), unlikelihood
+        found.ahead.append(x)
+    return found
+
+
+def smoothed(found: Textbook, walk: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rauch, Tung and Striebel: states and deviations by all readings."""
+    x, P = found.states[-1], found.covariances[-1]
+    states, deviations = [x], [np.sqrt(np.diag(P))]
+    for k in reversed(range(len(found.states) - 1)):
+        A, before = found.slopes[k], found.covariances[k]
+        ahead = A @ before @ A.T + np.diag(walk)
+        by = np.sqrt(np.diag(ahead))
+        gain = (np.linalg.solve(ahead / np.outer(by, by), (A @ before) / by[:, np.newaxis]) / by[:, np.newaxis]).T
+        x = found.states[k] + gain @ (x - found.ahead[k])
+        P = before + gain @ (P - ahead) @ gain.T
+        states.append(x)
+        deviations.append(np.sqrt(np.diag(P).clip(0)))
+    return np.array(states[::-1]), np.array(deviations[::-1])
 
 
 def test_the_filter_is_the_textbooks() -> None:
@@ -76,12 +105,29 @@ def test_the_filter_is_the_textbooks() -> None:
     (weights,) = found.weigh(MACHINE, levels, rows=True)
     course, covariance = found.course(MACHINE, levels, section)
     spread = Spread(covariance, found.walk(MACHINE, levels), levels.noise)
-    states, deviations, unlikelihood = in_numpy(found.vector(MACHINE, levels), course, spread)
+    textbook = in_numpy(found.vector(MACHINE, levels), course, spread)
+    states, deviations = np.array(textbook.states), np.sqrt([np.diag(each) for each in textbook.covariances])
     assert weights.states is not None
     assert weights.deviations is not None
     assert (np.abs(weights.states - states) <= 1e-5 * deviations + 1e-9).all()
     np.testing.assert_allclose(weights.deviations[:, :6], deviations[:, :6], rtol=1e-4)
-    assert weights.unlikelihood == pytest.approx(unlikelihood, rel=1e-6)
+    assert weights.unlikelihood == pytest.approx(textbook.unlikelihood, rel=1e-6)
+
+
+def test_the_smoother_is_the_textbooks() -> None:
+    found, levels = filters()
+    (section,) = found.sections
+    course, covariance = found.course(MACHINE, levels, section)
+    walk = found.walk(MACHINE, levels)
+    textbook = in_numpy(found.vector(MACHINE, levels), course, Spread(covariance, walk, levels.noise))
+    states, deviations = smoothed(textbook, walk)
+    ((_, means, covariances),) = found.smooth(MACHINE, levels)
+    spreads = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    acting = slice(-means.shape[1], None)
+    np.testing.assert_allclose(spreads, deviations[:, acting], rtol=1e-3)
+    assert (np.abs(means - states[:, acting]) <= 1e-3 * spreads).all()
+    by_then = np.sqrt([P[acting, acting][0, 0] for P in textbook.covariances[:200]])
+    assert spreads[:200, 0].mean() < 0.999 * by_then.mean(), "what comes later says more"
 
 
 def test_with_its_own_gains_a_prediction_is_the_filters() -> None:

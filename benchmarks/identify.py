@@ -1,0 +1,162 @@
+"""Whether what `dualwinch.identify` says of a machine is so: logs of many simulated machines, each fitted.
+
+``python -m benchmarks.identify --logs 1000 --file coverage.jsonl`` draws machines of the ensemble `rig`, simulates a
+log of each, fits everything that the ensemble draws and a log can tell, and looks where the truth lies. Each is a line
+of the file, and those that are there already are not done again. ``--write FILE`` puts the table between the file's two
+marks.
+
+A number that its log cannot tell is one that an oracle, a filter at the true values, could not tell either.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from benchmarks.document import markdown, put
+from dualwinch.codegen import DualwinchError
+from dualwinch.commands.identify import believed_of
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.settings import override
+from dualwinch.identification.blind import blind
+from dualwinch.identification.fit import Fitting, covariance_of
+from dualwinch.identification.identify import identify
+from dualwinch.identification.log import Log, log_of
+from dualwinch.identification.sections import sections_of
+from dualwinch.identification.summary import hardly_known, hardly_told
+from dualwinch.identification.unknowns import Prior, Unknown
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.simulate import simulate
+
+SEED = 18
+"""Of the machines."""
+
+DURATION = 60.0
+"""Of each log in s."""
+
+SHARE = 0.95
+"""Of the intervals that are looked at."""
+
+
+def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) -> dict[str, Any]:
+    """What comes of a scenario's log: for each number the truth, the estimate, and whether it is told."""
+    truth = override(scenario.experiment, {"simulation.readings": True, "simulation.duration": DURATION})
+    began, log = perf_counter(), log_of(simulate(truth))
+    record: dict[str, Any] = {"scenario": scenario.index}
+    try:
+        found = identify([log], list(priors), believed, priors=priors)
+    except ConfigurationError as error:
+        return record | {"refused": str(error)}
+    values, names = leaves(truth), {key for each in found.blind for key in each.keys} | set(hardly_told(found))
+    unseen = invisible(log, truth, found.unknowns)
+    record |= {"settled": found.settled, "seconds": perf_counter() - began, "numbers": {}}
+    for unknown, value, deviation in zip(found.unknowns, found.values, found.deviations, strict=True):
+        off = value - float(values[unknown.key])
+        off = (off + np.pi) % (2 * np.pi) - np.pi if unknown.cyclic else off
+        record["numbers"][unknown.key] = {
+            "off": float(off / deviation),
+            "deviation": float(deviation),
+            "unseen": unknown.key in unseen,
+            "named": unknown.key in names,
+        }
+    return record
+
+
+def invisible(log: Log, truth: Experiment, unknowns: tuple[Unknown, ...]) -> set[str]:
+    """What a log cannot tell, by the information at the true values."""
+    fitting = Fitting(sections_of([log], truth, 1), truth, unknowns)
+    values = leaves(truth)
+    information = fitting.information(np.array([float(values[unknown.key]) for unknown in unknowns]))
+    if information is None:
+        return set()
+    deviations = np.sqrt(np.diag(covariance_of(information, unknowns)))
+    hardly = hardly_known(unknowns, deviations)
+    return set(hardly) | {key for each in blind(information, unknowns) for key in each.keys}
+
+
+def table(records: list[dict[str, Any]]) -> str:
+    """The table of all logs: of each number how often its interval held the truth."""
+    fitted = [record for record in records if "numbers" in record]
+    keys = list(dict.fromkeys(key for record in fitted for key in record["numbers"]))
+    rows, unseen, named = [], 0, 0
+    for key in keys:
+        each = [record["numbers"][key] for record in fitted if key in record["numbers"]]
+        unseen += sum(number["unseen"] for number in each)
+        named += sum(number["unseen"] and number["named"] for number in each)
+        told = [number for number in each if not number["unseen"]]
+        if not told:
+            rows.append([f"`{key}`", "0", "", "", "", "never told"])
+            continue
+        inside = sum(abs(number["off"]) < Z for number in told)
+        between = binomtest(inside, len(told)).proportion_ci(SHARE, "exact")
+        spread = float(np.sqrt(np.mean([number["off"] ** 2 for number in told])))
+        rows.append([
+            f"`{key}`", f"{len(told)}", f"{inside / len(told):.1%}", f"{between.low:.1%} to {between.high:.1%}",
+            f"{spread:.2f}", "",
+        ])  # fmt: skip
+    headings = ["number", "logs that tell it", "within 95 %", "of which, with 95 %", "error over deviation (RMS)", ""]
+    seconds = float(np.median([record["seconds"] for record in fitted])) if fitted else float("nan")
+    refused, settled = len(records) - len(fitted), sum(record["settled"] for record in fitted)
+    notes = (
+        f"{len(records)} logs of {DURATION:g} s, {refused} refused, {settled} fits at rest, {seconds:.3g} s a log "
+        f"(median). Numbers that their log cannot tell: {unseen}, of which named: {named}."
+    )
+    return f"{markdown(headings, rows)}\n\n*{notes}*"
+
+
+Z = 1.959963984540054
+"""Half the width of an interval, over the standard deviation."""
+
+
+def done(file: Path) -> list[dict[str, Any]]:
+    """What a file holds; a line that was cut off is none."""
+    found = []
+    for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else []:
+        try:
+            found.append(json.loads(line))
+        except ValueError:
+            continue
+    return found
+
+
+def main() -> int:
+    """Run the command line; 0 done, 1 where dualwinch cannot run."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--logs", type=int, default=1000, metavar="N", help="logs, those there are counted (1000)")
+    parser.add_argument("--file", type=Path, default=Path("coverage.jsonl"), help="of the logs (coverage.jsonl)")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    chosen = parser.parse_args()
+    if chosen.logs < 1:
+        parser.error(f"--logs {chosen.logs}: must be >= 1")
+    try:
+        rig = load_ensemble("rig")
+        believed, _, priors = believed_of([], None, rig, {})
+        records = done(chosen.file)
+        there = {record["scenario"] for record in records}
+        for scenario in rig.scenarios(chosen.logs, SEED):
+            if scenario.index in there:
+                continue
+            records.append(one_log(scenario, believed, priors))
+            with chosen.file.open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps(records[-1]) + "\n")
+            print(f"{len(records)} of {chosen.logs}: {records[-1].get('seconds', 0):.0f} s", file=sys.stderr)
+    except DualwinchError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    text = table(sorted(records, key=lambda record: record["scenario"])[: chosen.logs])
+    print(text)
+    if chosen.write:
+        put(chosen.write, "coverage", text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

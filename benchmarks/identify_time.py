@@ -1,0 +1,113 @@
+"""How long a fit of six numbers to a log of 50 s at 1 kHz takes, beside other ways to the same prediction errors.
+
+``python -m benchmarks.identify_time`` prints the table; ``--write FILE`` puts it between the file's two marks. Beside
+`dualwinch.identify` stands:
+
+- one solve with given gains by `scipy.optimize.least_squares` with finite differences: same predictions, same compiled
+  filter, no slopes; the product's own share of such a solve is timed beside it.
+
+Times are wall times of one run each, on whatever machine it is; the reader divides.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from benchmarks.document import duration, markdown, put, times
+from benchmarks.report import machine
+from dualwinch.codegen import DualwinchError
+from dualwinch.config.settings import override
+from dualwinch.identification.fit import Fitting
+from dualwinch.identification.identify import identify
+from dualwinch.identification.log import log_of
+from dualwinch.identification.sections import sections_of
+from dualwinch.identification.unknowns import keys_of, unknowns_of
+from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.simulate import simulate
+
+KEYS = (
+    "plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus", "plant.winch_*.inertia",
+)  # fmt: skip
+
+SENSORS = {
+    "sensors.position_noise": 5e-4, "sensors.position_resolution": 1e-3, "sensors.speed_noise": 2e-3,
+    "sensors.tension_noise": 10.0, "sensors.encoder_counts": 4096, "simulation.delay_samples": 1,
+    "disturbance.current_sigma": 0.05, "disturbance.normal_force_sigma": 0.1, "simulation.readings": True,
+}  # fmt: skip
+
+BELIEVED = {
+    "plant.vehicle.mass": 1.1e4, "plant.vehicle.drag_coefficient": 0.25, "plant.rope_1.modulus": 7.4e10,
+    "plant.rope_2.modulus": 8.5e10, "plant.winch_1.inertia": 2.0, "plant.winch_2.inertia": 1.7,
+}  # fmt: skip
+"""What is wrong by some 10 %."""
+
+
+def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, int, int]:
+    """Times in s of one solve with given gains, by exact slopes and by differences, and passes through the log."""
+    unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
+    start = np.array([unknown.start for unknown in unknowns])
+    fitting = Fitting(sections_of([log_of(simulate(right))], believed, cores()), believed, unknowns)
+    values, levels = fitting.run(start).values, fitting.first_levels()
+    weights = fitting.filters.weigh(fitting.with_values(values), levels)
+    begin = values * 1.002  # near enough that both come to the same end
+    before, begun = fitting.passes, perf_counter()
+    exact, _, _ = fitting.solved(begin, levels, weights)
+    taken, passes = perf_counter() - begun, fitting.passes - before
+
+    base, calls = fitting.filters.vector(fitting.with_values(values), levels), 0
+    names = fitting.columns
+
+    def surprises(shares: np.ndarray) -> np.ndarray:
+        nonlocal calls
+        calls += 1
+        vector = base.copy()
+        vector[names] = shares * values
+        runs = fitting.filters.predict(vector, fitting.with_values(values), levels, weights, rows=True)
+        every = np.concatenate([np.ravel(run.surprises) for run in runs if run.surprises is not None])
+        return every[np.isfinite(every)]
+
+    begun = perf_counter()
+    found = least_squares(surprises, begin / values, x_scale="jac", xtol=1e-7, ftol=1e-8)
+    other = perf_counter() - begun
+    apart = np.max(np.abs(found.x * values - exact) / exact)
+    if apart > 1e-3:
+        print(f"note: the two solves differ by {apart:.1e}", file=sys.stderr)
+    return taken, other, passes, calls
+
+
+def main() -> int:
+    """Run the command line; 0 done, 1 where dualwinch cannot run."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    chosen = parser.parse_args()
+    try:
+        right = override(case(4), SENSORS)
+        believed = override(right, BELIEVED)
+        log = log_of(simulate(right))
+        identify([log], KEYS, believed)  # compiled
+        found = identify([log], KEYS, believed)
+        exact, differences, passes, calls = solve_times(right, believed)
+    except DualwinchError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    rows = [
+        ["whole fit, compiled before", duration(found.seconds), f"{found.passes}", ""],
+        ["one solve with given gains, exact slopes", duration(exact), f"{passes}", "1 ×"],
+        ["the same by scipy with finite differences", duration(differences), f"{calls}", times(differences / exact)],
+    ]
+    facts = " · ".join(f"{name}: {value}" for name, value in machine().items())
+    text = f"{markdown(['', 'time', 'passes through the log', 'over'], rows)}\n\n*{facts}*"
+    print(text)
+    if chosen.write:
+        put(chosen.write, "fit time", text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,86 @@
+"""Options of ``dualwinch excite``."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Config, Figure, Plugins, use_parts
+
+app = App(
+    name="excite",
+    help_epilogue="""Examples:
+
+    dualwinch excite --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4 --out exciting.toml
+    dualwinch excite --fit "plant.rope_*.modulus" --duration 30s --speed 1 --track 40 --time 2min
+    dualwinch excite --ensemble rig --fit plant.vehicle.mass --criterion A --plot exciting.png
+    dualwinch simulate --config exciting.toml --out run.parquet    # what the run looks like
+""",
+)
+
+
+@app.default
+def excite(
+    *,
+    fit: Annotated[
+        list[str],
+        Parameter(help="Keys that are to be fitted, separated by commas; * stands for anything.", negative=""),
+    ],
+    case: Case = None,
+    config: Config = None,
+    ensemble: Annotated[
+        str | None,
+        Parameter(help="Ensemble, such as `rig`: what it draws that a log can tell is fitted as well."),
+    ] = None,
+    set_: AssignmentsInBrief = None,
+    prior: Annotated[
+        list[str] | None,
+        Parameter(help="Known beforehand, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
+    ] = None,
+    duration: Annotated[str, Parameter(help="Length of the run, e.g. 60s, 2min.")] = "60s",
+    criterion: Annotated[
+        Literal["D", "A"],
+        Parameter(help="D: volume of the estimates' confidence region; A: mean of their variances."),
+    ] = "D",
+    track: Annotated[float | None, Parameter(help="Farthest position in m (default: a metre before the end).")] = None,
+    speed: Annotated[float | None, Parameter(help="Largest speed in m/s (default: the reference's).")] = None,
+    acceleration: Annotated[
+        float | None,
+        Parameter(help="Largest acceleration in m/s^2 (default: by half of the ropes' largest net force)."),
+    ] = None,
+    torque: Annotated[float | None, Parameter(help="Largest torque of a motor in N m (default: any).")] = None,
+    trials: Annotated[int | None, WHOLE, Parameter(help="Motions to simulate (default 200 without --time).")] = None,
+    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min.")] = None,
+    seed: Annotated[int, WHOLE, Parameter(help="Seed of the search.")] = 0,
+    plugin: Plugins = None,
+    out: Annotated[Path | None, Parameter(help="File for the experiment with that motion, .toml.")] = None,
+    plot: Figure = None,
+) -> None:
+    """Design the run that tells some numbers of a machine best.
+
+    Motions through way-points, within limits of track, speed, tension and torque, are simulated in the closed loop,
+    and the filter of `identify` says what each log would tell. Prints the standard deviations to expect, beside those
+    of the present motion.
+    """
+    from dualwinch.commands.excite_run import run_excite
+
+    use_parts(plugin)
+    run_excite(
+        fit,
+        case,
+        config,
+        set_ or [],
+        ensemble=ensemble,
+        priors=prior or [],
+        duration=duration,
+        criterion=criterion,
+        track=track,
+        speed=speed,
+        acceleration=acceleration,
+        torque=torque,
+        trials=trials,
+        time=time,
+        seed=seed,
+        out=out,
+        plot=plot,
+    )

@@ -1,0 +1,1 @@
+"""Which run to make: references that make a machine's numbers visible."""

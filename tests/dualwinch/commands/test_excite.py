@@ -1,0 +1,41 @@
+"""The command ``excite``: a run that tells, as a file that ``simulate`` takes."""
+
+from pathlib import Path
+
+import pytest
+
+from dualwinch.cli.app import main
+from dualwinch.config.experiment_file import load
+
+SEARCH = ["--case", "4", "--set", "sensors.tension_noise=10", "--duration", "20s", "--trials", "10"]
+
+
+def test_an_experiment_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, figure, run = tmp_path / "exciting.toml", tmp_path / "exciting.svg", tmp_path / "run.parquet"
+    main(["excite", "--fit", "plant.vehicle.mass", *SEARCH, "--out", str(out), "--plot", str(figure)])
+    printed = capsys.readouterr().out
+    assert "motions of 20 s, D-criterion, seed 0" in printed
+    assert "plant.vehicle.mass" in printed
+    assert load(out).reference.kind == "way-points"
+    assert figure.read_text().startswith("<?xml")
+    main(["simulate", "--config", str(out), "--out", str(run)])
+    assert run.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--duration", "long"], "--duration long: must be a time such as 60s"),
+        (["--track", "60"], "track = 60: must be > 0 and <= plant.track.length = 50 m"),
+        (["--speed", "0"], "speed = 0: must be > 0"),
+        (["--out", "run.csv"], "--out run.csv: must end in .toml"),
+        (["--fit", "controller.nftsm.beta"], "no number that a log can tell"),
+    ],
+)
+def test_wrong_words_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["excite", "--fit", "plant.vehicle.mass", *words])
+    error = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert message in error
+    assert error.count("\n") == 1

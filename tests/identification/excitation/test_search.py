@@ -1,0 +1,95 @@
+"""Runs that tell: what is expected of them is what fits to their simulated logs come to."""
+
+import numpy as np
+import pytest
+
+from dualwinch.config.experiment_file import loads, to_toml
+from dualwinch.config.settings import override
+from dualwinch.identification.excitation.excited import Excited
+from dualwinch.identification.excitation.motions import room_of
+from dualwinch.identification.excitation.search import excite
+from dualwinch.identification.identify import identify
+from dualwinch.identification.log import log_of
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.simulate import simulate
+from tests.identification.conftest import machine
+
+KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus")
+
+
+@pytest.fixture(scope="module")
+def designed() -> Excited:
+    experiment = machine()
+    return excite(KEYS, experiment, room_of(experiment), duration=30.0, trials=24, seed=2)
+
+
+def test_what_is_expected_is_what_fits_come_to(designed: Excited) -> None:
+    """Errors of four seeded logs, over what was expected beforehand, are of the size of 1; so are stated deviations.
+
+    By the median: of a log that seems to show a force that nobody recorded, a fit says so and is less sure.
+    """
+    right = leaves(designed.experiment)
+    truth = np.array([right[key] for key in designed.keys])
+    offs, shares = [], []
+    for seed in range(11, 15):
+        log = log_of(simulate(override(designed.experiment, {"simulation.seed": seed})))
+        found = identify([log], KEYS, designed.experiment)
+        shares.append(found.deviations / designed.deviations)
+        offs.append((found.values - truth) / designed.deviations)
+    np.testing.assert_allclose(np.median(shares, axis=0), 1, atol=0.3)
+    size = np.sqrt(np.mean(np.square(offs)))
+    assert 0.5 < size < 1.6, "16 standard normal numbers: beyond that once in a thousand times"
+
+
+def test_the_motion_tells_more_than_the_present_one(designed: Excited) -> None:
+    volume = np.linalg.slogdet(designed.covariance)[1]
+    assert designed.present is not None
+    assert volume < np.linalg.slogdet(designed.present)[1] - 1
+
+
+def test_the_run_keeps_to_its_limits_and_goes_through_a_file(designed: Excited) -> None:
+    experiment = loads(to_toml(designed.experiment))
+    run = simulate(experiment)
+    assert run.outcome == "completed"
+    assert run.metrics.peak_tension <= experiment.controller.limits.tension_max
+    assert run["x"].max() < 49.1
+    assert experiment.simulation.readings
+    assert experiment.reference == designed.experiment.reference
+
+
+def test_the_same_seed_gives_the_same_motion(designed: Excited) -> None:
+    experiment = machine()
+    again = excite(KEYS, experiment, room_of(experiment), duration=30.0, trials=24, seed=2, threads=1)
+    assert again.experiment == designed.experiment
+    np.testing.assert_array_equal(again.covariance, designed.covariance)
+
+
+def test_it_says_what_to_expect(designed: Excited) -> None:
+    words = repr(designed)
+    assert f"{designed.deviations[0]:.2g}" in words
+    assert f"{designed.present_deviations[0]:.2g}" in words
+    assert "way-points" in words
+    assert "plant.rope_2.modulus" in designed._repr_html_()
+    assert len(designed.plot().axes) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"duration": 1.0}, "duration = 1: must be 5 to 3600 s"),
+        ({"criterion": "E"}, "criterion = E: must be D or A"),
+        ({"trials": 0}, "trials = 0: must be >= 1"),
+    ],
+)
+def test_options_out_of_range_are_refused(options: dict, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        excite(KEYS, machine(), room_of(machine()), **options)
+
+
+def test_limits_that_no_motion_keeps_are_told() -> None:
+    experiment = machine()
+    with pytest.raises(
+        ConfigurationError, match=r"no motion of \d+ keeps to the limits; the nearest has a motor's torq"
+    ):
+        excite(KEYS, experiment, room_of(experiment, torque=20.0), duration=20.0, trials=8)

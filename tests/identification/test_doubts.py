@@ -1,0 +1,68 @@
+"""Logs that cannot be, each refused in one line that says what is wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dualwinch.config.settings import override
+from dualwinch.identification.doubts import check_log
+from dualwinch.identification.identify import identify
+from dualwinch.identification.log import Log
+from dualwinch.model.errors import ConfigurationError
+from tests.identification.conftest import logged, machine
+
+
+def changed(**columns: np.ndarray) -> Log:
+    whole = logged(machine())
+    return replace(whole, columns={**whole.columns, **columns})
+
+
+def columns(*names: str) -> tuple[np.ndarray, ...]:
+    return tuple(logged(machine()).columns[name] for name in names)
+
+
+def test_columns_that_never_change_are_refused() -> None:
+    still = np.full_like(logged(machine()).t, 5.0)
+    with pytest.raises(ConfigurationError, match="run: tau_1, tau_2: never change, and torques are what a fit goes by"):
+        check_log(changed(tau_1=still, tau_2=still), machine())
+    check_log(changed(tau_2=still), machine())
+    with pytest.raises(ConfigurationError, match=r"run: F1: is 5 in every row; name another column \(--column F1=NAME"):
+        check_log(changed(F1=still), machine())
+
+
+def test_units_that_cannot_be_are_refused() -> None:
+    x, tau, theta, F1 = columns("x", "tau_1", "theta_1", "F1")
+    for wrong in ({"x": 1e3 * x}, {"tau_1": 1e3 * tau}, {"theta_1": np.degrees(theta)}, {"F1": 1e3 * F1}):
+        (name,) = wrong
+        message = rf"run: {name} = \S+: must be \S+ to \S+ on this machine; is it in another unit \(--column {name}="
+        with pytest.raises(ConfigurationError, match=message):
+            identify([changed(**wrong)], ["plant.vehicle.mass"], machine())
+    check_log(logged(machine()), machine())
+
+
+@pytest.mark.parametrize(
+    ("key", "gone"),
+    [("plant.winch_1.ripple_angle", ()), ("sensors.load_cell_zero_1", ("F1",)), ("disturbance.strouhal", ())],
+)
+def test_a_key_that_other_values_fix_is_refused(key: str, gone: tuple[str, ...]) -> None:
+    """No ripple has no angle, no load cell no zero; vortices that are off shed at no frequency."""
+    calm = machine(disturbance__vortex=False)
+    whole = logged(calm)
+    log = replace(whole, columns={name: each for name, each in whole.columns.items() if name not in gone})
+    with pytest.raises(ConfigurationError, match=f"--fit {key}: nothing that these logs hold depends on it"):
+        identify([log], ["plant.vehicle.mass", key], calm)
+
+
+@pytest.mark.parametrize(
+    ("truth", "words"),
+    [
+        ({"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0}, r"run: a force of \S+ N that nobody"),
+        ({"plant.winch_1.drum_radius": 0.6, "plant.winch_2.drum_radius": 0.6}, r"run: x: what is left of it is \S+"),
+        ({"plant.rope_1.modulus": 3e10, "plant.rope_2.modulus": 3e10}, r"run: torques of \S+ N m that nobody"),
+    ],
+)
+def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, float], words: str) -> None:
+    log = logged(override(machine(), truth))
+    with pytest.raises(ConfigurationError, match=rf"{words}.*it is of another machine"):
+        identify([log], ["plant.vehicle.mass"], machine())
