@@ -4,6 +4,9 @@ import io
 import os
 import signal
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
@@ -83,6 +86,22 @@ def _fail(message: object, code: int) -> NoReturn:
     raise SystemExit(code)
 
 
+def _warn(message: Warning | str, *_: object) -> None:
+    from dualwinch.codegen.text import shortened, without_secrets
+
+    sys.stderr.write(f"dualwinch: warning: {shortened(without_secrets(str(message)))}\n")
+
+
+@contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Warnings without the lines of the program that give them."""
+    before, warnings.showwarning = warnings.showwarning, _warn
+    try:
+        yield
+    finally:
+        warnings.showwarning = before
+
+
 def _check_text(words: list[str]) -> None:
     """Refuse words that are no text, and have output show what a terminal lacks letters for."""
     for stream in (sys.stdout, sys.stderr):
@@ -103,7 +122,8 @@ def main(arguments: list[str] | None = None) -> None:
     _check_text(words)
     try:
         wanted = [word for word in words if word != TRACEBACK]
-        app(wanted, exit_on_error=False, print_error=False, result_action="return_value")
+        with _warnings_in_a_line():
+            app(wanted, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except CycloptsError as error:
         _fail(str(error), WRONG_INPUT)
