@@ -108,7 +108,8 @@ def _check_text(words: list[str]) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     for word in words:
-        if any("\ud800" <= letter <= "\udfff" for letter in word):  # bytes that are none, in the name of a file
+        # bytes that are none, in the name of a file; and what ends it
+        if any("\ud800" <= letter <= "\udfff" or letter == "\0" for letter in word):
             _fail(f"{word!a}: must be UTF-8 text", WRONG_INPUT)
 
 
