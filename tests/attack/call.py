@@ -15,8 +15,8 @@ from typing import Any
 from dualwinch.cli import main
 from dualwinch.cli.app import TRACEBACK
 
-PATIENCE = 60
-"""Time in s after which a call hangs: a hundred times what the slowest takes."""
+PATIENCE = 240
+"""Time in s after which a call hangs: hundreds of times what the slowest takes on a machine that is not busy."""
 
 WIDEST, MOST_LINES = 1600, 60
 """Characters of a line and lines of what is said on standard error: about a screen."""
