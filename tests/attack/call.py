@@ -12,11 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hypothesis import HealthCheck
+
 from dualwinch.cli import main
 from dualwinch.cli.app import TRACEBACK
 
 PATIENCE = 240
 """Time in s after which a call hangs: hundreds of times what the slowest takes on a machine that is not busy."""
+
+SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
+"""What Hypothesis need not complain of."""
 
 WIDEST, MOST_LINES = 1600, 60
 """Characters of a line and lines of what is said on standard error: about a screen."""

@@ -16,7 +16,7 @@ LOG = "t,x,v,tau_1,tau_2\n" + "".join(f"{index / 1000},1,0,20,20\n" for index in
 @pytest.fixture
 def attack(request: pytest.FixtureRequest) -> int:
     """How many times as hard as in every run."""
-    return request.config.getoption("attack")
+    return int(request.config.getoption("attack") or 1)
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from typing import Any
 
 import optuna
 import pytest
+from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
 from tests import postgres
@@ -86,7 +87,7 @@ def test_a_study_in_a_file(attack: int, processes: ForkServerContext, tmp_path: 
             hit(process, chance)
             ended(process)
         assert ended(started(processes, work_in_file, storage)) == 0
-        kept = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(storage))
+        kept = optuna.storages.JournalStorage(JournalFileBackend(storage))
         check(optuna.load_study(study_name=STUDY, storage=kept).trials)
 
 

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dualwinch.simulation.ensembles import __file__ as ensembles
-from tests.attack.call import call
+from tests.attack.call import SLOW, call
 from tests.attack.mutated import mutated
 from tests.attack.test_words import SHORT
 
@@ -61,7 +61,7 @@ def test_any_file(kind: str, attack: int, folder: Path) -> None:
     file = folder / ("f.csv" if kind == "signal" else "f.toml")
     file.touch()
 
-    @settings(max_examples=EXAMPLES * attack, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=EXAMPLES * attack, suppress_health_check=SLOW)
     @given(mutated(text), st.sampled_from(READERS[kind]))
     def attacked(content: bytes, words: tuple[str, ...]) -> None:
         file.write_bytes(content)

@@ -4,13 +4,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dualwinch.commands.simulate import experiment
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.toml_text import flattened
-from tests.attack.call import call
+from tests.attack.call import SLOW, call
 
 EXAMPLES = 12
 
@@ -44,7 +44,7 @@ def test_any_number(attack: int, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     assignment = st.builds("{}={!r}".format, st.sampled_from(KEYS), st.sampled_from(NUMBERS))
     assignments = st.lists(assignment, min_size=1, max_size=4)
 
-    @settings(max_examples=EXAMPLES * attack, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=EXAMPLES * attack, suppress_health_check=SLOW)
     @given(st.sampled_from(COMMANDS), assignments)
     def attacked(words: tuple[str, ...], numbers: list[str]) -> None:
         further = ["simulation.duration=0.05", *numbers]

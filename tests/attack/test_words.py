@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dualwinch.codegen.errors import DualwinchError
-from tests.attack.call import call
+from tests.attack.call import SLOW, call
 from tests.attack.words import commands, options
 
 EXAMPLES = 10
@@ -46,7 +46,7 @@ def test_any_words(name: str, attack: int, folder: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr("dualwinch.commands.preload.preloads", refuse)  # the only long work that needs no compiler
 
-    @settings(max_examples=EXAMPLES * attack, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=EXAMPLES * attack, suppress_health_check=SLOW)
     @given(st.lists(options(COMMANDS[name]), min_size=1, max_size=3), st.booleans())
     def attacked(further: list[list[str]], alone: bool) -> None:
         base = () if alone and name not in LONG else BASES.get(name, ())
@@ -56,7 +56,7 @@ def test_any_words(name: str, attack: int, folder: Path, monkeypatch: pytest.Mon
     attacked()
 
 
-@settings(max_examples=20, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, suppress_health_check=SLOW)
 @given(
     words=st.lists(
         st.one_of(st.text(max_size=10), st.sampled_from(["--version", "--help", "-h", *COMMANDS])), max_size=3
