@@ -1,7 +1,9 @@
 """Words for command lines: from what each command takes, right and wrong ones."""
 
+import tomllib
 import types
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -111,8 +113,7 @@ STATISTICS = [
 ]
 BOUNDS = ["<=1", "<=0.25*paper", ">=5ms", "<=nan", "=1", "<=", "<=1e999", ">=6dB", "<=" + "9" * 400]
 
-KEYS = sorted(key for key, _ in flattened(read_source(Path(ensembles).parent / "sea.toml").table()))
-"""Keys of files, those of the default experiment among them."""
+WRONG_KEYS = ["controller.winch.*", "plant.*", "controller", "nonsense", "plant.vehicle.mas", "", "a.b.c.d", "."]
 
 
 def commands(parent: App = app, name: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], App]]:
@@ -124,25 +125,15 @@ def commands(parent: App = app, name: tuple[str, ...] = ()) -> Iterator[tuple[tu
             yield from commands(parent[word], (*name, word))
 
 
+@cache
 def all_keys() -> list[str]:
-    """Keys of the experiment and of the ensemble."""
-    import tomllib
-
-    own = (key for key, _ in flattened(tomllib.loads(to_toml(experiment(4, None, None, [])))))
-    return sorted(
-        {
-            *own,
-            *KEYS,
-            "controller.winch.*",
-            "plant.*",
-            "controller",
-            "nonsense",
-            "plant.vehicle.mas",
-            "",
-            "a.b.c.d",
-            ".",
-        }
+    """Keys of experiments and of ensembles, and some that are none."""
+    tables = (
+        tomllib.loads(to_toml(experiment(4, None, None, []))),
+        read_source(Path(ensembles).parent / "sea.toml").table(),
     )
+    known = {key for table in tables for key, _ in flattened(table)}
+    return sorted({*known, *WRONG_KEYS})
 
 
 def assignments() -> st.SearchStrategy[str]:
@@ -154,7 +145,7 @@ def assignments() -> st.SearchStrategy[str]:
 def values(name: str, hint: Any) -> st.SearchStrategy[str]:
     """What may be given for a parameter: of its type, and of others."""
     kinds = {hint}
-    while any(get_args(kind) and get_origin(kind) is not Literal for kind in kinds):
+    while any(_inner(kind) for kind in kinds):
         kinds = {inner for kind in kinds for inner in (_inner(kind) or (kind,))}
     found: list[st.SearchStrategy[str]] = [TEXTS, st.sampled_from(LITERALS)]
     for kind in kinds:
@@ -184,9 +175,7 @@ def values(name: str, hint: Any) -> st.SearchStrategy[str]:
 
 
 def _inner(kind: Any) -> tuple[Any, ...]:
-    if get_origin(kind) in {Union, types.UnionType, list, tuple} and get_origin(kind) is not Literal:
-        return get_args(kind)
-    return ()
+    return get_args(kind) if get_origin(kind) in {Union, types.UnionType, list, tuple} else ()
 
 
 def options(command: App) -> st.SearchStrategy[list[str]]:
