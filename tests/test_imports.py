@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FLOORS = ("codegen", "model", "controllers", "simulation", "identification", "tuning")
+FLOORS = ("codegen", "model", "controllers", "simulation", "identification", "tuning", "lab")
 """Folders at the repository's top that are packages of `dualwinch`, the lowest first."""
 FACE = ("plugins", "config", "reports", "environments", "commands", "cli")
 """`dualwinch`'s own folders, likewise; all stand above `FLOORS`."""

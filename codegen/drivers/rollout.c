@@ -1,6 +1,11 @@
 /* Runs a sampled system for many samples. Comes after driver.h, the sizes and the functions of codegen/sampled.py,
    each with its derive_NAME(parameters, derived) for what depends on the parameters alone. */
 
+/* May change the state that a sample leaves; by default it does not. */
+#ifndef AFTER_SAMPLE
+#define AFTER_SAMPLE(next)
+#endif
+
 /* Steps `state` on for `samples` samples, reading one line of `exogenous` a sample.
    Every `stride`-th sample writes a line of `rows`, the first one included; rows may be null.
    Ends early when the state is not finite (DIVERGED) or the margin is negative (LEFT).
@@ -26,6 +31,7 @@ EXPORT int rollout(const double *parameters, const double *exogenous, double *st
       until_row = stride - 1;
     }
     sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
+    AFTER_SAMPLE(next);
 #if HAS_ONE_STEP
     one_step(now, hold, parameters, for_one_step, next, &margin, &valid);
     if (!(valid > 0))

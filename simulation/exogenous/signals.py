@@ -6,16 +6,18 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
 from dualwinch.codegen.drivers.signals.signals import Signals
-from dualwinch.model.disturbance import given_signals
+from dualwinch.model.disturbance import Disturbance, given_signals
 from dualwinch.model.motions.preview import no_departures
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Reference, departures, setpoint
-from dualwinch.simulation.exogenous.sensors import silence_of
+from dualwinch.model.vehicle import Vehicle
+from dualwinch.simulation.exogenous.sensors import Sensors, silence_of
 from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
@@ -28,6 +30,37 @@ NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 MOST_SAMPLES = 2**31 - 1
 """Longest outage, and longest time between two, in samples."""
+
+
+class Course(NamedTuple):
+    """How a first-order Gauss–Markov signal comes and goes; its numbers may be symbols."""
+
+    sigma: Any
+    """standard deviation."""
+    time: Any = 0.0
+    """how long it lasts in s; 0 is white noise."""
+    limit: Any = NO_LIMIT
+    """of its magnitude."""
+    from_zero: bool = False
+    """whether it is zero before its first sample; else it is stationary."""
+
+
+def courses(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, Course]:
+    """The Gauss–Markov signals of a run by name; noises of sensors are drawn with a standard deviation of 1."""
+    return {
+        "current": Course(sea.current_sigma, sea.current_time, sea.current_limit),
+        "normal_force_variation": Course(sea.normal_force_sigma * vehicle.normal_force, sea.normal_force_time),
+        "noise.position": Course(_on(sensors.position_noise)),
+        "noise.speed": Course(_on(sensors.speed_noise)),
+        "noise.tension_1": Course(_on(sensors.tension_noise)),
+        "noise.tension_2": Course(_on(sensors.tension_noise)),
+        "noise.drift": Course(_on(sensors.position_drift), sensors.position_drift_time, from_zero=True),
+    }
+
+
+def _on(strength: Any) -> Any:
+    """1 where a strength is positive, 0 where it is zero."""
+    return ca.sign(strength) if isinstance(strength, ca.SX) else np.sign(strength)
 
 
 class Sea(NamedTuple):
@@ -55,19 +88,11 @@ def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] =
     sea = with_leaves(experiment.disturbance, columns, "disturbance.")
     vehicle = with_leaves(experiment.plant.vehicle, columns, "plant.vehicle.")
     found: dict[str, Drawn] = {}
-
-    def add(name: str, sigma: Any, time: Any = 0.0, limit: Any = NO_LIMIT, *, from_zero: bool = False) -> None:
-        if np.any(sigma > 0):
-            decay = _decay(simulation.sample_time, time)
-            found[name] = RandomSignal(simulation.seed, stream_number(name), sigma, decay, limit, from_zero)
-
-    add("current", sea.current_sigma, sea.current_time, sea.current_limit)
-    add("normal_force_variation", sea.normal_force_sigma * vehicle.normal_force, sea.normal_force_time)
-    add("noise.position", np.sign(sensors.position_noise))
-    add("noise.speed", np.sign(sensors.speed_noise))
-    add("noise.tension_1", np.sign(sensors.tension_noise))
-    add("noise.tension_2", np.sign(sensors.tension_noise))
-    add("noise.drift", np.sign(sensors.position_drift), sensors.position_drift_time, from_zero=True)
+    for name, course in courses(sensors, sea, vehicle).items():
+        if np.any(course.sigma > 0):
+            decay = _decay(simulation.sample_time, course.time)
+            number, sigma = stream_number(name), course.sigma
+            found[name] = RandomSignal(simulation.seed, number, sigma, decay, course.limit, course.from_zero)
     seed, sample_time = simulation.seed, simulation.sample_time
     if simulation.jitter > 0:
         found["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))

@@ -5,13 +5,14 @@ from dataclasses import dataclass, fields, make_dataclass
 from functools import cache
 from typing import Annotated, Any
 
+import casadi as ca
 import numpy as np
 
 from dualwinch.model.errors import UnknownNameError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.html import readable, readable_unit, table
 from dualwinch.model.quantities.quantity import Quantity, nearest
-from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, where
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, sqrt, where
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.own import states_before, values_of
 from dualwinch.simulation.metrics.sample import Sample
@@ -172,17 +173,20 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
 def finish(sums: Mapping[str, Any], samples: Any) -> Metrics:
     """The metrics from the final `Accumulators`, given by field name, after so many samples.
 
-    Each may be an array, of many runs; then the metrics are arrays.
+    Each may be an array, of many runs; then the metrics are arrays. All may be symbols.
     """
-    steady = sums["steady_samples"]
+    steady, symbolic = sums["steady_samples"], isinstance(samples, ca.SX)
+    root = sqrt if symbolic else np.sqrt
 
     def measured(value: Any, count: Any) -> Any:
+        if symbolic:
+            return where(count > 0, value, np.nan)
         if np.ndim(count):
             return np.where(np.real(count) > 0, value, np.nan)
         return value if np.real(count) > 0 else np.nan
 
     def mean(total: Any, count: Any) -> Any:
-        return measured(total / np.maximum(np.real(count), 1), count)
+        return measured(total / (maximum(count, 1) if symbolic else np.maximum(np.real(count), 1)), count)
 
     return Metrics(
         mae=mean(sums["sum_abs"], samples),
@@ -199,7 +203,7 @@ def finish(sums: Mapping[str, Any], samples: Any) -> Metrics:
         chatter=mean(sums["sum_change"], 2 * (samples - 1)),
         energy=measured(sums["work"], samples),
         torque_rate=mean(sums["sum_torque_rate"], 2 * (samples - 1)),
-        continuous_load=np.sqrt(mean(sums["sum_torque_square"], 2 * samples)),
+        continuous_load=root(mean(sums["sum_torque_square"], 2 * samples)),
     )
 
 

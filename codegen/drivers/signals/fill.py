@@ -33,10 +33,19 @@ class Sources(ctypes.Structure):
     )
 
 
+FILL_PARTS = (
+    "elementary.h",
+    *(
+        part if "\n" in part else f"signals/{part}"
+        for part in ("philox.h", normal_source(), "normal.h", "sources.h", "outages.h", "bundle.h", "fill.c")
+    ),
+)
+"""Texts of fill.c and of what comes before it, as `unit` takes them."""
+
+
 def fill_source() -> str:
     """C99 translation unit of fill.c."""
-    own = ("philox.h", normal_source(), "normal.h", "sources.h", "outages.h", "bundle.h", "fill.c")
-    return unit({}, [], "elementary.h", *(part if "\n" in part else f"signals/{part}" for part in own))
+    return unit({}, [], *FILL_PARTS)
 
 
 @dataclass(frozen=True)

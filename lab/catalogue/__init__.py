@@ -1,0 +1,1 @@
+"""What a page has to know of the closed loop, as data."""

@@ -1,0 +1,228 @@
+// The machine at one moment: rail, vehicle, drums and ropes, drawn to scale, and the error under a lens.
+
+import {moment} from "./moment.js";
+import {digits, steady} from "./numbers.js";
+import {colour} from "./theme.js";
+
+const HEIGHT = 196;
+const FONT = '12px "Source Sans 3", "Segoe UI", system-ui, sans-serif';
+
+export class Machine {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.pen = canvas.getContext("2d");
+  }
+
+  // plant: {length, offset, radius, diameter, height, tensionMax}; `pinned` is a second run, drawn as an outline.
+  draw(run, time, plant, pinned = null) {
+    const width = this.canvas.clientWidth, dots = devicePixelRatio || 1;
+    if (this.canvas.width !== Math.round(width * dots)) {
+      this.canvas.width = Math.round(width * dots);
+      this.canvas.height = Math.round(HEIGHT * dots);
+    }
+    this.pen.setTransform(dots, 0, 0, dots, 0, 0);
+    this.pen.clearRect(0, 0, width, HEIGHT);
+    this.pen.font = FONT;
+    const at = moment(run, time), view = this.#view(width, plant);
+    this.#rail(view, plant);
+    this.#rope(view, at, plant, 2);
+    this.#rope(view, at, plant, 1);
+    this.#drum(view, at, 1);
+    this.#drum(view, at, 2);
+    if (pinned) this.#outline(view, moment(pinned, time)("x"), "pinned");
+    this.#reference(view, at("x_ref"));
+    this.#vehicle(view, at("x"));
+    this.#pushes(view, at, run.largestDisturbance);
+    this.#lens(view, at("x"), at("e"), run.largestError);
+    this.#scale(view, plant);
+  }
+
+  #view(width, plant) {
+    const drum = Math.max(0.8 * plant.radius * width / (plant.length + 8), 13);
+    const left = 2 * drum + 10, right = width - left;
+    const scale = (right - left) / (plant.length + 2 * plant.offset);
+    const vehicle = {width: Math.max(plant.diameter * scale, 18), height: Math.max(plant.height * scale, 27)};
+    return {width, drum, left, right, scale, vehicle, rail: 118, origin: left + plant.offset * scale,
+      spot: (x) => left + (plant.offset + x) * scale, ropeHeight: 118 - 10 - Math.min(vehicle.height, 54) / 2};
+  }
+
+  #rail(view, plant) {
+    const {pen} = this;
+    pen.strokeStyle = colour("ink-soft");
+    pen.fillStyle = colour("ink-soft");
+    pen.lineWidth = 1;
+    this.#line(view.spot(-plant.offset), view.rail, view.spot(plant.length + plant.offset), view.rail);
+    pen.textAlign = "center";
+    const labelled = view.scale * 10 > 40 ? 10 : 25;
+    for (let x = 0; x <= plant.length + 1e-9; x += 5) {
+      const tall = x % labelled === 0;
+      this.#line(view.spot(x), view.rail, view.spot(x), view.rail + (tall ? 6 : 3));
+      if (tall) pen.fillText(x === 0 ? "0" : x + labelled > plant.length ? `${x} m` : `${x}`, view.spot(x), view.rail + 18);
+    }
+  }
+
+  #rope(view, at, plant, number) {
+    const {pen} = this, force = at(`F${number}`), x = at("x");
+    const drumX = number === 1 ? view.right + view.drum + 2 : view.left - view.drum - 2;
+    const vehicleX = view.spot(x) + (number === 1 ? 1 : -1) * view.vehicle.width / 2;
+    const slack = !(force > 0), top = view.ropeHeight;
+    const span = Math.abs(drumX - vehicleX);
+    const sag = slack ? Math.min(0.09 * span + 3, 22) : Math.min(1.2e-2 * span * 200 / Math.max(force, 60), 6);
+    pen.strokeStyle = slack ? colour("ink-soft") : tensionColour(force / plant.tensionMax);
+    pen.lineWidth = slack ? 1.5 : 1.5 + 2.5 * Math.min(force / plant.tensionMax, 1.3);
+    pen.setLineDash(slack ? [5, 4] : []);
+    pen.beginPath();
+    pen.moveTo(vehicleX, top);
+    pen.quadraticCurveTo((vehicleX + drumX) / 2, top + 2 * sag, drumX, top);
+    pen.stroke();
+    pen.setLineDash([]);
+    pen.fillStyle = colour("ink");
+    pen.textAlign = number === 1 ? "right" : "left";
+    const edge = number === 1 ? view.width - 4 : 4;
+    pen.fillText(`F${number === 1 ? "₁" : "₂"} ${slack ? "slack" : `${digits(force)} N`}`, edge, 15);
+    pen.fillStyle = colour("ink-soft");
+    pen.fillText(`τ${number === 1 ? "₁" : "₂"} ${digits(at(`tau_${number}`), 3)} N m`, edge, 31);
+  }
+
+  // A drum turns with its angle: pulling rope in, its top moves away from the vehicle.
+  #drum(view, at, number) {
+    const {pen} = this, centreX = number === 1 ? view.right + view.drum + 2 : view.left - view.drum - 2;
+    const centreY = view.ropeHeight + view.drum, angle = (number === 1 ? 1 : -1) * at(`theta_${number}`);
+    pen.lineWidth = 1.5;
+    pen.strokeStyle = colour("ink");
+    pen.fillStyle = colour("paper");
+    pen.beginPath();
+    pen.arc(centreX, centreY, view.drum, 0, 2 * Math.PI);
+    pen.fill();
+    pen.stroke();
+    for (let spoke = 0; spoke < 3; spoke++) {
+      const direction = angle + spoke * 2 * Math.PI / 3 - Math.PI / 2;
+      pen.lineWidth = spoke ? 1 : 3;
+      this.#line(centreX, centreY, centreX + 0.82 * view.drum * Math.cos(direction), centreY + 0.82 * view.drum * Math.sin(direction));
+    }
+    pen.lineWidth = 1;
+    pen.strokeStyle = colour("ink-soft");
+    this.#line(centreX - view.drum * 0.6, view.rail, centreX, centreY + view.drum);
+    this.#line(centreX + view.drum * 0.6, view.rail, centreX, centreY + view.drum);
+  }
+
+  #vehicle(view, x) {
+    const {pen} = this, {width, height} = view.vehicle, drawn = Math.min(height, 60);
+    pen.fillStyle = colour("vehicle");
+    pen.strokeStyle = colour("ink");
+    pen.lineWidth = 1.5;
+    pen.beginPath();
+    pen.roundRect(view.spot(x) - width / 2, view.rail - 5 - drawn, width, drawn, Math.min(width / 2, 9));
+    pen.fill();
+    pen.stroke();
+    for (const side of [-0.28, 0.28]) {
+      pen.beginPath();
+      pen.arc(view.spot(x) + side * width, view.rail - 3, 2.5, 0, 2 * Math.PI);
+      pen.fillStyle = colour("ink");
+      pen.fill();
+    }
+  }
+
+  // What pushes the vehicle that its model does not know, and what the controller takes it for.
+  #pushes(view, at, largest) {
+    if (!(largest > 1e-4)) return;
+    const top = view.rail - 5 - Math.min(view.vehicle.height, 60);
+    [["d_true", "ink", 0.3], ["d_hat", "vermilion", 0.66]].forEach(([name, tint, share]) => {
+      const length = 44 * Math.min(Math.max(at(name) / largest, -1.4), 1.4), y = top + share * Math.min(view.vehicle.height, 60);
+      if (Math.abs(length) < 2) return;
+      const start = view.spot(at("x")) + Math.sign(length) * (view.vehicle.width / 2 + 4), tip = start + length, back = 5 * Math.sign(length);
+      this.pen.strokeStyle = this.pen.fillStyle = colour(tint);
+      this.pen.lineWidth = 2;
+      this.#line(start, y, tip, y);
+      this.pen.beginPath();
+      this.pen.moveTo(tip + back, y);
+      this.pen.lineTo(tip - back / 2, y - 3.5);
+      this.pen.lineTo(tip - back / 2, y + 3.5);
+      this.pen.fill();
+    });
+  }
+
+  #outline(view, x, name) {
+    const {pen} = this, {width, height} = view.vehicle, drawn = Math.min(height, 60);
+    pen.strokeStyle = colour(name);
+    pen.lineWidth = 1;
+    pen.setLineDash([3, 3]);
+    pen.beginPath();
+    pen.roundRect(view.spot(x) - width / 2, view.rail - 5 - drawn, width, drawn, Math.min(width / 2, 9));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+
+  #reference(view, x) {
+    const {pen} = this, spot = view.spot(x), top = view.rail - 14 - Math.min(view.vehicle.height, 60);
+    pen.fillStyle = colour("blue");
+    pen.beginPath();
+    pen.moveTo(spot, top + 6);
+    pen.lineTo(spot - 5, top - 3);
+    pen.lineTo(spot + 5, top - 3);
+    pen.fill();
+  }
+
+  // The error, magnified: a millimetre is nothing on a rail of 50 m.
+  #lens(view, x, error, largest) {
+    const {pen} = this, half = Math.min(92, view.width / 5), range = nice(largest);
+    const centre = Math.min(Math.max(view.spot(x), half + 14), view.width - half - 14), base = HEIGHT - 24;
+    pen.strokeStyle = colour("line");
+    pen.lineWidth = 1;
+    this.#line(view.spot(x) - view.vehicle.width / 4, view.rail + 22, centre - half, base - 8);
+    this.#line(view.spot(x) + view.vehicle.width / 4, view.rail + 22, centre + half, base - 8);
+    pen.strokeStyle = colour("ink-soft");
+    pen.fillStyle = colour("ink-soft");
+    this.#line(centre - half, base, centre + half, base);
+    pen.textAlign = "center";
+    for (let tick = -4; tick <= 4; tick++) {
+      const spot = centre + tick * half / 4, tall = tick % 4 === 0;
+      this.#line(spot, base, spot, base + (tall ? 6 : 3));
+    }
+    const unit = range < 0.5 ? ["mm", 1e3] : ["m", 1];
+    pen.fillText(`−${digits(range * unit[1], 2)}`, centre - half, base + 18);
+    pen.fillText(`${digits(range * unit[1], 2)} ${unit[0]}`, centre + half, base + 18);
+    const spot = centre + half * Math.min(Math.max(error / range, -1.04), 1.04);
+    pen.fillStyle = colour("blue");
+    pen.fillText(`e ${steady(error * unit[1], range * unit[1] / 10)}`, centre, base + 18);
+    pen.strokeStyle = colour("blue");
+    pen.lineWidth = 2.5;
+    this.#line(spot, base - 8, spot, base + 1);
+  }
+
+  // What the colours of ropes mean.
+  #scale(view, plant) {
+    const {pen} = this, width = Math.min(120, view.width / 5), left = (view.width - width) / 2;
+    for (let pixel = 0; pixel < width; pixel++) {
+      pen.fillStyle = tensionColour(pixel / width);
+      pen.fillRect(left + pixel, 8, 1.5, 4);
+    }
+    pen.fillStyle = colour("ink-soft");
+    pen.textAlign = "right";
+    pen.fillText("0", left - 5, 14);
+    pen.textAlign = "left";
+    pen.fillText(`${digits(plant.tensionMax / 1000, 2)} kN`, left + width + 5, 14);
+  }
+
+  #line(x1, y1, x2, y2) {
+    this.pen.beginPath();
+    this.pen.moveTo(x1, y1);
+    this.pen.lineTo(x2, y2);
+    this.pen.stroke();
+  }
+}
+
+// The next of 1, 2, 5 · 10ⁿ.
+function nice(size) {
+  if (!(size > 0) || !Number.isFinite(size)) return 1e-3;
+  const power = 10 ** Math.floor(Math.log10(size));
+  return [1, 2, 5, 10].find((step) => step * power >= size * 0.999) * power;
+}
+
+const STOPS = [[0x56, 0xb4, 0xe9], [0xc9, 0xa2, 0x27], [0xd5, 0x5e, 0x00]];
+
+// From sky over gold to vermilion, which colour-blind readers tell apart; widths say the same.
+function tensionColour(share) {
+  const position = Math.min(Math.max(share, 0), 1) * 2, index = Math.min(Math.floor(position), 1), part = position - index;
+  return `rgb(${STOPS[index].map((from, channel) => Math.round(from + part * (STOPS[index + 1][channel] - from))).join(",")})`;
+}

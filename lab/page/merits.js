@@ -1,0 +1,32 @@
+// Figures of merit: this run, beside the pinned one, beside the paper's gains on the same case.
+
+import {change, digits, scaleFor} from "./numbers.js";
+
+export function showMerits(table, catalogue, run, pinned, paper) {
+  const columns = [["this run", run.metrics], ...(pinned ? [["A", pinned.metrics]] : []), ...(paper && !pinned ? [["paper’s gains", paper]] : [])];
+  const against = columns[1]?.[1];
+  const head = `<thead><tr><th scope="col">figure of merit</th>${columns.map(([name]) => `<th scope="col">${name}</th>`).join("")}${against ? `<th scope="col">${pinned ? "from A" : "change"}</th>` : ""}</tr></thead>`;
+  const rows = catalogue.metrics.map((metric) => row(metric, columns.map(([, metrics]) => metrics?.[metric.name]), Boolean(against)));
+  table.innerHTML = `${head}<tbody>${rows.join("")}</tbody>`;
+}
+
+function row(metric, values, compared) {
+  const share = metric.unit === "1" && metric.name.endsWith("share");
+  const {unit, factor} = share ? {unit: "%", factor: 100} : scaleFor(metric.unit, values.map((value) => value ?? NaN));
+  const cells = values.map((value) => `<td>${digits(value == null ? NaN : value * factor, 4)}</td>`);
+  const last = compared ? `<td class="change">${change((values[1] ?? NaN) * factor, (values[0] ?? NaN) * factor)}</td>` : "";
+  return `<tr><th scope="row" title="${metric.meaning}">${metric.name.replaceAll("_", " ")}<small>${unit}</small></th>${cells.join("")}${last}</tr>`;
+}
+
+// What the paper says that its observer changes, beside what it changes here; of its controller on its machine alone.
+export function claims(catalogue, experiment, run) {
+  const {case: id, without, with: law, change: said} = catalogue.claims, changed = [...Object.keys(experiment.values), ...Object.keys(experiment.settings)];
+  if (experiment.case !== id || run.outcome !== "completed" || changed.some((key) => !/^controller\.(observer|nftsm|auxiliary)\./.test(key))) return "";
+  const before = catalogue.paper[id][without];
+  const words = Object.entries(said).map(([name, share]) => `${name.replaceAll("_", " ")} ${percent(run.metrics[name] / before[name] - 1)} (${percent(share)})`);
+  return `The observer’s part, against ${without} (in brackets what the paper reports for ${law}): ${words.join(", ")}.`;
+}
+
+function percent(share) {
+  return `${share < 0 ? "−" : "+"}${Math.abs(100 * share).toFixed(1)}\u202f%`;
+}

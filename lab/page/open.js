@@ -1,0 +1,46 @@
+// Files of one's own: runs as CSV or Parquet, gains as TOML.
+
+import {fromFile} from "./share.js";
+import {readToml} from "./toml.js";
+
+// {experiment, unknown} of a TOML file, {run} of a file with rows.
+export async function openFile(catalogue, file) {
+  const kind = file.name.split(".").at(-1).toLowerCase();
+  if (kind === "toml") return fromFile(catalogue, readToml(await file.text()));
+  if (kind === "csv") return {run: finished(file.name, readCsv(await file.text()), {})};
+  if (kind === "parquet") return {run: await readParquet(file)};
+  throw new Error(`${file.name}: must be a .toml, .csv or .parquet file`);
+}
+
+export function readCsv(text) {
+  const lines = text.trimEnd().split(/\r?\n/), names = lines[0].split(",").map((name) => name.trim().replaceAll('"', ""));
+  const columns = Object.fromEntries(names.map((name) => [name, new Float64Array(lines.length - 1)]));
+  const ordered = names.map((name) => columns[name]);
+  for (let row = 1; row < lines.length; row++) {
+    const cells = lines[row].split(",");
+    if (cells.length !== names.length) throw new Error(`line ${row + 1}: must have ${names.length} numbers, has ${cells.length}`);
+    cells.forEach((cell, index) => { ordered[index][row - 1] = cell === "" ? NaN : Number(cell); });
+  }
+  return columns;
+}
+
+async function readParquet(file) {
+  const buffer = await file.arrayBuffer();
+  const metadata = hyparquet.parquetMetadata(buffer), columns = {};
+  await hyparquet.parquetRead({
+    file: buffer, metadata, compressors: {ZSTD: (input, length) => fzstd.decompress(input, new Uint8Array(length))},
+    onChunk: ({columnName, columnData, rowStart, rowEnd}) => {
+      columns[columnName] ??= new Float64Array(Number(metadata.num_rows)).fill(NaN);
+      for (let row = rowStart; row < rowEnd; row++) columns[columnName][row] = columnData[row - rowStart] ?? NaN;
+    },
+  });
+  const facts = Object.fromEntries((metadata.key_value_metadata ?? []).map(({key, value}) => [key, value]));
+  return finished(file.name, columns, JSON.parse((facts["dualwinch.metrics"] ?? "{}").replaceAll("NaN", "null")));
+}
+
+// What the page needs of rows from elsewhere.
+export function finished(name, columns, metrics) {
+  if (!columns.t || columns.t.length < 2) throw new Error(`${name}: must have a column t with at least two times`);
+  if (!columns.e && !columns.F1) throw new Error(`${name}: has none of the columns e, F1, F2, tau_1, d_true`);
+  return {label: name, t: columns.t, columns, metrics, outcome: "opened", until: columns.t.at(-1)};
+}

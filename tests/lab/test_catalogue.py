@@ -1,0 +1,105 @@
+"""The catalogue says what the annotations say, and no more."""
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dualwinch as dw
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.lab.catalogue.catalogue import catalogue
+from dualwinch.lab.wasm.structures import structures
+from dualwinch.lab.wasm.wide import LAG
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.paper import CASES
+from tests.lab.in_node import of_id
+
+SOME = ("fando-nftsm", "pid-cascade")
+
+
+@cache
+def made() -> dict[str, Any]:
+    return catalogue([of_id(name) for name in SOME], load_ensemble("rig"), "0.1.0")
+
+
+def test_every_law_is_offered_and_every_structure_has_a_name_of_its_own() -> None:
+    offered = structures()
+    assert {structure.chosen["controller.kind"] for structure in offered} == set(POSITION_LAWS)
+    assert (
+        len({structure.id for structure in offered}) == len({structure.label for structure in offered}) == len(offered)
+    )
+    assert offered[0].experiment == dw.case(2)
+
+
+def test_keys_are_described_as_in_the_configuration() -> None:
+    known = describe_parts(of_id("fando-nftsm").module.wide)
+    for key in made()["structures"][0]["parameters"]:
+        entry, leaf = made()["keys"][key], known[key]
+        assert (entry["unit"], entry["meaning"]) == (leaf.quantity.unit, leaf.quantity.meaning)
+        if key in {LAG, "reference.kind"}:
+            continue
+        ends = (
+            -math.inf if entry["low"] is None else entry["low"],
+            math.inf if entry["high"] is None else entry["high"],
+        )
+        assert ends == leaf.bounds, key
+
+
+def test_sliders_hold_the_default_within_the_bounds() -> None:
+    for key, entry in made()["keys"].items():
+        if entry["kind"] == "part":
+            assert entry["default"] in entry["choices"]
+            assert len(entry["labels"]) == len(entry["choices"])
+            continue
+        low, high = entry["slider"]
+        around = entry["instead"] if entry["default"] is None else entry["default"]
+        assert low < high, key
+        assert low > 0 or entry["scale"] == "linear", key
+        assert around is None or low <= around <= high, key
+        assert entry["low"] is None or low >= entry["low"], key
+        assert entry["high"] is None or high <= entry["high"], key
+
+
+def test_every_key_that_a_structure_takes_is_described_and_has_its_default() -> None:
+    for structure in made()["structures"]:
+        values = leaves(of_id(structure["id"]).experiment)
+        assert set(structure["believed"]) | set(structure["optional"]) <= set(structure["parameters"])
+        for key in structure["parameters"]:
+            default = structure["defaults"].get(key, made()["keys"][key]["default"])
+            if key not in {LAG, "reference.kind"}:
+                assert default == values[key], key
+
+
+def test_columns_are_those_of_a_result() -> None:
+    columns = {column["name"]: column["unit"] for column in made()["structures"][0]["columns"]}
+    assert dw.simulate(dw.case(2)).units.items() <= columns.items()
+
+
+def test_cases_and_figures_are_those_of_simulate() -> None:
+    assert [case["id"] for case in made()["cases"]] == [f"case-{number}" for number in CASES]
+    found = made()["paper"]["case-4"]["pid-cascade"]
+    assert found == dict(dw.simulate(dw.case(4, "pid-cascade")).metrics)
+    assert made()["claims"]["change"]["steady_mae"] == -0.76
+
+
+def test_machines_are_the_first_of_the_ensemble() -> None:
+    rig, drawn = load_ensemble("rig"), made()["rig"]
+    for index in (0, 7, 19):
+        values = leaves(rig.scenario(index, drawn["seed"]).experiment)
+        assert drawn["seeds"][index] == values["simulation.seed"]
+        for key, numbers in drawn["machines"].items():
+            assert numbers[index] == pytest.approx(values[key], rel=1e-15)
+        for key, value in drawn["values"].items():
+            assert value == values[key] or key in drawn["machines"], key
+    spread = np.array(drawn["machines"]["plant.vehicle.mass"]) / 1e4
+    assert spread.min() >= drawn["distributions"]["plant.vehicle.mass"]["low"]
+
+
+def test_it_is_plain_json() -> None:
+    import json
+
+    assert json.loads(json.dumps(made(), allow_nan=False)) == made()
