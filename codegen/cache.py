@@ -1,23 +1,24 @@
-"""Compiled libraries, kept in the user's own cache folder.
+"""Compiled libraries, kept in the user's own cache folder (`codegen.trusted_folder`).
 
 A library is named ``<key>-<digest>.so``: the key is the fingerprint of its source and of everything about the
 compiler and the processor, the digest is that of the file itself. A file whose content is not what its name says
 (truncated, damaged) is thrown away and built again. Files arrive under their final name by one atomic rename, so
 processes that build the same library at once, and builds that are killed, leave nothing that could be taken for
-a library.
+a library. Files of any other name, or of somebody else, are neither used nor touched.
 """
 
 import contextlib
 import hashlib
 import os
+import re
 import secrets
+import shutil
 import time
 from pathlib import Path
 
-from platformdirs import user_cache_path
-
 from dualwinch.codegen.compiler import Compiler, fingerprint
 from dualwinch.codegen.errors import CacheError
+from dualwinch.codegen.trusted_folder import cache_folder, own
 
 ABANDONED_AFTER = 3600.0
 """Age in s at which an unfinished build counts as abandoned."""
@@ -25,27 +26,10 @@ ABANDONED_AFTER = 3600.0
 KEPT = 200
 """Libraries kept; the ones used longest ago go first."""
 
-
-def cache_folder() -> Path:
-    """The folder of compiled libraries, ``DUALWINCH_CACHE_DIR`` or the user's cache folder; created with mode 0700.
-
-    Raises:
-        CacheError: the folder cannot be made or belongs to somebody else.
-    """
-    given = os.environ.get("DUALWINCH_CACHE_DIR")
-    folder = Path(given) if given else user_cache_path("dualwinch")
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        facts = folder.stat()
-        if hasattr(os, "getuid"):
-            if facts.st_uid != os.getuid():
-                raise CacheError(f"the cache folder {folder} belongs to another user; set DUALWINCH_CACHE_DIR")
-            if facts.st_mode & 0o077:
-                folder.chmod(0o700)
-    except OSError as error:
-        hint = "set DUALWINCH_CACHE_DIR to a folder you may write to"
-        raise CacheError(f"cannot use the cache folder {folder}: {error.strerror}; {hint}") from error
-    return folder
+LIBRARY = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.so")
+UNFINISHED = re.compile(r"unfinished-\d+-[0-9a-f]{8}\.so")
+BUILD = re.compile(r"build-\w{8}")
+"""Names of what is put into the cache folder; builds are folders."""
 
 
 def library(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = ()) -> Path:
@@ -72,6 +56,8 @@ def _digest(file: Path) -> str:
 def _look_up(folder: Path, key: str) -> Path | None:
     for file in folder.glob(f"{key}-*.so"):
         with contextlib.suppress(OSError):
+            if not LIBRARY.fullmatch(file.name) or not own(file):
+                continue
             if file.stem.partition("-")[2] == _digest(file):
                 os.utime(file)
                 return file
@@ -83,6 +69,7 @@ def _build(folder: Path, key: str, source: str, compiler: Compiler, extra_flags:
     unfinished = folder / f"unfinished-{os.getpid()}-{secrets.token_hex(4)}.so"
     try:
         compiler.build(source, unfinished, extra_flags)
+        unfinished.chmod(0o700)
         with unfinished.open("rb+") as file:
             os.fsync(file.fileno())
         finished = folder / f"{key}-{_digest(unfinished)}.so"
@@ -95,18 +82,22 @@ def _build(folder: Path, key: str, source: str, compiler: Compiler, extra_flags:
     return finished
 
 
+def libraries(folder: Path) -> list[Path]:
+    """The compiled libraries in the cache folder, those used last first."""
+    found = [(file.lstat().st_mtime, file) for file in folder.iterdir() if LIBRARY.fullmatch(file.name) and own(file)]
+    return [file for _, file in sorted(found, reverse=True)]
+
+
 def _sweep(folder: Path) -> None:
     """Remove what killed builds left behind, and the libraries beyond `KEPT`."""
     now = time.time()
     with contextlib.suppress(OSError):
-        for left in (*folder.glob("unfinished-*"), *folder.glob("build-*")):
-            if now - left.stat().st_mtime > ABANDONED_AFTER:
-                if left.is_dir():
-                    for file in left.iterdir():
-                        file.unlink()
-                    left.rmdir()
-                else:
-                    left.unlink()
-        libraries = sorted(folder.glob("*-*.so"), key=lambda file: file.stat().st_mtime, reverse=True)
-        for file in libraries[KEPT:]:
+        for left in folder.iterdir():
+            if now - left.lstat().st_mtime <= ABANDONED_AFTER:
+                continue
+            if UNFINISHED.fullmatch(left.name) and own(left):
+                left.unlink()
+            elif BUILD.fullmatch(left.name) and left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left)
+        for file in libraries(folder)[KEPT:]:
             file.unlink()

@@ -19,3 +19,7 @@ class CompileError(DualwinchError):
 
 class CacheError(DualwinchError):
     """The folder of compiled libraries cannot be used."""
+
+
+class CacheWarning(UserWarning):
+    """The folder of compiled libraries cannot be trusted, and another one is used."""

@@ -30,6 +30,22 @@ def c_comment(text: object) -> str:
     return one_line(text).replace("*/", "* /").replace("/*", "/ *")
 
 
+def c_string(text: object) -> str:
+    """A text between the quotes of a C string that is no format, without trigraphs."""
+    plain = one_line(text).replace("\\", "\\\\").replace('"', '\\"')
+    return plain.replace("?", "\\?")
+
+
+def markdown(text: object) -> str:
+    """A text in one line of Markdown, in a cell of a table, too, with signs that mean something there escaped."""
+    return re.sub(r"([\\`*\[\]<>|&])", r"\\\1", one_line(text))
+
+
+def xml_text(text: object) -> str:
+    """A text in one line of letters that XML can hold; what writes XML escapes its signs."""
+    return re.sub("[\ufffe\uffff]", lambda letter: _escaped(letter[0]), one_line(text))
+
+
 def shortened(text: str) -> str:
     """A message of one line that fits a screen: very long words lose their middle, a very long line its end."""
     cut = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: _without_middle(word[0]), " ".join(text.split()))

@@ -18,6 +18,11 @@ settings.register_profile("dualwinch", derandomize=True, deadline=None, database
 settings.load_profile("dualwinch")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--attack 50``: the tests in ``tests/attack`` try so many times as much."""
+    parser.addoption("--attack", type=int, default=1, help="how many times as hard tests/attack attacks as by default")
+
+
 @pytest.fixture(autouse=True)
 def registered_for_this_test_only() -> Iterator[None]:
     """Parts that a test registers are gone after it."""

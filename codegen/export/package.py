@@ -17,7 +17,7 @@ from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.precision import PRECISIONS, Precision, literal
 from dualwinch.codegen.source.rolled import rolled_statements
 from dualwinch.codegen.source.statements import Element, Strand, helpers, statements
-from dualwinch.codegen.text import c_comment
+from dualwinch.codegen.text import c_comment, c_string, markdown
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def c_package(
 
 
 def templates(precision: Precision) -> Environment:
-    """The templates of generated files, with the filters ``member``, ``padded``, ``literal`` and ``c_comment``."""
+    """The templates of generated files, with the filters of names, numbers and texts."""
     environment = Environment(
         loader=PackageLoader("dualwinch.codegen.export"),
         undefined=StrictUndefined,
@@ -122,6 +122,8 @@ def templates(precision: Precision) -> Environment:
         "member": member,
         "padded": _padded,
         "c_comment": c_comment,
+        "c_string": c_string,
+        "markdown": markdown,
         "literal": lambda value: literal(value, precision),
     }
     return environment

@@ -6,6 +6,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from dualwinch.codegen.fmu.model import FmuModel, Signal
 from dualwinch.codegen.fmu.units import base_powers
+from dualwinch.codegen.text import xml_text
 
 CAUSALITY = {
     "input": ("input", "continuous", None),
@@ -122,6 +123,8 @@ def variable_attributes(signal: Signal) -> dict[str, str]:
 
 
 def text(element: Element) -> bytes:
-    """The document."""
+    """The document; what others wrote is in one line of letters that XML can hold."""
+    for inner in element.iter():
+        inner.attrib.update({name: xml_text(value) for name, value in inner.attrib.items()})
     indent(element)
     return tostring(element, encoding="utf-8", xml_declaration=True) + b"\n"

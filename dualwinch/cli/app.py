@@ -4,6 +4,9 @@ import io
 import os
 import signal
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
@@ -92,13 +95,30 @@ def _fail(message: object, code: int) -> NoReturn:
     raise SystemExit(code)
 
 
+def _warn(message: Warning | str, *_: object) -> None:
+    from dualwinch.codegen.text import shortened, without_secrets
+
+    sys.stderr.write(f"dualwinch: warning: {shortened(without_secrets(str(message)))}\n")
+
+
+@contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Warnings without the lines of the program that give them."""
+    before, warnings.showwarning = warnings.showwarning, _warn
+    try:
+        yield
+    finally:
+        warnings.showwarning = before
+
+
 def _check_text(words: list[str]) -> None:
     """Refuse words that are no text, and have output show what a terminal lacks letters for."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     for word in words:
-        if any("\ud800" <= letter <= "\udfff" for letter in word):  # bytes that are none, in the name of a file
+        # bytes that are none, in the name of a file; and what ends it
+        if any("\ud800" <= letter <= "\udfff" or letter == "\0" for letter in word):
             _fail(f"{word!a}: must be UTF-8 text", WRONG_INPUT)
 
 
@@ -112,7 +132,8 @@ def main(arguments: list[str] | None = None) -> None:
     _check_text(words)
     try:
         wanted = [word for word in words if word != TRACEBACK]
-        app(wanted, exit_on_error=False, print_error=False, result_action="return_value")
+        with _warnings_in_a_line():
+            app(wanted, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except CycloptsError as error:
         _fail(str(error), WRONG_INPUT)

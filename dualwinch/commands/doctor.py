@@ -8,9 +8,10 @@ from importlib.metadata import PackageNotFoundError, version
 from rich.table import Table
 
 from dualwinch import __version__
-from dualwinch.codegen.cache import cache_folder
+from dualwinch.codegen.cache import libraries
 from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
 from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.trusted_folder import cache_folder
 from dualwinch.commands.terminal import terminal
 
 REQUIRED = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")
@@ -42,9 +43,9 @@ def findings() -> dict[str, str]:
         found["C compiler"] = str(error)
     try:
         folder = cache_folder()
-        libraries = list(folder.glob("*-*.so"))
-        size = sum(file.stat().st_size for file in libraries) / 1e6
-        found["cache"] = f"{folder} ({len(libraries)} libraries, {size:.1f} MB)"
+        kept = libraries(folder)
+        size = sum(file.stat().st_size for file in kept) / 1e6
+        found["cache"] = f"{folder} ({len(kept)} libraries, {size:.1f} MB)"
     except DualwinchError as error:
         found["cache"] = str(error)
     found["processor"] = f"{processor_name()}, {os.cpu_count()} cores"

@@ -44,6 +44,8 @@ def lab(out: Path | None, port: int, *, browser: bool) -> None:
 
 def show(run: Path, out: Path | None, *, browser: bool) -> None:
     """Write the page with a run of one's own in it."""
+    if not run.is_file():
+        raise ConfigurationError(f"cannot read {run}: no such file")
     file = out or run.with_suffix(".html")
     _check(file)
     result = load_result(run)

@@ -10,7 +10,7 @@ from typing import Any
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import make_folder
+from dualwinch.commands.folders import made_folder, make_folder
 from dualwinch.commands.race import race
 from dualwinch.commands.terminal import terminal
 from dualwinch.commands.tuning_progress import StatusLine
@@ -59,8 +59,7 @@ def run_race(out: Path, **words: Any) -> None:
         ConfigurationError: anything wrong with a kind, a key, a value, a constraint or the folder.
         KeyboardInterrupt: interrupted; what is finished is written.
     """
-    make_folder(out)
-    with StatusLine("race") as status:
+    with made_folder(out), StatusLine("race") as status:
         status.phase("reading the problem")
         found = race(out=out, progress=Clock(status), **words)
         status.phase("writing the report")

@@ -14,7 +14,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.engine import engine_here
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
-from dualwinch.commands.folders import make_folder
+from dualwinch.commands.folders import made_folder
 from dualwinch.commands.reproduce_print import new_table, print_claims, print_tables
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
@@ -50,8 +50,12 @@ def reproduce(out: str | PathLike[str], cases: list[str], controllers: list[str]
         OSError: the folder cannot be written to.
     """
     out, numbers, kinds = Path(out), _chosen_cases(cases), _chosen_controllers(controllers)
-    for folder in (out, out / "data", out / "figures"):
-        make_folder(folder)
+    with made_folder(out), made_folder(out / "data"), made_folder(out / "figures"):
+        _reproduce(out, numbers, kinds, extended=extended)
+
+
+def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: bool) -> None:
+    """The same, once everything is checked and there are folders."""
     engine = engine_here()
     jobs = [(number, kind) for number in numbers for kind in kinds]
     contents = [figure for figure in FIGURES if figure.case in numbers]

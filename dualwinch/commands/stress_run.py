@@ -5,6 +5,7 @@ The module does not bear the command's name: that is the function ``dualwinch.st
 
 import json
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemaining
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import make_folder
+from dualwinch.commands.folders import made_folder
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.stress import stress
 from dualwinch.commands.terminal import terminal
@@ -49,11 +50,10 @@ def run_stress(
     if (file is None) == (case is None):
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = experiment_from(case, file, None, assignments)
-    if out:
-        make_folder(out)
     console = terminal(stderr=True)
     shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
+    bars = Progress(*shown, console=console, transient=True, disable=not console.is_terminal)
+    with made_folder(out) if out else nullcontext(), bars as bar:
         task = bar.add_task("", total=1.0)
         found = stress(
             experiment,

@@ -63,6 +63,19 @@ def test_units_are_powers_of_the_base_units(unit: str, powers: dict[str, int] | 
     assert base_powers(unit) == powers
 
 
+@pytest.mark.parametrize("version", [2, 3])
+def test_what_others_say_of_a_variable_is_text_that_xml_can_hold(version: int) -> None:
+    wild = 'a\x00b\x1b\n<c> "d" & \ud800\ufffe|'
+    made = spring()
+    made = replace(made, inputs=(replace(made.inputs[0], unit=wild, description=wild),), description=wild)
+    root = ET.fromstring(build_fmu(fmu_model(made, version), (), ABOUT)["modelDescription.xml"])  # noqa: S314
+    kept = r"""a\x00b\x1b\n<c> "d" & \ud800\ufffe|"""
+    assert root.get("description") == kept
+    assert [unit.get("name") for unit in root.iter("Unit") if "a" in unit.attrib["name"]] == [kept]
+    (force,) = (variable for variable in root.iter() if variable.get("name") == "force")
+    assert force.get("description") == kept
+
+
 def test_model_description_names_what_depends_on_what() -> None:
     root = ET.fromstring(build_fmu(fmu_model(spring(), 3), (), ABOUT)["modelDescription.xml"])  # noqa: S314
     reference = {variable.get("name"): variable.get("valueReference") for variable in root.find("ModelVariables") or ()}

@@ -1,12 +1,14 @@
 """Text of others: no line breaks where they would mean something, nothing endless, no secrets."""
 
+import re
 import tomllib
+from xml.etree import ElementTree as ET
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.codegen.text import c_comment, one_line, shortened, without_secrets
+from dualwinch.codegen.text import c_comment, c_string, markdown, one_line, shortened, without_secrets, xml_text
 
 
 @given(st.text(alphabet=st.characters(codec=None)))
@@ -26,6 +28,23 @@ def test_what_is_harmless_stays_as_it_is() -> None:
 def test_nothing_ends_a_c_comment(text: str) -> None:
     assert "*/" not in c_comment(text)
     assert "/*" not in c_comment(text)
+
+
+@given(st.text(alphabet=st.characters(codec=None)))
+def test_nothing_ends_a_c_string(text: str) -> None:
+    assert re.fullmatch(r'(?:[^"\\?]|\\["\\?])*', c_string(text))
+
+
+@given(st.text(alphabet=st.characters(codec=None)))
+def test_nothing_ends_a_cell_of_a_table(text: str) -> None:
+    assert re.fullmatch(r"(?:[^\\`*\[\]<>|&]|\\.)*", markdown(text))
+    assert len(f"x{markdown(text)}x".splitlines()) == 1
+
+
+@given(st.text(alphabet=st.characters(codec=None)))
+def test_nothing_is_no_xml(text: str) -> None:
+    element = ET.fromstring(ET.tostring(ET.Element("a", b=xml_text(text)), encoding="utf-8"))  # noqa: S314
+    assert element.get("b") == xml_text(text)
 
 
 def test_a_message_fits_a_screen() -> None:

@@ -68,12 +68,11 @@ def _parts(url: str) -> "URL | None":
     return None if re.search(r"[@\s]", parts.host or "") else parts
 
 
-def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStorage":
+def connected(url: str) -> "optuna.storages.RDBStorage":
     """Connect to a database, with Optuna's tables in it.
 
     Args:
         url: ``postgresql+psycopg://USER:PASSWORD@HOST/DATABASE``.
-        stale: called with study and trial when a trial's worker has died.
 
     Raises:
         ConfigurationError: no URL.
@@ -95,7 +94,6 @@ def connected(url: str, stale: Callable[..., None]) -> "optuna.storages.RDBStora
                 engine_kwargs={"pool_pre_ping": True, "pool_size": 8, "connect_args": {"connect_timeout": 10}},
                 heartbeat_interval=HEARTBEAT,
                 grace_period=GRACE,
-                heartbeat_stale_trial_callback=stale,
             )
     except (sqlalchemy.exc.ArgumentError, ValueError):
         raise ConfigurationError(f"--storage: no URL of a database; must be {WANTED}") from None

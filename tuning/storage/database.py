@@ -9,22 +9,22 @@ import os
 import secrets
 import socket
 import threading
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import optuna
-from optuna.trial import FrozenTrial, TrialState, create_trial
+from optuna.trial import FrozenTrial, TrialState
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.space import Space
 from dualwinch.tuning.space_record import space_from
-from dualwinch.tuning.storage.connection import connected, patient
-from dualwinch.tuning.storage.definition import BUDGET, DEFINITION, OBJECTIVES, check_definition, check_resume, titles
+from dualwinch.tuning.storage.claims import WORKER, counts, requeue, stale, take_waiting, taken_by
+from dualwinch.tuning.storage.connection import GRACE, connected, patient
+from dualwinch.tuning.storage.definition import BUDGET, DEFINITION, begun, check_resume
 from dualwinch.tuning.storage.record import ORIGIN, evaluation_of
 from dualwinch.tuning.storage.rows import beat, create_running, finish_running
 from dualwinch.tuning.storage.store import Budget, Claim, Propose
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     import sqlalchemy
 
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
-WORKER = "worker"
-"""User attribute that says who evaluates a trial."""
 
 
 class Database:
@@ -46,6 +44,7 @@ class Database:
         self._study = patient(url, lambda: optuna.load_study(study_name=study, storage=storage))
         self._name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
         self._key = int.from_bytes(hashlib.sha256(study.encode()).digest()[:7], "big")
+        self._grace = storage.grace_period or GRACE
         self._held: set[int] = set()
         self._told: set[int] = set()
         self._ended = threading.Event()
@@ -57,19 +56,13 @@ class Database:
         cls, url: str, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
     ) -> "Database":
         """Begin a study or go on with one; for the arguments and errors see `tuning.storage.opening.open_store`."""
-        storage = connected(url, requeue)
-        known = {there.study_name for there in storage.get_all_studies()}
-        if study in known:
-            there = optuna.load_study(study_name=study, storage=storage)
-            theirs = there.user_attrs.get(DEFINITION)
-            space = space_from((theirs or {}).get("space", []))
-            check_definition(study, definition, theirs, (problem.space, space))
+        storage = connected(url)
+        try:
+            there = begun(study, storage, problem, definition, budget)
             check_resume(study, len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
-        else:
-            directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
-            there = optuna.create_study(study_name=study, storage=storage, directions=directions)
-            there.set_user_attr(DEFINITION, dict(definition))
-            there.set_user_attr(OBJECTIVES, titles(problem.objectives))
+        except BaseException:
+            storage.engine.dispose()
+            raise
         there.set_user_attr(BUDGET, asdict(budget))
         return cls(url, study, storage, problem.space)
 
@@ -81,7 +74,7 @@ class Database:
             ConfigurationError: there is no such study, or it is none of this program.
             DualwinchError: the database cannot be reached or used.
         """
-        storage = connected(url, requeue)
+        storage = connected(url)
         known = sorted(there.study_name for there in storage.get_all_studies())
         if study not in known:
             storage.engine.dispose()
@@ -116,22 +109,21 @@ class Database:
         return claims
 
     def _claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
+        study = self._study._study_id  # noqa: SLF001
         with self._alone() as connection:
-            self._bury()
-            taken = [trial for trial in self._trials(TrialState.RUNNING) if self._lost(trial)]
-            for trial in self._trials(TrialState.WAITING)[: max(count - len(taken), 0)]:
-                self._storage.record_heartbeat(trial._trial_id)  # noqa: SLF001
-                self._storage.set_trial_user_attr(trial._trial_id, WORKER, self._name)  # noqa: SLF001
-                self._storage.set_trial_state_values(trial._trial_id, TrialState.RUNNING)  # noqa: SLF001
-                taken.append(trial)
-            claims = [Claim(_candidate(trial), trial._trial_id) for trial in taken]  # noqa: SLF001
-            existing = len(self._trials(*FINISHED, TrialState.RUNNING, TrialState.WAITING))
-            room = count - len(claims) if budget.trials is None else min(count - len(claims), budget.trials - existing)
-            fresh = propose(room, not existing)[:room] if room > 0 else []
+            requeue(connection, study, stale(connection, study, self._grace))
+            lost = [trial for trial in taken_by(connection, study, self._name) if trial not in self._held]
+            there = counts(connection, study)
+            begun = sum(there[state] for state in (*FINISHED, TrialState.RUNNING))
+            left = count if budget.trials is None else budget.trials - begun
+            waiting = take_waiting(connection, study, self._name, max(min(count - len(lost), left), 0))
+            room = min(count - len(lost) - len(waiting), left - there[TrialState.WAITING])
+            first = begun + there[TrialState.WAITING] == 0
+            fresh = propose(room, first)[:room] if room > 0 else []
             notes = [{ORIGIN: candidate.origin, WORKER: self._name} for candidate in fresh]
-            ids = create_running(connection, self._study._study_id, self._space, fresh, notes)  # noqa: SLF001
-            claims += [Claim(candidate, trial) for candidate, trial in zip(fresh, ids, strict=True)]
-        return claims
+            ids = create_running(connection, study, self._space, fresh, notes)
+        claims = [Claim(_candidate(self._storage.get_trial(trial)), trial) for trial in (*lost, *waiting)]
+        return claims + [Claim(candidate, trial) for candidate, trial in zip(fresh, ids, strict=True)]
 
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:
         """Write results, all in one transaction."""
@@ -140,11 +132,14 @@ class Database:
         self._held.difference_update(trials)
 
     def release(self, claims: Sequence[Claim]) -> None:
-        """Queue candidates again that will not be evaluated here."""
-        for claim in claims:
-            if claim.trial in self._held:
-                self._held.discard(claim.trial)
-                self._fail(claim.trial)
+        """Queue candidates again that will not be evaluated here; not those that were finished after all."""
+        trials = {claim.trial for claim in claims}
+        patient(self._url, lambda: self._requeue(trials))
+        self._held -= trials
+
+    def _requeue(self, trials: set[int]) -> None:
+        with self._alone() as connection:
+            requeue(connection, self._study._study_id, trials)  # noqa: SLF001
 
     def budget(self) -> Budget:
         """The study's budget as it stands in the database."""
@@ -171,10 +166,6 @@ class Database:
     def _trials(self, *states: TrialState) -> list[FrozenTrial]:
         return patient(self._url, lambda: self._study.get_trials(deepcopy=False, states=states))
 
-    def _lost(self, trial: FrozenTrial) -> bool:
-        """Whether a trial is this worker's own, made while a connection broke, so that it never knew of it."""
-        return trial.user_attrs.get(WORKER) == self._name and trial._trial_id not in self._held  # noqa: SLF001
-
     @contextmanager
     def _alone(self) -> Iterator["sqlalchemy.Connection"]:
         """While no other worker of this study is in here: a transaction that holds the lock.
@@ -188,19 +179,6 @@ class Database:
             connection.execute(sqlalchemy.text("SELECT pg_advisory_xact_lock(:key)"), {"key": self._key})
             yield connection
 
-    def _bury(self) -> None:
-        """Queue the running trials of workers again that have stopped beating."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            optuna.storages.fail_stale_trials(self._study)
-
-    def _fail(self, trial: int) -> None:
-        def queue_again() -> None:
-            if self._storage.set_trial_state_values(trial, TrialState.FAIL):
-                requeue(self._study, self._storage.get_trial(trial))
-
-        patient(self._url, queue_again)
-
     def _beat(self) -> None:
         interval = self._storage.get_heartbeat_interval() or 1
         while not self._ended.wait(interval):
@@ -210,24 +188,12 @@ class Database:
 
 def definition_in_database(url: str, study: str) -> dict[str, Any] | None:
     """What a study in a database was begun with; ``None`` where there is no such study."""
-    storage = connected(url, requeue)
+    storage = connected(url)
     try:
         known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
     finally:
         storage.engine.dispose()
     return known.get(study, {}).get(DEFINITION)
-
-
-def requeue(study: optuna.Study, trial: FrozenTrial) -> None:
-    """Queue a trial again whose worker is gone."""
-    study.add_trial(
-        create_trial(
-            state=TrialState.WAITING,
-            params=trial.params,
-            distributions=trial.distributions,
-            user_attrs={ORIGIN: trial.user_attrs.get(ORIGIN, ""), "retry of trial": trial.number},
-        )
-    )
 
 
 def _candidate(trial: FrozenTrial) -> Candidate:

@@ -1,12 +1,19 @@
 """What a storage keeps of a study beside its trials, and whether it is the study that is asked for."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space import Space
+from dualwinch.tuning.space_record import space_from
 from dualwinch.tuning.storage.noted_parts import check_parts
+from dualwinch.tuning.storage.store import Budget
+
+if TYPE_CHECKING:
+    import optuna
 
 DEFINITION, BUDGET, OBJECTIVES = "dualwinch definition", "dualwinch budget", "objectives"
 """User attributes of a study: what is tuned, how far, and what the values of a trial are."""
@@ -15,6 +22,32 @@ DEFINITION, BUDGET, OBJECTIVES = "dualwinch definition", "dualwinch budget", "ob
 def titles(objectives: Sequence[Statistic]) -> list[str]:
     """What the values of a trial are, with units."""
     return [f"{statistic.name} [{statistic.unit}]" for statistic in objectives]
+
+
+def begun(
+    study: str, storage: "optuna.storages.BaseStorage", problem: Problem, definition: Mapping[str, Any], budget: Budget
+) -> "optuna.Study":
+    """A study that is there, and the one that is asked for; else one that is new.
+
+    The definition is written last: a study without one, whose process was killed before that, is begun anew.
+
+    Raises:
+        ConfigurationError: it has another definition.
+    """
+    import optuna
+
+    directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
+    there = optuna.create_study(study_name=study, storage=storage, directions=directions, load_if_exists=True)
+    theirs = there.user_attrs
+    if not there.get_trials(deepcopy=False) and set(theirs) <= {BUDGET, OBJECTIVES} and there.directions == directions:
+        there.set_user_attr(BUDGET, asdict(budget))
+        there.set_user_attr(OBJECTIVES, titles(problem.objectives))
+        there.set_user_attr(DEFINITION, dict(definition))
+    else:
+        known = theirs.get(DEFINITION)
+        space = space_from((known or {}).get("space", []))
+        check_definition(study, definition, known, (problem.space, space))
+    return there
 
 
 def check_definition(

