@@ -9,6 +9,7 @@ nobody recorded from the likelihood of all.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,7 +206,8 @@ class Fitting:
                     last[key] = self._rows(normal, scaled, known)
             return last[key]
 
-        solved = least_squares(
+        solver: Any = least_squares  # what is known of it knows no function as Jacobian
+        solved = solver(
             lambda scaled: squares(scaled)[0],
             np.clip(values / scale, *(bound / scale for bound in self._bounds)),
             lambda scaled: squares(scaled)[1],
@@ -291,4 +293,4 @@ def covariance_of(information: Floats, unknowns: Sequence[Unknown]) -> Floats:
     beforehand = np.array([1 / (each.prior.deviation if each.prior else each.scale) ** 2 for each in unknowns])
     by = np.array([each.scale for each in unknowns])
     scaled = (information + np.diag(beforehand)) * np.outer(by, by)
-    return np.linalg.inv(scaled) * np.outer(by, by)
+    return np.asarray(np.linalg.inv(scaled) * np.outer(by, by), np.float64)

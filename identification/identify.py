@@ -152,7 +152,7 @@ def _courses(surprises: Sequence[Floats], step: float) -> dict[str, Floats]:
         values = every[:, column]
         if np.isfinite(values).any():
             squares = [
-                np.mean(kept**2) if len(kept := part[np.isfinite(part)]) else np.nan
+                float(np.mean(kept**2)) if len(kept := part[np.isfinite(part)]) else np.nan
                 for part in (values[window] for window in windows)
             ]
             found[name] = np.array([times, np.sqrt(squares)])

@@ -15,6 +15,9 @@ from dualwinch.tuning.scoring.machines import hardest_machines, survey
 from dualwinch.tuning.scoring.runs import over, run_pairs
 from dualwinch.tuning.scoring.scenarios import Pick, drawn, pick
 
+STRESS = 16
+"""Number of the scenarios in which only the best candidates are tried."""
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -22,8 +25,9 @@ class Prepared:
 
     Attributes:
         problem: what is tuned.
-        scenarios: what candidates are tried in, the same for all: draws and vertices of the ensemble, or the
-            experiment. Some give up after the first ones.
+        scenarios: what every candidate is tried in, the same for all: draws and vertices of the ensemble, or the
+            experiment.
+        stress: further vertices, where the best of the candidates have to hold; none without an ensemble.
         constraints: the problem's, every bound a number.
         paper: the paper's controller in `scenarios`, one row.
         start: the start in `scenarios`, one row.
@@ -32,6 +36,7 @@ class Prepared:
 
     problem: Problem
     scenarios: tuple[Experiment | Scenario, ...]
+    stress: tuple[Experiment | Scenario, ...]
     constraints: tuple[Constraint, ...]
     paper: BatchResult
     start: BatchResult
@@ -53,19 +58,20 @@ def prepare(problem: Problem, threads: int | None = None, watch: Watch = SILENT)
         KeyboardInterrupt: interrupted.
     """
     watch.phase(DRAWING)
-    picks = _picks(problem)
+    picks, more = _picks(problem)
     scenarios = _drawn(problem, picks, problem.experiment)
     watch.phase(REFERENCES)
     paper = run_pairs([], [[]], _drawn(problem, picks, problem.paper_experiment), threads)
     start = run_pairs(problem.space.keys, [problem.space.parameters(problem.start)], scenarios, threads)
-    hardest = hardest_machines(problem, scenarios, threads)
+    stress = _drawn(problem, more, problem.experiment) if more else ()
+    hardest = hardest_machines(problem, [*scenarios, *stress], threads)
     bounds = []
     for constraint in problem.constraints:
         reached = 0.0
         if isinstance(constraint.statistic, Statistic):
             reached = over(constraint.statistic, paper, 0, scenarios)
         elif constraint.of_paper:
-            drawn = _drawn(problem, picks, problem.paper_experiment)
+            drawn = _drawn(problem, [*picks, *more], problem.paper_experiment)
             machines = [problem.paper_experiment, *(drawn[index] for index in hardest)]
             worst = MarginSurvey(machines if problem.ensemble else machines[:1], threads=threads).worst([[]])[0]
             reached = constraint.statistic.of(worst)
@@ -73,19 +79,20 @@ def prepare(problem: Problem, threads: int | None = None, watch: Watch = SILENT)
     return Prepared(
         problem=problem,
         scenarios=scenarios,
+        stress=stress,
         constraints=tuple(bounds),
         paper=paper,
         start=start,
-        margins=survey(problem, [scenarios[index] for index in hardest], threads),
+        margins=survey(problem, [[*scenarios, *stress][index] for index in hardest], threads),
     )
 
 
-def _picks(problem: Problem) -> list[Pick]:
-    """Which scenarios candidates are tuned in."""
+def _picks(problem: Problem) -> tuple[list[Pick], list[Pick]]:
+    """Which scenarios candidates are tuned in, and in which further ones the best of them."""
     if problem.ensemble is None:
-        return []
+        return [], []
     ensemble = replace(problem.ensemble, experiment=problem.experiment)
-    return pick(ensemble, problem.scenarios, problem.seed)
+    return pick(ensemble, problem.scenarios, STRESS, problem.seed)
 
 
 def _drawn(problem: Problem, picks: Sequence[Pick], experiment: Experiment) -> tuple[Experiment | Scenario, ...]:

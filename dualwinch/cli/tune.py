@@ -34,11 +34,7 @@ def tune(
         str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, or a TOML file.")
     ] = None,
     scenarios: Annotated[
-        int | None,
-        WHOLE,
-        Parameter(
-            help="Scenarios of the ensemble in which candidates are tried (default 24; 8 with several objectives)."
-        ),
+        int | None, WHOLE, Parameter(help="Scenarios of the ensemble in which each candidate is tried.")
     ] = None,
     space: Annotated[
         list[str] | None,

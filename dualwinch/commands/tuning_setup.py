@@ -22,8 +22,8 @@ from dualwinch.tuning.space_entries import entry_from, space_of
 from dualwinch.tuning.space_record import space_from, space_to_record
 from dualwinch.tuning.storage.noted_parts import noted_parts
 
-SCENARIOS, SCENARIOS_OF_SEVERAL = 24, 8
-"""Scenarios a candidate is tuned on where nothing else is asked for; with several objectives none is given up early."""
+SCENARIOS = 8
+"""Scenarios a candidate is tuned on where nothing else is asked for."""
 
 ESTIMATOR = "controller.estimator"
 
@@ -85,7 +85,7 @@ def tuning_problem(
             values[ESTIMATOR] = first_estimator(drawn)
         drawn = reset(drawn, values)
         base = drawn.experiment
-    count = (SCENARIOS_OF_SEVERAL if len(objectives) > 1 else SCENARIOS) if scenarios is None else scenarios
+    count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")

@@ -128,5 +128,5 @@ def _largest(omega: Floats, values: Floats, function: Callable[[float], float]) 
 
     highest = int(np.argmax(values))
     between = omega[max(highest - 1, 0)], omega[min(highest + 1, len(omega) - 1)]
-    found = minimize_scalar(lambda w: -function(w), bounds=between, method="bounded", options={"xatol": 1e-10})
+    found: Any = minimize_scalar(lambda w: -function(w), bounds=between, method="bounded", options={"xatol": 1e-10})
     return float(found.x) if -found.fun > values[highest] else float(omega[highest])

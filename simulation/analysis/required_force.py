@@ -42,14 +42,10 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
     return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), *sea], dtype=np.float64)
 
 
-def demand(experiment: Experiment) -> float:
-    """The largest force that a run asks of its motors, as a share of what they can give."""
-    return float(np.abs(required_force(experiment)).max()) / experiment.controller.limits.strength
-
-
 def within_authority(experiment: Experiment) -> bool:
     """Whether a run stays within the actuators' authority: it asks for no more force than the motors can give."""
-    return demand(experiment) <= 1
+    limit = experiment.controller.limits.strength
+    return bool(np.abs(required_force(experiment)).max() <= limit)
 
 
 def shortfall(experiment: Experiment) -> float:

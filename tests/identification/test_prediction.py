@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -47,7 +48,7 @@ def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> Textbook:
     x, P = course.start.copy(), spread.start.copy()
     found = Textbook([], [], [], [], 0.0)
 
-    def called(function: ca.Function, *given: object) -> dict[str, np.ndarray]:
+    def called(function: ca.Function, *given: Any) -> dict[str, np.ndarray]:
         return {
             name: np.array(value).ravel()
             for name, value in zip(function.name_out(), function.call(list(given)), strict=True)

@@ -97,7 +97,7 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(b
     assert nominal == bounded.experiment
     assert len(machines) == HARDEST
     (start,) = Evaluator(prepared).evaluate([Candidate(bounded.start, "start")])
-    every = [scenario for scenario in prepared.scenarios if isinstance(scenario, Scenario)]
+    every = [scenario for scenario in (*prepared.scenarios, *prepared.stress) if isinstance(scenario, Scenario)]
     least = MarginSurvey([bounded.experiment, *every]).worst([[]], ["delay", "disk"])[0]
     assert start.statistics["worst.delay_margin"] == pytest.approx(least["delay"].value, rel=1e-9)
     assert start.statistics["worst.disk_margin"] == pytest.approx(least["disk"].value, rel=1e-9)

@@ -10,7 +10,7 @@ from dualwinch.commands.tuning_setup import definition_of, problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.optimisers.gradient import Gradient
-from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.prepared import STRESS, prepare
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
@@ -116,14 +116,14 @@ def test_another_laws_first_trial_is_its_own_start(make_problem: MakeProblem, tm
 
 
 def test_rollouts_are_a_budget_and_what_was_given_up_early_counts_with_what_it_ran(make_problem: MakeProblem) -> None:
-    """The last batch has so few candidates that it goes beyond the budget by no more than one of them takes."""
+    """The last batch has so few candidates that it goes beyond the budget by no more than they and the stress take."""
     problem = make_problem(scenarios=4)
     prepared = prepare(problem)
     evaluator, store = Evaluator(prepared), Memory(Budget(rollouts=1000))
     progress = search("cmaes", optimiser("cmaes", prepared, 0), store, evaluator)
     assert progress.spent == evaluator.rollouts == sum(trial.scenarios for trial in store.finished())
     assert any(trial.pruned and trial.scenarios == 2 for trial in store.finished())
-    assert 1000 <= progress.spent < 1000 + 4
+    assert 1000 <= progress.spent < 1000 + 4 + 2 * STRESS
     assert progress.share == 1
 
 
@@ -133,5 +133,5 @@ def test_a_gradient_counts_as_many_rollouts_as_differences_take(make_problem: Ma
     evaluator, store, proposer = Evaluator(prepared), Memory(Budget(rollouts=300)), Gradient(prepared, 0)
     progress = search("gradient", proposer, store, evaluator)
     assert proposer.gradients >= 1
-    assert proposer.rollouts == proposer.gradients * 2 * (1 + 3)
+    assert proposer.rollouts == proposer.gradients * (2 + STRESS) * (1 + 3)
     assert progress.spent == evaluator.rollouts + proposer.rollouts >= 300

@@ -111,7 +111,7 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     monkeypatch.setattr(evaluate, "run_pairs", run_pairs)
     problem = make_problem()
     tuned = tune(problem, seconds=seconds)
-    batch = pace * BATCH * len(tuned.prepared.scenarios)
+    batch = pace * (BATCH * len(tuned.prepared.scenarios) + 2 * len(tuned.prepared.stress))
     assert seconds <= tuned.cost.searching <= seconds + batch
     assert tuned.cost.judging <= BESIDE_SECONDS
     assert tuned.cost.judging == pytest.approx(pace * (tuned.cost.rollouts - tuned.progress.rollouts))

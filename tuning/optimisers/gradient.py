@@ -110,7 +110,7 @@ class Gradient:
         if self._model is None:
             self._model = linearise(self._prepared, self._centre.point)
             self.gradients += 1
-            runs = len(self._prepared.scenarios)
+            runs = len(self._prepared.scenarios) + len(self._prepared.stress)
             self.rollouts += runs * (1 + len(self._smooth))
         attempts = ATTEMPTS[self._attempt : self._attempt + min(count, self._abreast)]
         points = [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]

@@ -42,7 +42,7 @@ def linearise(prepared: Prepared, point: Point) -> Model:
     for column, dimension in enumerate(dimensions):
         for key in dimension.keys:
             scales[keys.index(key), column] = _scale(dimension, values[key])
-    scenarios = [_with(scenario, problem, point) for scenario in prepared.scenarios]
+    scenarios = [_with(scenario, problem, point) for scenario in (*prepared.scenarios, *prepared.stress)]
     run = sensitivities(keys, [[values[key] for key in keys]], scenarios, stride=STRIDE)
     if run.interrupted:
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""Evaluate candidates by compiled rollouts: all in some scenarios, the promising in more, the best of those in all."""
+"""Evaluate candidates by compiled rollouts: all in some scenarios, the promising in more, the best in yet more."""
 
 import math
 from collections import Counter
@@ -14,7 +14,7 @@ from dualwinch.tuning import clock
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import survey
-from dualwinch.tuning.scoring.ranking import promising_first
+from dualwinch.tuning.scoring.ranking import best_first, promising_first
 from dualwinch.tuning.scoring.runs import over, run_pairs
 
 Margins = dict[str, WorstMargin]
@@ -23,14 +23,14 @@ Margins = dict[str, WorstMargin]
 FAILED = "scenarios not completed <= 0"
 """Constraint that every scenario runs to its end; its violation is the share that does not."""
 
-ROUNDS = (1 / 6, 1 / 3)
-"""Shares of the scenarios after which candidates are given up."""
-
-KEPT_SHARE = 0.5
-"""Share of the candidates that go on after each."""
+FIRST_SHARE, KEPT_SHARE = 0.5, 0.5
+"""Share of the scenarios that all candidates see, and share of the candidates that see the rest."""
 
 FEW = 4
 """So many candidates are not worth pruning: their scenarios fill few vector lanes."""
+
+LEADERS = 2
+"""Candidates of a call, the best of it, that have to hold in the stress scenarios as well."""
 
 EXEMPT = ("paper", "start")
 """Origins of candidates that are never given up early: others are compared with them."""
@@ -58,7 +58,7 @@ class Evaluator:
         self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
         self._threads, problem = threads, prepared.problem
         self._units = problem.units
-        self._rounds = rounds(problem.scenarios) if prune and len(problem.objectives) == 1 else []
+        self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
     @property
     def pace(self) -> float:
@@ -71,26 +71,18 @@ class Evaluator:
         Raises:
             KeyboardInterrupt: interrupted; nothing of this batch is kept.
         """
-        scenarios, met = self.prepared.scenarios, 0
-        ends = [*(self._rounds if len(candidates) > FEW else []), len(scenarios)]
-        left, results, judged = list(range(len(candidates))), dict[int, BatchResult](), dict[int, Evaluation]()
-        for end in ends:
-            more = self.run([candidates[index] for index in left], scenarios[met:end])
-            for row, index in enumerate(left):
-                results[index] = _joined(results[index], more, row) if met else _row(more, row)
-            met, pruned = end, end < len(scenarios)
-            margins = {} if pruned else self._margins_of(candidates, {index: results[index] for index in left})
-            for index in left:
-                judged[index] = self.judged(
-                    candidates[index],
-                    results[index],
-                    scenarios[:end],
-                    tuning=True,
-                    pruned=pruned,
-                    margins=margins.get(index),
-                )
-            left = self._going_on(candidates, {index: judged[index] for index in left})
-        return [judged[index] for index in range(len(candidates))]
+        scenarios, stress = self.prepared.scenarios, self.prepared.stress
+        if not self._first:
+            return self.over(candidates, scenarios, tuning=True)
+        judged, whole, margins = self._tried(candidates, scenarios)
+        leaders = [index for index in best_first(judged)[:LEADERS] if judged[index].feasible]
+        if leaders and stress:
+            more = self.run([candidates[index] for index in leaders], stress)
+            for row, index in enumerate(leaders):
+                result = _joined(whole[index], more, row)
+                met = [*scenarios, *stress]
+                judged[index] = self.judged(candidates[index], result, met, tuning=True, margins=margins[index])
+        return judged
 
     def start(self) -> Evaluation:
         """The start in the tuning scenarios, from the rollouts that preparing has made."""
@@ -99,14 +91,16 @@ class Evaluator:
         margins = self.margins([candidate], prepared.margins)[0]
         return self.judged(candidate, prepared.start, prepared.scenarios, tuning=True, margins=margins)
 
-    def over(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> list[Evaluation]:
-        """Evaluate candidates in all of some scenarios, up to the bounds themselves."""
+    def over(
+        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario], *, tuning: bool = False
+    ) -> list[Evaluation]:
+        """Evaluate candidates in all of some scenarios; in tuning with a margin (`Problem.margin`)."""
         if not candidates:
             return []
         result = self.run(candidates, scenarios)
-        margins = self.margins(candidates, self.survey(scenarios))
+        margins = self.margins(candidates, self.prepared.margins if tuning else self.survey(scenarios))
         return [
-            self.judged(candidate, result, scenarios, row, margins=margins[row])
+            self.judged(candidate, result, scenarios, row, tuning=tuning, margins=margins[row])
             for row, candidate in enumerate(candidates)
         ]
 
@@ -116,20 +110,24 @@ class Evaluator:
         """The machines of some scenarios beside the nominal one (`tuning.scoring.machines.survey`)."""
         return survey(self.prepared.problem, scenarios, self._threads, experiment=experiment)
 
-    def margins(self, candidates: Sequence[Candidate], machines: MarginSurvey | None) -> list[Margins | None]:
-        """The worst margins of candidates on some machines; ``None`` where none is bounded.
+    def margins(
+        self, candidates: Sequence[Candidate], machines: MarginSurvey | None, looked_at: Sequence[bool] | None = None
+    ) -> list[Margins | None]:
+        """The worst margins of candidates on some machines; ``None`` for those not looked at.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
-        problem = self.prepared.problem
-        if not (machines and candidates):
-            return [None] * len(candidates)
-        began = clock.now()
-        kinds = [statistic.margin for statistic in problem.margins]
-        values = [problem.space.parameters(each.point) if each.point else () for each in candidates]
-        found: list[Margins | None] = [*machines.worst(values, kinds)]
-        self.margin_seconds += clock.now() - began
+        problem, found = self.prepared.problem, list[Margins | None]([None] * len(candidates))
+        chosen = [row for row in range(len(candidates)) if looked_at is None or looked_at[row]]
+        if machines and chosen:
+            began = clock.now()
+            kinds = [statistic.margin for statistic in problem.margins]
+            given = [candidates[row].point for row in chosen]
+            values = [problem.space.parameters(point) if point else () for point in given]
+            for row, worst in zip(chosen, machines.worst(values, kinds), strict=True):
+                found[row] = worst
+            self.margin_seconds += clock.now() - began
         return found
 
     def run(self, candidates: Sequence[Candidate] | None, scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
@@ -185,24 +183,41 @@ class Evaluator:
             units=self._units,
         )
 
-    def _going_on(self, candidates: Sequence[Candidate], judged: dict[int, Evaluation]) -> list[int]:
-        """Who meets further scenarios, by what they came to in those so far."""
-        met = list(judged)
-        order = [met[rank] for rank in promising_first(list(judged.values()))]
-        chosen = set(order[: math.ceil(KEPT_SHARE * len(order))])
-        return [index for index in met if index in chosen or candidates[index].origin in EXEMPT]
+    def _tried(
+        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
+    ) -> tuple[list[Evaluation], dict[int, BatchResult], list[Margins | None]]:
+        """Evaluations, hopeless candidates given up after the first scenarios; results and margins of the others."""
+        if len(candidates) <= FEW:
+            result = self.run(candidates, scenarios)
+            whole = {row: _row(result, row) for row in range(len(candidates))}
+            margins = self._margins_of(candidates, whole)
+            judged = [
+                self.judged(candidate, whole[row], scenarios, tuning=True, margins=margins[row])
+                for row, candidate in enumerate(candidates)
+            ]
+            return judged, whole, margins
+        first = scenarios[: self._first]
+        early = self.run(candidates, first)
+        judged = [
+            self.judged(candidate, early, first, row, tuning=True, pruned=True)
+            for row, candidate in enumerate(candidates)
+        ]
+        order = promising_first(judged)
+        kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
+        kept |= {index for index, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
+        late = self.run([candidates[index] for index in sorted(kept)], scenarios[self._first :])
+        whole = {index: _joined(_row(early, index), late, row) for row, index in enumerate(sorted(kept))}
+        margins = self._margins_of(candidates, whole)
+        for index, result in whole.items():
+            judged[index] = self.judged(candidates[index], result, scenarios, tuning=True, margins=margins[index])
+        return judged, whole, margins
 
-    def _margins_of(self, candidates: Sequence[Candidate], whole: dict[int, BatchResult]) -> dict[int, Margins | None]:
+    def _margins_of(self, candidates: Sequence[Candidate], whole: dict[int, BatchResult]) -> list[Margins | None]:
         """Margins of the candidates that ran to the end in all scenarios."""
-        completed = [index for index, result in whole.items() if (result.outcomes == "completed").all()]
-        found = self.margins([candidates[index] for index in completed], self.prepared.margins)
-        return dict(zip(completed, found, strict=True))
-
-
-def rounds(scenarios: int) -> list[int]:
-    """Numbers of scenarios after which candidates are given up, of so many; ascending."""
-    ends = {max(round(share * scenarios), 2) for share in ROUNDS}
-    return sorted(end for end in ends if end < scenarios)
+        completed = [
+            index in whole and bool((whole[index].outcomes == "completed").all()) for index in range(len(candidates))
+        ]
+        return self.margins(candidates, self.prepared.margins, completed)
 
 
 def _row(result: BatchResult, row: int) -> BatchResult:

@@ -6,7 +6,6 @@ by an exact penalty (`promising_first`); what is presented is the best (`best_fi
 """
 
 import math
-import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,14 +16,14 @@ from dualwinch.tuning.scoring.evaluation import Evaluation
 def best_first(evaluations: Sequence[Evaluation]) -> list[int]:
     """Indices of the evaluations, the best first.
 
-    What was given up early comes last, the earlier the further. Among the others the feasible come first, by objective
-    (several: by the number of the front they are on), then the infeasible by how much they violate.
+    What was given up early comes last. Among the others the feasible come first, by objective (several: by the number
+    of the front they are on), then the infeasible by how much they violate.
     """
     fronts = _front_numbers(evaluations)
 
-    def key(index: int) -> tuple[int, float, float, float]:
+    def key(index: int) -> tuple[bool, float, float, float]:
         evaluation = evaluations[index]
-        return _given_up(evaluation), evaluation.violation, float(fronts[index]), evaluation.objectives[0]
+        return evaluation.pruned, evaluation.violation, float(fronts[index]), evaluation.objectives[0]
 
     return sorted(range(len(evaluations)), key=key)
 
@@ -39,26 +38,17 @@ Where an optimum lies on its bounds, giving way by a share gains the objective a
 def promising_first(evaluations: Sequence[Evaluation]) -> list[int]:
     """Indices of the evaluations, the most promising first: what a search should follow.
 
-    By the objective's logarithm with a penalty on what is violated (`penalised`); what was given up early comes last,
-    the earlier the further. Of several objectives, or of one that need not be positive, the best come first.
+    By the objective's logarithm with a penalty on what is violated; what was given up early comes last. Of several
+    objectives, or of one that need not be positive, the best come first.
     """
-    if not penalisable(evaluations):
+    if not _penalisable(evaluations):
         return best_first(evaluations)
 
-    def key(index: int) -> tuple[int, float]:
-        return _given_up(evaluations[index]), penalised(evaluations[index])
+    def key(index: int) -> tuple[bool, float]:
+        evaluation = evaluations[index]
+        return evaluation.pruned, math.log(evaluation.objectives[0]) + PENALTY * evaluation.violation
 
     return sorted(range(len(evaluations)), key=key)
-
-
-def penalised(evaluation: Evaluation) -> float:
-    """The logarithm of an objective, the larger the more its constraints are violated; less is more promising."""
-    return math.log(evaluation.objectives[0]) + PENALTY * evaluation.violation
-
-
-def _given_up(evaluation: Evaluation) -> int:
-    """The larger, the sooner it was given up; the least where it never was."""
-    return -evaluation.scenarios if evaluation.pruned else -sys.maxsize
 
 
 def soundest_first(evaluations: Sequence[Evaluation], margin: float) -> list[int]:
@@ -72,7 +62,7 @@ def soundest_first(evaluations: Sequence[Evaluation], margin: float) -> list[int
         margin: distance from a bound, as its share.
     """
     order = best_first(evaluations)
-    if not penalisable(evaluations):
+    if not _penalisable(evaluations):
         return order
     feasible = [index for index in order if evaluations[index].feasible]
 
@@ -83,7 +73,7 @@ def soundest_first(evaluations: Sequence[Evaluation], margin: float) -> list[int
     return sorted(feasible, key=worth) + [index for index in order if not evaluations[index].feasible]
 
 
-def penalisable(evaluations: Sequence[Evaluation]) -> bool:
+def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
     """Whether the objective has a logarithm: there is one, and it is positive."""
     return all(len(evaluation.objectives) == 1 and evaluation.objectives[0] > 0 for evaluation in evaluations)
 

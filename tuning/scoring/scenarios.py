@@ -7,13 +7,12 @@ depend on the gains (`simulation.analysis.required_force`). So half of the verti
 falls behind as far as it does in one draw of some hundreds.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dualwinch.simulation.analysis.required_force import demand, shortfall
+from dualwinch.simulation.analysis.required_force import shortfall
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
-from dualwinch.simulation.experiment import Experiment
 
 VERTEX_SHARE = 0.75
 """Share of the scenarios that are vertices. A few draws give a mean; what is the worst takes more."""
@@ -22,20 +21,10 @@ LOOKED_AT = 200
 """Vertices that are looked at."""
 
 TUNED_SHORTFALL, CHOSEN_SHORTFALL = 0.015, 0.01
-"""How far in m the vehicle falls behind at most in a vertex, where gains are tuned, and where they are chosen.
+"""How far in m the vehicle falls behind at most where gains are tuned, and where they are chosen.
 
 It falls behind further in one draw of some hundreds, and gains that had to hold there would be cautious everywhere.
 """
-
-FEASIBLE_DEMAND = 1.0
-"""Share of the motors' force that a draw asks for at most (`demand`).
-
-Where more is asked for, the error is a hundred times as large, for lack of force and whatever the gains: a mean over
-draws would be that of these few. What they ask of constraints, vertices ask, too.
-"""
-
-DRAWS_LOOKED_AT = 4
-"""Draws that are looked at for each that is taken."""
 
 
 @dataclass(frozen=True)
@@ -56,19 +45,25 @@ def drawn(picks: Sequence[Pick], ensemble: Ensemble, seed: int) -> list[Scenario
     return [found[picked] for picked in picks]
 
 
-def pick(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
+def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pick], list[Pick]]:
     """Scenarios of an ensemble, draws and vertices spread evenly: there are some of each among the first of them.
 
     Args:
         ensemble: what is drawn from.
         count: how many.
+        more: how many further vertices.
         seed: of the draws.
+
+    Returns:
+        The scenarios, and the further vertices.
     """
     number = int(VERTEX_SHARE * count)
-    plain = feasible(ensemble, count - number, seed)
-    chosen = vertices(ensemble, number, seed)
-    spread = [((index + 0.5) / len(sort), picked) for sort in (plain, chosen) for index, picked in enumerate(sort)]
-    return [picked for _, picked in sorted(spread, key=lambda entry: entry[0])]
+    plain = [Pick(index) for index in range(count - number)]
+    chosen = vertices(ensemble, number + more, seed)
+    spread = [
+        ((index + 0.5) / len(sort), picked) for sort in (plain, chosen[:number]) for index, picked in enumerate(sort)
+    ]
+    return [picked for _, picked in sorted(spread, key=lambda entry: entry[0])], chosen[number:]
 
 
 def vertices(
@@ -86,7 +81,7 @@ def vertices(
         looked_at: among how many they are chosen, at least twice their number; default: `LOOKED_AT`.
     """
     among = max(LOOKED_AT if looked_at is None else looked_at, 2 * count)
-    behind = _each(shortfall, ensemble.chosen(range(among), seed, vertex=True))
+    behind = _shortfalls(ensemble.chosen(range(among), seed, vertex=True))
     waiting = [index for index, way in enumerate(behind) if way <= furthest]
     waiting += sorted(set(range(len(behind))) - set(waiting), key=lambda index: behind[index])
     found: list[Pick] = []
@@ -98,26 +93,17 @@ def vertices(
     return found
 
 
-def feasible(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
-    """The first draws that ask for no more force than there is (`FEASIBLE_DEMAND`); too few: those nearest to it."""
-    asked = _each(demand, ensemble.chosen(range(DRAWS_LOOKED_AT * count), seed))
-    order = sorted(range(len(asked)), key=lambda index: max(asked[index], FEASIBLE_DEMAND))
-    return [Pick(index) for index in sorted(order[:count])]
-
-
 def choosable(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """The draws that gains are chosen by: those that ask for no more force than there is, or all where none does."""
-    asked = _each(demand, scenarios)
-    found = [chosen for chosen, share in zip(scenarios, asked, strict=True) if share <= FEASIBLE_DEMAND]
-    return found or list(scenarios)
+    """The scenarios in which gains are chosen: where the vehicle falls behind by no more than `CHOSEN_SHORTFALL`."""
+    behind = _shortfalls(scenarios)
+    return [chosen for chosen, way in zip(scenarios, behind, strict=True) if way <= CHOSEN_SHORTFALL] or list(scenarios)
 
 
-def _each(of: Callable[[Experiment], float], scenarios: Sequence[Scenario]) -> list[float]:
-    """A number of every scenario, on all cores."""
+def _shortfalls(scenarios: Sequence[Scenario]) -> list[float]:
     found = [0.0] * len(scenarios)
 
     def look(index: int) -> None:
-        found[index] = of(scenarios[index].experiment)
+        found[index] = shortfall(scenarios[index].experiment)
 
     if not run_all([lambda index=index: look(index) for index in range(len(scenarios))]):
         raise KeyboardInterrupt

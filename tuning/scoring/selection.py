@@ -4,7 +4,6 @@ The start is judged beside the finalists: gains that are no better than those th
 best.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,15 +20,7 @@ from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import machine_name
 from dualwinch.tuning.scoring.plan import FULL, Plan
-from dualwinch.tuning.scoring.ranking import (
-    beats,
-    best_first,
-    pareto_front,
-    penalisable,
-    penalised,
-    promising_first,
-    soundest_first,
-)
+from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, soundest_first
 from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, drawn, vertices
 from dualwinch.tuning.scoring.verdict import Attained, Score, Verdict
 
@@ -158,7 +149,7 @@ def _ranked(
 
 
 def _finalists(problem: Problem, trials: Sequence[Evaluation], plan: Plan) -> list[Evaluation]:
-    whole = [trials[index] for index in promising_first(trials) if not trials[index].pruned]
+    whole = [trials[index] for index in best_first(trials) if not trials[index].pruned]
     if len(problem.objectives) == 1:
         return [whole[index] for index in rungs(whole, plan.finalists)]
     front = [trials[index] for index in pareto_front(trials)] or whole
@@ -178,21 +169,19 @@ def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scena
 
 
 def rungs(ordered: Sequence[Evaluation], most: int) -> list[int]:
-    """Indices of trials: the most promising, then of each further rung the one that keeps furthest from its bounds.
+    """Indices of trials: the best, then of each further rung the one that keeps furthest from its bounds.
 
-    A rung holds the trials that are by a share less promising than its first one (`ranking.penalised`), ever more of
-    them (`RUNG`). Those that break a bound where tuned, which is the bound less a margin, may hold where chosen.
+    A rung holds the trials whose objective is a share larger than that of its first one, ever more of them (`RUNG`).
 
     Args:
-        ordered: trials, the most promising first.
+        ordered: trials, the best first.
         most: number of indices, at most.
     """
     starts = [0]
-    if penalisable(ordered):
-        for index, trial in enumerate(ordered):
-            width = math.log(1 + RUNG * GROWTH ** (len(starts) - 1))
-            if penalised(trial) > width + penalised(ordered[starts[-1]]):
-                starts.append(index)
+    for index, trial in enumerate(ordered):
+        above, width = ordered[starts[-1]], 1 + RUNG * GROWTH ** (len(starts) - 1)
+        if trial.feasible != above.feasible or trial.objectives[0] > width * above.objectives[0]:
+            starts.append(index)
     ends = [*starts[1:], len(ordered)]
     further = [
         max(range(start, end), key=lambda index: ordered[index].reserve)

@@ -50,7 +50,7 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
 
     assert problem.ensemble
     ours = [
-        seeds(prepared.scenarios),
+        seeds((*prepared.scenarios, *prepared.stress)),
         seeds(problem.ensemble.scenarios(12, problem.seed + SELECTION)),
     ]
     ours.append(seeds(problem.drawn(10, problem.seed + HELD_OUT)))
