@@ -14,6 +14,7 @@ from sphinx.util.docutils import SphinxDirective
 from docs.generated.columns import columns_markdown
 from docs.generated.commands import commands_markdown
 from docs.generated.keys import keys_markdown
+from docs.generated.lab_page import link_to_lab, write_lab
 from docs.generated.mathematics import displayed, inline
 from docs.generated.metrics import metrics_markdown
 from docs.generated.public import public_markdown
@@ -52,4 +53,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_html_math_renderer("mathml", (inline, None), (displayed, None))
     app.connect("builder-inited", copy_sources)
     app.connect("source-read", redirect_links)
+    app.connect("source-read", link_to_lab)
+    app.connect("build-finished", write_lab)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -32,7 +32,7 @@ def wasm_compiler() -> Compiler:
         return find_compiler("zig")
     except CompilerNotFoundError:
         raise CompilerNotFoundError(
-            "no compiler for WebAssembly: it needs zig; run: pip install 'dualwinch[zig]' (or pip install ziglang)"
+            "no compiler for WebAssembly: it needs zig; run `uv run --extra zig dualwinch …`, or pip install ziglang"
         ) from None
 
 
