@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.paper_claims import FAILS, HOLDS, PARTLY, TABLES, claims, settling_time
-from benchmarks.paper_effects import CHOICES, LAW, facts, reduction
+from benchmarks.paper_claims import TABLES, claims
+from benchmarks.paper_effects import CHOICES, facts, reduction
 from dualwinch.reports.errata import NOTES
 
 PAGE = Path(__file__).parents[2] / "docs" / "paper.md"
@@ -23,13 +23,7 @@ def test_the_page_is_what_the_command_writes(mark: str) -> None:
 
 def test_the_verdicts() -> None:
     verdicts = [claim.verdict for claim in claims()]
-    assert (verdicts.count(HOLDS), verdicts.count(PARTLY), verdicts.count(FAILS)) == (6, 2, 2)
-
-
-def test_the_pid_cascade_is_first_within_a_fifth_of_a_metre_in_case_1() -> None:
-    assert settling_time(1, "pid-cascade", 0.2) == pytest.approx(11.67, abs=0.01)
-    assert settling_time(1, LAW, 0.2) == pytest.approx(16.92, abs=0.01)
-    assert settling_time(1, "pid-cascade", 0.1) is None
+    assert [verdicts.count(each) for each in ("holds", "partly", "does not hold")] == [5, 2, 2]
 
 
 def test_the_headline_follows_the_assumed_gains() -> None:
