@@ -10,6 +10,7 @@ from cyclopts import Parameter, Token
 
 LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc, lqi, eid, rbf-sliding-mode, mpc"
 ESTIMATORS = "none, lowpass, kalman, calibrating-kalman, self-calibrating-kalman"
+COORDINATIONS = "differential-tension, scheduled-preload, master-slave, force-position"
 OWN = "or the kind of a part of your own (see --plugin)"
 
 Law = Annotated[str | None, Parameter(name="--controller", help=f"Position law: {LAWS}, {OWN}.")]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import ESTIMATORS, LAWS, OWN, WHOLE, AssignmentsInBrief, Plugins, use_parts
+from dualwinch.cli.options import COORDINATIONS, ESTIMATORS, LAWS, OWN, WHOLE, AssignmentsInBrief, Plugins, use_parts
 
 app = App(
     name="race",
@@ -38,7 +38,9 @@ def race(
     ] = None,
     coordination: Annotated[
         list[str] | None,
-        Parameter(help="Coordination, or all; may be repeated. Default: the paper's.", negative=""),
+        Parameter(
+            help=f"Coordination: {COORDINATIONS}, {OWN}, or all; may be repeated. Default: the paper's.", negative=""
+        ),
     ] = None,
     ablations: Annotated[
         bool, Parameter(help="Include the paper's law without each of its parts.", negative="")

@@ -21,6 +21,7 @@ from dualwinch.commands.export_fmu import export_fmu
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 from tests.conftest import PaperRun
@@ -95,6 +96,30 @@ def test_closed_loop_says_what_a_run_says(version: int, exported: Exported, pape
         # at the end of the step: motion is that of the next sample, what answers the reference that of this one
         assert loop.get("x", "F1", "t") == pytest.approx([expected[name][sample + 1] for name in ("x", "F1", "t")])
         assert loop.get("e", "tau_1") == pytest.approx([expected[name][sample] for name in ("e", "tau_1")])
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_controller_that_looks_ahead_is_told_where_the_motion_goes(version: Version, tmp_path: Path) -> None:
+    short = {"speed": 0.03, "accelerate_until": 0.3, "cruise_until": 0.5, "brake_until": 0.8}
+    experiment = with_leaves(
+        case(2, "mpc"), {f"reference.{key}": value for key, value in short.items()} | {"simulation.duration": 1.0}
+    )
+    expected = simulate(experiment).columns
+    export_fmu(experiment, tmp_path / "loop.fmu", what="closed-loop", fmi=version)
+    loop = Instance(tmp_path / "loop.fmu")
+    outside = exogenous_signals(experiment)
+    names = exogenous_names(experiment.controller)
+    called = {re.sub(r"\.(\d+)$", r"[\1]", name): index for index, name in enumerate(names)}
+    ahead = [name for name in called if name.startswith("ahead.") and name in loop.references]
+    assert len(ahead) == 2 * len(experiment.controller.preview) + 1  # of accelerations the last one counts
+    assert (outside[:900, [called[name] for name in ahead]] != 0).any(axis=0).all()
+    wanted = ["reference.x", "reference.v", "reference.a", *ahead]
+    used = [called[name] for name in wanted]
+    for sample in range(900):
+        loop.put(wanted, list(outside[sample, used]))
+        loop.step()
+        assert loop.get("x", "F1") == pytest.approx([expected[name][sample + 1] for name in ("x", "F1")])
+        assert loop.get("tau_1") == pytest.approx([expected["tau_1"][sample]])
 
 
 @pytest.mark.parametrize("version", [2, 3])
