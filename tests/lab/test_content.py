@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from dualwinch.codegen.errors import CompileError
+from dualwinch.codegen.trusted_folder import NAME
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.lab import content as kept
 from dualwinch.lab.content import Content, content
@@ -20,7 +21,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A cache folder of its own, and a catalogue that says little."""
     monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(kept, "catalogue", lambda *_: {"version": "0"})
-    return tmp_path / "cache"
+    return tmp_path / "cache" / NAME
 
 
 def made(shares: list[float] | None = None) -> Content:

@@ -87,6 +87,7 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "simulation.integrator": "rk4",
         "simulation.substeps": 3,
         "simulation.delay_samples": 4,
+        "simulation.readings": True,
         "metrics": ["room"],
         "actuator.kind": "motor",
     }

@@ -64,6 +64,7 @@ def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
             "simulation.delay_samples",
             "simulation.substeps",
             "simulation.integrator",
+            "simulation.readings",
             "sensors.outage",
         ),
     }
