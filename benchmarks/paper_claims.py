@@ -56,7 +56,7 @@ def robust() -> Claim:
         f"In {SCENARIOS} scenarios of [`sea`](ensembles.md) (uncertain plant, current, noise, delay) its mean "
         "square error is "
         f"below that without the observer in {share[0]:.0f} %, and below the PID cascade's in {share[1]:.0f} %.",
-        verdict_of(*(each > 95 for each in share)),
+        verdict_of(*(bool(each > 95) for each in share)),
     )
 
 
