@@ -36,7 +36,7 @@ SAMPLES = 50
 """Of a segment."""
 
 PARTS = 4
-"""Steps of a sample: 0.7 rad of the fastest swing each."""
+"""Steps of a sample: of the fastest swing, where a rope is shortest, 1.3 rad each."""
 
 MOVING = (*(f"plant.{name}" for name in ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2")), "phase")
 SCALES = np.array([1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1.0])
