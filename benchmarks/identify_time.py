@@ -4,9 +4,12 @@
 `dualwinch.identify` stands:
 
 - one solve with given gains by `scipy.optimize.least_squares` with finite differences: same predictions, same compiled
-  filter, no slopes; the product's own share of such a solve is timed beside it.
+  filter, no slopes; the product's own share of such a solve is timed beside it;
+- a fit by hand in CasADi with multiple shooting and IPOPT (`benchmarks.shooting` says what it minimises), from the same
+  start, with the noise levels that the whole fit has to find out.
 
-Times are wall times of one run each, on whatever machine it is; the reader divides.
+Times are wall times of one run each, on whatever machine it is; the whole fit is timed before and after the one by
+hand, and the slower counts.
 """
 
 import argparse
@@ -19,13 +22,15 @@ from scipy.optimize import least_squares
 
 from benchmarks.document import duration, markdown, put, times
 from benchmarks.report import machine
+from benchmarks.shooting import Shot, shoot
 from dualwinch.codegen import DualwinchError
 from dualwinch.config.settings import override
-from dualwinch.identification.fit import Fitting
+from dualwinch.identification.fit import Fitting, covariance_of
 from dualwinch.identification.identify import identify
-from dualwinch.identification.log import log_of
+from dualwinch.identification.log import Log, log_of
 from dualwinch.identification.sections import sections_of
 from dualwinch.identification.unknowns import keys_of, unknowns_of
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
@@ -81,6 +86,24 @@ def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, 
     return taken, other, passes, calls
 
 
+def shot_by_hand(log: Log, right: Experiment, believed: Experiment) -> tuple[Shot, str]:
+    """The fit by hand, and in words how far numbers are off: its own, and those of a fit in the same section."""
+    unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
+    start, truth = np.array([unknown.start for unknown in unknowns]), leaves(right)
+    fitting = Fitting(sections_of([log], believed, 1), believed, unknowns)
+    fit = fitting.run(start)
+    shot = shoot(fitting.filters, believed, fit.levels, [unknown.key for unknown in unknowns], start)
+    true = np.array([float(truth[unknown.key]) for unknown in unknowns])
+    deviations = np.sqrt(np.diag(covariance_of(fit.information, unknowns)))
+    ours, theirs = np.abs(fit.values - true) / deviations, np.abs(shot.values - true) / deviations
+    worst = int(np.argmax(theirs))
+    share = shot.values[worst] / true[worst] - 1
+    return shot, (
+        f"Errors of the fit: up to {ours.max():.2g} of its standard deviations; by hand: up to {theirs.max():.2g} of "
+        f"these (`{unknowns[worst].key}`, {share:+.2%}), median {np.median(theirs):.2g}."
+    )
+
+
 def main() -> int:
     """Run the command line; 0 done, 1 where dualwinch cannot run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -93,16 +116,28 @@ def main() -> int:
         identify([log], KEYS, believed)  # compiled
         found = identify([log], KEYS, believed)
         exact, differences, passes, calls = solve_times(right, believed)
+        shot, off = shot_by_hand(log, right, believed)
+        whole = max(found.seconds, identify([log], KEYS, believed).seconds)
     except DualwinchError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+    ended = {"Solve_Succeeded": "converged", "Solved_To_Acceptable_Level": "at rest"}.get(shot.status, "given up")
     rows = [
-        ["whole fit, compiled before", duration(found.seconds), f"{found.passes}", ""],
-        ["one solve with given gains, exact slopes", duration(exact), f"{passes}", "1 ×"],
-        ["the same by scipy with finite differences", duration(differences), f"{calls}", times(differences / exact)],
-    ]
+        ["whole fit, compiled before", duration(whole), f"{found.passes}", "1 ×", ""],
+        [
+            f"by hand: CasADi, multiple shooting, IPOPT ({ended})", duration(shot.seconds), f"{shot.iterations}",
+            times(shot.seconds / whole), times(shot.seconds / exact),
+        ],
+        ["one solve with given gains, exact slopes", duration(exact), f"{passes}", "", "1 ×"],
+        ["the same by scipy, finite differences", duration(differences), f"{calls}", "", times(differences / exact)],
+    ]  # fmt: skip
+    headings = ["", "time", "passes through the log, iterations", "over the fit", "over the solve"]
     facts = " · ".join(f"{name}: {value}" for name, value in machine().items())
-    text = f"{markdown(['', 'time', 'passes through the log', 'over'], rows)}\n\n*{facts}*"
+    notes = (
+        f"By hand: {shot.unknowns} unknowns, noise levels given, expressions and compiler {duration(shot.building)} on "
+        f"top. {off}"
+    )
+    text = f"{markdown(headings, rows)}\n\n*{notes} {facts}*"
     print(text)
     if chosen.write:
         put(chosen.write, "fit time", text)
