@@ -14,6 +14,7 @@ import numpy as np
 import dualwinch as dw
 from benchmarks.document import put
 from benchmarks.paper_effects import LAW, WITHOUT, choices_table, facts_table
+from dualwinch.commands.reproduce import other_observers
 from dualwinch.controllers.controller import Controller
 from dualwinch.reports.claims import Claim, Verdict, verdict_of
 from dualwinch.reports.claims import claims as claims_of
@@ -21,10 +22,6 @@ from dualwinch.reports.claims import claims as claims_of
 PID = "pid-cascade"
 SCENARIOS, SEED = 100, 0
 """Of the ensemble that a claim of robustness is tried on."""
-
-
-OTHER_GAINS = (2.5, 50.0)
-"""L₀ = K_f in 1/s beside the assumed 5."""
 
 
 @cache
@@ -35,12 +32,7 @@ def runs() -> dict[tuple[int, str], dw.Result]:
 
 def of_runs() -> list[Claim]:
     """The claims that `dualwinch reproduce` looks at."""
-    without = runs()[4, WITHOUT].metrics.steady_mae
-    others = {}
-    for gain in OTHER_GAINS:
-        gains = {"controller.observer.l0": gain, "controller.observer.kf": gain}
-        others[gain] = dw.simulate(dw.override(dw.case(4), gains), stride=0).metrics.steady_mae / without - 1
-    return claims_of(runs(), others)
+    return claims_of(runs(), other_observers(runs()))
 
 
 def robust() -> Claim:

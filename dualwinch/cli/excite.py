@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Config, Figure, Plugins, use_parts
+from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Config, Figure, Plugins, Priors, use_parts
 
 app = App(
     name="excite",
@@ -33,10 +33,7 @@ def excite(
         Parameter(help="Ensemble, such as `rig`: what it draws that a log can tell is fitted as well."),
     ] = None,
     set_: AssignmentsInBrief = None,
-    prior: Annotated[
-        list[str] | None,
-        Parameter(help="Known beforehand, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
-    ] = None,
+    prior: Priors = None,
     duration: Annotated[str, Parameter(help="Length of the run, e.g. 60s, 2min.")] = "60s",
     criterion: Annotated[
         Literal["D", "A"],

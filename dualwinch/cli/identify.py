@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Config, Figure, Plugins, use_parts
+from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Config, Figure, Plugins, Priors, use_parts
 
 app = App(
     name="identify",
@@ -41,10 +41,7 @@ def identify(
         ),
     ] = None,
     set_: AssignmentsInBrief = None,
-    prior: Annotated[
-        list[str] | None,
-        Parameter(help="Known beforehand, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
-    ] = None,
+    prior: Priors = None,
     column: Annotated[
         list[str] | None,
         Parameter(help="Where a reading is found, F1=load_cell_left:kN; may be repeated.", negative=""),

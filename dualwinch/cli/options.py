@@ -51,6 +51,11 @@ AssignmentsInBrief = Annotated[
     list[str] | None, Parameter(name="--set", help="key=value; may be repeated.", negative="")
 ]
 
+Priors = Annotated[
+    list[str] | None,
+    Parameter(name="--prior", help="Known beforehand, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
+]
+
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
 
 

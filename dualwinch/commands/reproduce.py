@@ -82,7 +82,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
         step("report")
         from dualwinch.reports.reproduction import write_report
 
-        found = claims(runs, _other_observers(runs, engine) if compared else None)
+        found = claims(runs, other_observers(runs, engine) if compared else None)
         write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions(), found)
     console = terminal()
     print_tables(console, runs)
@@ -170,7 +170,7 @@ OTHER_GAINS = (2.5, 50.0)
 """Gains L₀ = K_f in 1/s beside the assumed ones (A9), to say what rests on them."""
 
 
-def _other_observers(runs: Runs, engine: EngineName) -> dict[float, float]:
+def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, float]:
     """Gain of an observer in Case 4 → change of the steady mean error by it."""
     without = runs[4, "nftsm"].metrics.steady_mae
     found = {}
