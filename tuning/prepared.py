@@ -25,9 +25,9 @@ class Prepared:
 
     Attributes:
         problem: what is tuned.
-        scenarios: what every candidate is tried in, the same for all: draws and vertices of the ensemble, or the
+        scenarios: what every candidate is tried in, the same for all: typical and hard ones of the ensemble, or the
             experiment.
-        stress: further vertices, where the best of the candidates have to hold; none without an ensemble.
+        stress: further hard ones, where the best of the candidates have to hold; none without an ensemble.
         constraints: the problem's, every bound a number.
         paper: the paper's controller in `scenarios`, one row.
         start: the start in `scenarios`, one row.

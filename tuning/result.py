@@ -49,7 +49,7 @@ def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, An
     lines += [
         f"    {constraint.label}: {scored.statistics[constraint.statistic.name]:.6g}, "
         f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
-        for constraint in tuned.prepared.constraints
+        for constraint in verdict.constraints
     ]
     if places := margin_places(tuned):
         lines += ["least stability margins:", *(f"    {words}" for words in places)]

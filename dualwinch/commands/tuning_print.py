@@ -31,7 +31,7 @@ def print_study(tuned: Tuned) -> None:
     console.print(_table(tuned))
     for words in contenders(tuned):
         say(words)
-    for constraint in tuned.prepared.constraints:
+    for constraint in verdict.constraints:
         kept = verdict.scored.violations[constraint.label] <= 0
         say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
     for place in margin_places(tuned):

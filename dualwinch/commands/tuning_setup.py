@@ -22,7 +22,7 @@ from dualwinch.tuning.space_entries import entry_from, space_of
 from dualwinch.tuning.space_record import space_from, space_to_record
 from dualwinch.tuning.storage.noted_parts import noted_parts
 
-SCENARIOS = 8
+SCENARIOS = 12
 """Scenarios a candidate is tuned on where nothing else is asked for."""
 
 ESTIMATOR = "controller.estimator"

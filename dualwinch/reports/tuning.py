@@ -115,7 +115,7 @@ def _bounds(tuned: Tuned) -> list[dict[str, Any]]:
             "value": number_text(scored.statistics[constraint.statistic.name]),
             "kept": scored.violations[constraint.label] <= 0,
         }
-        for constraint in tuned.prepared.constraints
+        for constraint in tuned.verdict.constraints
     ]
 
 

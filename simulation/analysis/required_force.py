@@ -1,5 +1,6 @@
 """The force that a run asks of its two motors: what holds the vehicle on its reference, whatever the controller."""
 
+from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
@@ -42,6 +43,25 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
     return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), *sea], dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class Demand:
+    """What a run asks of its motors.
+
+    Attributes:
+        share: the largest force, as a share of what they can give.
+        shortfall: how far in m the vehicle falls behind at most (`shortfall`).
+    """
+
+    share: float
+    shortfall: float
+
+
+def demand(experiment: Experiment) -> Demand:
+    """What a run asks of its motors."""
+    force = required_force(experiment)
+    return Demand(float(np.abs(force).max()) / experiment.controller.limits.strength, _behind(experiment, force))
+
+
 def within_authority(experiment: Experiment) -> bool:
     """Whether a run stays within the actuators' authority: it asks for no more force than the motors can give."""
     limit = experiment.controller.limits.strength
@@ -53,14 +73,18 @@ def shortfall(experiment: Experiment) -> float:
 
     From the force alone: that a slower vehicle has less drag is left out.
     """
+    return _behind(experiment, required_force(experiment))
+
+
+def _behind(experiment: Experiment, force: Floats) -> float:
     limit = experiment.controller.limits.strength
     step, mass = EVERY * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
     furthest = behind = rate = 0.0
     way = 1.0
-    for force in required_force(experiment).tolist():
+    for value in force.tolist():
         if behind == 0:
-            way = 1.0 if force > 0 else -1.0
-        rate += step * (way * force - limit) / mass
+            way = 1.0 if value > 0 else -1.0
+        rate += step * (way * value - limit) / mass
         behind += step * rate
         if behind <= 0:
             behind = rate = 0.0

@@ -67,6 +67,7 @@ class Scenario:
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``simulation.seed`` among them.
         vertex: whether it is a vertex of the box of draws, not a draw like the others.
+        hard: whether somebody picked it because it is hard: it counts in what is the worst, and not in a mean.
     """
 
     index: int
@@ -74,6 +75,7 @@ class Scenario:
     nominal: Plant
     draws: dict[str, Value]
     vertex: bool = False
+    hard: bool = False
 
     @cached_property
     def experiment(self) -> Experiment:

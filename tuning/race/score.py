@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dualwinch.simulation.analysis.least_error import least_mse
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch.family import experiment_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning import clock
 from dualwinch.tuning.prepared import prepare
@@ -18,7 +18,8 @@ from dualwinch.tuning.race.operations import operations
 from dualwinch.tuning.race.scored import Paper, Point, Scored, Search, runs_of
 from dualwinch.tuning.race.terms import UNSEEN, Entrant, Terms
 from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.plan import FULL
 from dualwinch.tuning.tune import tune
 
@@ -58,16 +59,11 @@ def scored(
     )
     watch.phase(UNSEEN_PHASE)
     evaluator = Evaluator(tuned.prepared, threads=threads)
-    scenarios = problem.drawn(terms.held_out, terms.seed + UNSEEN)
+    unseen = HeldOut(evaluator, terms.held_out, terms.seed + UNSEEN)
+    best = unseen.score(tuned.verdict.best.candidate)
     fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
-    candidates = [tuned.verdict.best.candidate, *(trial.candidate for found in fronts.values() for trial in found)]
-    result = evaluator.run(candidates, scenarios)
-    margins = evaluator.margins(candidates[:1], evaluator.survey(scenarios))
-    best, *others = (
-        evaluator.judged(candidate, result, scenarios, row, margins=margins[0] if not row else None)
-        for row, candidate in enumerate(candidates)
-    )
-    points = iter(others)
+    candidates = [trial.candidate for found in fronts.values() for trial in found]
+    points = iter(evaluator.over(candidates, unseen.scenarios, constraints=unseen.constraints))
     rescored = {cost: tuple(_point(problem, next(points), cost) for _ in found) for cost, found in fronts.items()}
     broken = None
     if breaking:
@@ -75,7 +71,7 @@ def scored(
         broken = breaking(tuned.best)
     return Scored(
         entry=entrant.entry,
-        runs=runs_of(result, 0, best.violations, operations(tuned.best)),
+        runs=runs_of(best.result, 0, best.evaluation.violations, operations(tuned.best)),
         gains=tuned.gains,
         fronts=rescored,
         search=Search(
@@ -110,13 +106,12 @@ def paper(problem: Problem, terms: Terms, *, threads: int | None = None, watch: 
     """
     evaluator = Evaluator(prepare(problem, threads, watch), threads=threads)
     watch.phase(PAPER_PHASE)
-    scenarios = problem.drawn(terms.held_out, terms.seed + UNSEEN, problem.paper_experiment)
-    candidate, result = Candidate({}, "paper"), evaluator.run(None, scenarios)
-    (margins,) = evaluator.margins([candidate], evaluator.survey(scenarios, problem.paper_experiment))
-    judged = evaluator.judged(candidate, result, scenarios, margins=margins)
-    runs = runs_of(result, 0, judged.violations, operations(problem.paper_experiment))
+    unseen = HeldOut(evaluator, terms.held_out, terms.seed + UNSEEN)
+    found = unseen.paper
+    runs = runs_of(found.result, 0, found.evaluation.violations, operations(problem.paper_experiment))
     watch.phase(LEAST_PHASE)
-    experiments = [scenario.experiment if isinstance(scenario, Scenario) else scenario for scenario in scenarios]
+    with_paper = problem.drawn(terms.held_out, terms.seed + UNSEEN, problem.paper_experiment)
+    experiments = [experiment_of(scenario) for scenario in with_paper]
     least = np.array([least_mse(experiment) for experiment in experiments])
     foreseeing = np.array(
         [least_mse(each, anticipating=True) if bound else 0.0 for each, bound in zip(experiments, least, strict=True)]

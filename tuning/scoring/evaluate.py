@@ -11,6 +11,7 @@ from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning import clock
+from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import survey
@@ -92,15 +93,20 @@ class Evaluator:
         return self.judged(candidate, prepared.start, prepared.scenarios, tuning=True, margins=margins)
 
     def over(
-        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario], *, tuning: bool = False
+        self,
+        candidates: Sequence[Candidate],
+        scenarios: Sequence[Experiment | Scenario],
+        *,
+        tuning: bool = False,
+        constraints: Sequence[Constraint] | None = None,
     ) -> list[Evaluation]:
-        """Evaluate candidates in all of some scenarios; in tuning with a margin (`Problem.margin`)."""
+        """Evaluate candidates in all of some scenarios; arguments as of `judged`."""
         if not candidates:
             return []
         result = self.run(candidates, scenarios)
         margins = self.margins(candidates, self.prepared.margins if tuning else self.survey(scenarios))
         return [
-            self.judged(candidate, result, scenarios, row, tuning=tuning, margins=margins[row])
+            self.judged(candidate, result, scenarios, row, tuning=tuning, margins=margins[row], constraints=constraints)
             for row, candidate in enumerate(candidates)
         ]
 
@@ -157,9 +163,11 @@ class Evaluator:
         tuning: bool = False,
         pruned: bool = False,
         margins: Margins | None = None,
+        constraints: Sequence[Constraint] | None = None,
     ) -> Evaluation:
         """What a row of a result comes to for a candidate; in tuning with a margin (`Problem.margin`).
 
+        The constraints are by default those of the tuning scenarios (`tuning.scoring.bounds` has those of others).
         Stability margins that nobody has looked at have no value and violate nothing: such a candidate was given up, or
         failed a scenario.
         """
@@ -169,7 +177,7 @@ class Evaluator:
         if margins is not None:
             found |= {statistic.name: statistic.of(margins) for statistic in problem.margins}
         violations = {FAILED: float(1 - done.mean())}
-        for constraint in self.prepared.constraints:
+        for constraint in self.prepared.constraints if constraints is None else constraints:
             margin, value = problem.margin(constraint) if tuning else 0.0, found.get(constraint.statistic.name)
             violations[constraint.label] = 0.0 if value is None else constraint.violation(value, margin)
         return Evaluation(

@@ -13,7 +13,6 @@ class Plan:
     Attributes:
         finalists: of the first round, beside the start.
         draws, vertices: of the ensemble, in which they meet.
-        looked_at: vertices among which those are chosen.
         last: finalists of the second round, beside the start.
         last_draws: further draws, in which they meet.
         held_out: scenarios that score the best, the start and the paper's gains.
@@ -22,16 +21,15 @@ class Plan:
     finalists: int = 16
     draws: int = 96
     vertices: int = 32
-    looked_at: int = 200
     last: int = 4
     last_draws: int = 192
     held_out: int = 200
 
     @property
     def rollouts(self) -> int:
-        """Rollouts that it takes."""
-        first = (self.finalists + 1) * (self.draws + self.vertices)
-        return first + (self.last + 1) * self.last_draws + 3 * self.held_out
+        """Rollouts that it takes, with those of the start and of the paper's gains."""
+        first = (self.finalists + 2) * (self.draws + self.vertices)
+        return first + (self.last + 2) * self.last_draws + 3 * self.held_out
 
     def scaled(self, share: float) -> "Plan":
         """The plan with a share of all numbers, but no fewer than `LEAST`, or than this plan has."""
@@ -42,7 +40,7 @@ class Plan:
 FULL = Plan()
 """What is made where nobody is in a hurry."""
 
-LEAST = Plan(finalists=4, draws=8, vertices=4, looked_at=16, last=2, last_draws=8, held_out=32)
+LEAST = Plan(finalists=4, draws=8, vertices=4, last=2, last_draws=8, held_out=32)
 """The fewest that are worth anything."""
 
 STEPS = 20

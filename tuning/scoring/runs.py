@@ -27,8 +27,8 @@ def run_pairs(
 
 
 def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
-    """Whether a scenario counts in a statistic: a vertex of the box of draws does in what is the worst only."""
-    return statistic.kind == "worst" or not (isinstance(scenario, Scenario) and scenario.vertex)
+    """Whether a scenario counts in a statistic: one that was picked as a hard one does in what is the worst only."""
+    return statistic.kind == "worst" or not (isinstance(scenario, Scenario) and scenario.hard)
 
 
 def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:

@@ -1,27 +1,28 @@
-"""Which scenarios to tune and to choose in: draws of an ensemble, and vertices of the box of draws, where gains fail.
+"""Which scenarios to tune and to choose in: typical ones for the means, and hard ones for what is the worst.
 
-Gains that hold in a handful of draws need not hold in hundreds. They fail in two ways. Where several values of the
-plant lie at the ends of their ranges, the loop may be unstable. And where the reference asks for more force than the
-motors can give, the vehicle falls behind and has to recover without a peak and without a slack rope; how far does not
-depend on the gains (`simulation.analysis.required_force`). So half of the vertices are some where it
-falls behind as far as it does in one draw of some hundreds.
+A few draws as they come are a poor mean: one that asks for nearly all the force there is outweighs the others. So the
+draws that stand for all are spread evenly by the force that they ask for.
+
+Gains that hold in a handful of draws need not hold in hundreds. They fail in two ways. Where the reference asks for
+more force than the motors can give, the vehicle falls behind and has to recover without a peak and without a slack
+rope; how far does not depend on the gains (`simulation.analysis.required_force`). So there are draws that ask for the
+most. And where several values of the plant lie at the ends of their ranges, the loop may be unstable. So there are
+vertices of the box of draws; those that the motors can hold, for the others are far harder than any draw and ask for
+gains that are cautious everywhere.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from dualwinch.simulation.analysis.required_force import shortfall
+from dualwinch.simulation.analysis.required_force import Demand, demand
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 
-VERTEX_SHARE = 0.75
-"""Share of the scenarios that are vertices. A few draws give a mean; what is the worst takes more."""
-
 LOOKED_AT = 200
-"""Vertices that are looked at."""
+"""Draws that are looked at."""
 
-TUNED_SHORTFALL, CHOSEN_SHORTFALL = 0.015, 0.01
-"""How far in m the vehicle falls behind at most where gains are tuned, and where they are chosen.
+FURTHEST = 0.01
+"""How far in m the vehicle falls behind at most.
 
 It falls behind further in one draw of some hundreds, and gains that had to hold there would be cautious everywhere.
 """
@@ -29,10 +30,17 @@ It falls behind further in one draw of some hundreds, and gains that had to hold
 
 @dataclass(frozen=True)
 class Pick:
-    """A scenario to be: number `index` of the ensemble's draws, or of the vertices of the box of draws."""
+    """A scenario to be: number `index` of the ensemble's draws, or of the vertices of the box of draws.
+
+    Attributes:
+        index: the number.
+        vertex: whether it is a vertex.
+        hard: whether it counts in what is the worst only.
+    """
 
     index: int
     vertex: bool = False
+    hard: bool = False
 
 
 def drawn(picks: Sequence[Pick], ensemble: Ensemble, seed: int) -> list[Scenario]:
@@ -41,69 +49,73 @@ def drawn(picks: Sequence[Pick], ensemble: Ensemble, seed: int) -> list[Scenario
     for vertex in (False, True):
         alike = [picked for picked in picks if picked.vertex is vertex]
         chosen = ensemble.chosen([picked.index for picked in alike], seed, vertex=vertex)
-        found |= zip(alike, chosen, strict=True)
+        marked = (replace(scenario, hard=picked.hard) for picked, scenario in zip(alike, chosen, strict=True))
+        found |= zip(alike, marked, strict=True)
     return [found[picked] for picked in picks]
 
 
 def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pick], list[Pick]]:
-    """Scenarios of an ensemble, draws and vertices spread evenly: there are some of each among the first of them.
+    """Scenarios of an ensemble, typical and hard ones in turns.
 
     Args:
         ensemble: what is drawn from.
-        count: how many.
-        more: how many further vertices.
+        count: how many; half of them hard, of these again half draws and half vertices.
+        more: how many further hard ones.
         seed: of the draws.
 
     Returns:
-        The scenarios, and the further vertices.
+        The scenarios, and the further hard ones.
     """
-    number = int(VERTEX_SHARE * count)
-    plain = [Pick(index) for index in range(count - number)]
-    chosen = vertices(ensemble, number + more, seed)
-    spread = [
-        ((index + 0.5) / len(sort), picked) for sort in (plain, chosen[:number]) for index, picked in enumerate(sort)
-    ]
-    return [picked for _, picked in sorted(spread, key=lambda entry: entry[0])], chosen[number:]
+    number = count // 2
+    each = -(-(number + more) // 2)
+    demands = _demands(ensemble.chosen(range(max(LOOKED_AT, count + each)), seed))
+    plain = typical(demands, count - number)
+    demanding = hardest(demands, each, {picked.index for picked in plain})
+    pairs = zip(demanding, vertices(ensemble, each, seed), strict=True)
+    hard = [picked for pair in pairs for picked in pair]
+    turns = [picked for pair in zip(plain, hard[:number], strict=False) for picked in pair]
+    return [*turns, *plain[number:]], hard[number : number + more]
 
 
-def vertices(
-    ensemble: Ensemble, count: int, seed: int, *, furthest: float = TUNED_SHORTFALL, looked_at: int | None = None
-) -> list[Pick]:
-    """Vertices of the box of draws: the hardest that is not too hard, the first of the others, the next hardest, ...
+def typical(demands: Sequence[Demand], count: int) -> list[Pick]:
+    """Draws that stand for all: those in the middle of as many equal shares, by the force that they ask for."""
+    order = sorted(range(len(demands)), key=lambda index: demands[index].share)
+    return [Pick(order[int((share + 0.5) / count * len(order))]) for share in range(count)]
 
-    The first of many are the same ones as those of a few.
 
-    Args:
-        ensemble: what is drawn from.
-        count: how many.
-        seed: of the draws.
-        furthest: how far in m the vehicle falls behind, at most.
-        looked_at: among how many they are chosen, at least twice their number; default: `LOOKED_AT`.
-    """
-    among = max(LOOKED_AT if looked_at is None else looked_at, 2 * count)
-    behind = _shortfalls(ensemble.chosen(range(among), seed, vertex=True))
-    waiting = [index for index, way in enumerate(behind) if way <= furthest]
-    waiting += sorted(set(range(len(behind))) - set(waiting), key=lambda index: behind[index])
-    found: list[Pick] = []
-    while len(found) < count:
-        hardest = max(waiting, key=lambda index: (behind[index] <= furthest, behind[index]))
-        chosen = waiting[0] if len(found) % 2 else hardest
-        waiting.remove(chosen)
-        found.append(Pick(chosen, vertex=True))
-    return found
+def hardest(demands: Sequence[Demand], count: int, others: set[int]) -> list[Pick]:
+    """Draws that ask for the most force, without those too hard (`FURTHEST`) and without some others."""
+    waiting = [index for index in range(len(demands)) if index not in others]
+    waiting.sort(key=lambda index: (demands[index].shortfall > FURTHEST, -demands[index].share))
+    return [Pick(index, hard=True) for index in waiting[:count]]
+
+
+def vertices(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
+    """Vertices of the box of draws: of twice as many the first that the motors can hold, then the least too hard."""
+    demands = _demands(ensemble.chosen(range(2 * count), seed, vertex=True))
+    order = sorted(range(len(demands)), key=lambda index: demands[index].shortfall)
+    return [Pick(index, vertex=True, hard=True) for index in order[:count]]
 
 
 def choosable(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """The scenarios in which gains are chosen: where the vehicle falls behind by no more than `CHOSEN_SHORTFALL`."""
-    behind = _shortfalls(scenarios)
-    return [chosen for chosen, way in zip(scenarios, behind, strict=True) if way <= CHOSEN_SHORTFALL] or list(scenarios)
+    """The scenarios in which gains are chosen: where the vehicle falls behind by no more than `FURTHEST`.
+
+    Where it falls behind at all, that is most of the error, and hardly depends on gains: such count as hard ones.
+    """
+    demands = _demands(scenarios)
+    kept = [
+        replace(scenario, hard=asked.share > 1)
+        for scenario, asked in zip(scenarios, demands, strict=True)
+        if asked.shortfall <= FURTHEST
+    ]
+    return kept if any(not scenario.hard for scenario in kept) else list(scenarios)
 
 
-def _shortfalls(scenarios: Sequence[Scenario]) -> list[float]:
-    found = [0.0] * len(scenarios)
+def _demands(scenarios: Sequence[Scenario]) -> list[Demand]:
+    found = [Demand(0.0, 0.0)] * len(scenarios)
 
     def look(index: int) -> None:
-        found[index] = shortfall(scenarios[index].experiment)
+        found[index] = demand(scenarios[index].experiment)
 
     if not run_all([lambda index=index: look(index) for index in range(len(scenarios))]):
         raise KeyboardInterrupt

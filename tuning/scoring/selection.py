@@ -10,19 +10,18 @@ from dataclasses import replace
 import numpy as np
 
 from dualwinch.simulation.analysis.required_force import within_authority
-from dualwinch.simulation.analysis.worst_margins import MarginSurvey
-from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.batch.family import experiment_of
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION, Problem
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
+from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.machines import machine_name
+from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, soundest_first
-from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, choosable, drawn, vertices
-from dualwinch.tuning.scoring.verdict import Attained, Score, Verdict
+from dualwinch.tuning.scoring.scenarios import choosable, drawn, vertices
+from dualwinch.tuning.scoring.verdict import Verdict
 
 RUNG, GROWTH = 0.02, 1.17
 """How much larger, as a share, the objective of the second finalist is than that of the first, where they were tuned;
@@ -58,20 +57,27 @@ def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL,
     else:
         ranking = _finals(evaluator, trials, start, plan)
     watch.phase(SCORING)
-    scenarios = problem.drawn(plan.held_out, problem.seed + HELD_OUT)
-    scores = _references(evaluator, start, scenarios, plan)
+    held_out = HeldOut(evaluator, plan.held_out, problem.seed + HELD_OUT)
+    scores = {"start": held_out.score(start.candidate), "paper": held_out.paper}
     best, selection, passed_over = start, None, []
     for trial, selected in ranking:
-        score = _score(evaluator, trial.candidate, scenarios)
+        score = held_out.score(trial.candidate)
         if beats(score.evaluation, scores["start"].evaluation):
             best, selection, scores = trial, selected, scores | {"best": score}
             break
         passed_over.append(trial.number)
     obstacle = "" if "best" in scores else _obstacle(passed_over)
-    scores = {"best": scores["start"]} | scores
-    held = [within_authority(each.experiment if isinstance(each, Scenario) else each) for each in scenarios]
-    held_out = problem.ensemble is not None
-    return Verdict(best, obstacle, tuple(passed_over), selection, scores, held_out, np.array(held), plan)
+    return Verdict(
+        best=best,
+        obstacle=obstacle,
+        passed_over=tuple(passed_over),
+        selection=selection,
+        scores={"best": scores["start"]} | scores,
+        constraints=held_out.constraints,
+        held_out=problem.ensemble is not None,
+        within_authority=np.array([within_authority(experiment_of(each)) for each in held_out.scenarios]),
+        plan=plan,
+    )
 
 
 def _obstacle(passed_over: Sequence[int]) -> str:
@@ -86,41 +92,6 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
     """The start as it was tuned: the trial that is it, else what preparing has found out."""
     point = evaluator.prepared.problem.start
     return next((trial for trial in trials if trial.point == point and not trial.pruned), None) or evaluator.start()
-
-
-def _score(evaluator: Evaluator, candidate: Candidate, scenarios: Sequence[Experiment | Scenario]) -> Score:
-    result, machines = evaluator.run([candidate], scenarios), evaluator.survey(scenarios)
-    return _scored(evaluator, candidate, result, scenarios, machines)
-
-
-def _scored(
-    evaluator: Evaluator,
-    candidate: Candidate,
-    result: BatchResult,
-    scenarios: Sequence[Experiment | Scenario],
-    machines: MarginSurvey | None,
-) -> Score:
-    (margins,) = evaluator.margins([candidate], machines)
-    evaluation = evaluator.judged(candidate, result, scenarios, margins=margins)
-    if not (margins and machines):
-        return Score(evaluation, result)
-    names = {statistic.margin: statistic.name for statistic in evaluator.prepared.problem.margins}
-    attained = {
-        names[kind]: Attained(worst, machine_name(machines.machines[worst.machine])) for kind, worst in margins.items()
-    }
-    return Score(evaluation, result, attained)
-
-
-def _references(
-    evaluator: Evaluator, start: Evaluation, scenarios: Sequence[Experiment | Scenario], plan: Plan
-) -> dict[str, Score]:
-    """The start and the paper's controller in the scenarios that score the best."""
-    problem = evaluator.prepared.problem
-    drawn = problem.drawn(plan.held_out, problem.seed + HELD_OUT, problem.paper_experiment)
-    result = evaluator.run(None, drawn)
-    machines = evaluator.survey(drawn, problem.paper_experiment)
-    paper = _scored(evaluator, Candidate({}, "paper"), result, drawn, machines)
-    return {"start": _score(evaluator, start.candidate, scenarios), "paper": paper}
 
 
 def _finals(
@@ -144,7 +115,11 @@ def _ranked(
     evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, scenarios: Sequence[Scenario]
 ) -> list[tuple[Evaluation, Evaluation]]:
     """Trials that are better than the start in some scenarios, the best first, and what each came to there."""
-    *met, reference = evaluator.over([trial.candidate for trial in (*trials, start)], scenarios)
+    base = evaluator.prepared.problem.paper_experiment
+    with_paper = [replace(scenario, base=base) for scenario in scenarios]
+    constraints = bounds_in(evaluator.prepared, evaluator.run(None, with_paper), with_paper)
+    candidates = [trial.candidate for trial in (*trials, start)]
+    *met, reference = evaluator.over(candidates, scenarios, constraints=constraints)
     return [(trials[index], met[index]) for index in soundest_first(met, MARGIN) if beats(met[index], reference)]
 
 
@@ -162,7 +137,7 @@ def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scena
         raise ValueError("only an ensemble has scenarios to choose in")
     ensemble = replace(problem.ensemble, experiment=problem.experiment)
     seed = problem.seed + SELECTION
-    picks = vertices(ensemble, plan.vertices, seed, furthest=CHOSEN_SHORTFALL, looked_at=plan.looked_at)
+    picks = vertices(ensemble, plan.vertices, seed)
     draws = list(ensemble.scenarios(plan.draws + plan.last_draws, seed))
     first = [*choosable(draws[: plan.draws]), *drawn(picks, ensemble, seed)]
     return first, choosable(draws[plan.draws :])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.analysis.worst_margins import WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.plan import Plan
 
@@ -66,6 +67,7 @@ class Verdict:
         selection: the best in the selection scenarios; ``None`` without an ensemble.
         scores: ``best``, ``start`` and ``paper`` → what each came to in the same scenarios, which neither the search
             nor the choice of the best saw; without an ensemble in the only one there is.
+        constraints: of the problem, every bound a number in those scenarios.
         held_out: whether those are such scenarios.
         within_authority: (scenarios,) whether the motors can hold each.
         plan: how many finalists met in how many scenarios.
@@ -76,6 +78,7 @@ class Verdict:
     passed_over: tuple[int, ...]
     selection: Evaluation | None
     scores: dict[str, Score]
+    constraints: tuple[Constraint, ...]
     held_out: bool
     within_authority: NDArray[np.bool_]
     plan: Plan

@@ -50,6 +50,6 @@ def test_what_is_beside_a_search_is_limited(search: float, spent: float, left: f
     assert time_for(search, spent) == pytest.approx(left)
 
 
-def test_rollouts_are_those_of_both_rounds_with_the_start_and_of_three_scores() -> None:
-    plan = Plan(finalists=2, draws=3, vertices=4, looked_at=9, last=1, last_draws=5, held_out=6)
-    assert plan.rollouts == 3 * 7 + 2 * 5 + 3 * 6
+def test_rollouts_are_those_of_both_rounds_with_start_and_paper_and_of_three_scores() -> None:
+    plan = Plan(finalists=2, draws=3, vertices=4, last=1, last_draws=5, held_out=6)
+    assert plan.rollouts == 4 * 7 + 3 * 5 + 3 * 6

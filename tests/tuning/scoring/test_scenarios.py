@@ -1,35 +1,71 @@
-"""Which scenarios are tuned and chosen in: draws as they come, and vertices that the motors can hardly hold."""
+"""Which scenarios are tuned and chosen in: typical ones for the means, hard ones for what is the worst."""
+
+from itertools import pairwise
+
+import numpy as np
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.required_force import shortfall
-from dualwinch.tuning.scoring.scenarios import CHOSEN_SHORTFALL, TUNED_SHORTFALL, choosable, drawn, pick, vertices
+from dualwinch.simulation.analysis.required_force import required_force, shortfall, within_authority
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.tuning.scoring.scenarios import FURTHEST, LOOKED_AT, choosable, drawn, pick, vertices
 
 SEA = load_ensemble("sea")
 
 
-def test_draws_and_vertices_are_spread_and_the_hardest_vertices_are_not_too_hard() -> None:
-    picks, more = pick(SEA, 8, 2, 3)
-    assert [picked.vertex for picked in picks] == [True, False, True, True, True, False, True, True]
-    assert [picked.index for picked in picks if not picked.vertex] == [0, 1]
+def share(scenario: Scenario) -> float:
+    experiment = scenario.experiment
+    return float(np.abs(required_force(experiment)).max()) / experiment.controller.limits.strength
+
+
+def test_typical_and_hard_scenarios_take_turns() -> None:
+    picks, more = pick(SEA, 12, 3, 3)
+    assert [picked.hard for picked in picks] == [False, True] * 6
+    assert [picked.vertex for picked in picks if picked.hard] == [False, True] * 3
+    assert len(more) == 3
+    assert all(picked.hard and picked not in picks for picked in more)
+    assert pick(SEA, 12, 3, 3) == (picks, more)
     scenarios = drawn(picks, SEA, 3)
-    assert [scenario.vertex for scenario in scenarios] == [picked.vertex for picked in picks]
-    assert scenarios[1].draws == SEA.scenario(0, 3).draws
-    behind = [shortfall(scenario.experiment) for scenario in scenarios if scenario.vertex]
-    assert behind[0] > behind[2] > behind[4] > 0.003  # every other one is hard
-    assert max(behind) <= TUNED_SHORTFALL
-    assert all(picked.vertex and picked not in picks for picked in more)
-    assert pick(SEA, 8, 2, 3) == (picks, more)
+    assert [(scenario.hard, scenario.vertex) for scenario in scenarios] == [(each.hard, each.vertex) for each in picks]
+    assert scenarios[0].draws == SEA.scenario(picks[0].index, 3).draws
 
 
-def test_one_scenario_is_a_plain_draw() -> None:
-    assert [picked.vertex for picked in pick(SEA, 1, 0, 3)[0]] == [False]
+def test_typical_draws_are_those_in_the_middle_of_equal_shares_of_all() -> None:
+    every = sorted(share(scenario) for scenario in SEA.scenarios(LOOKED_AT, 3))
+    picks, _ = pick(SEA, 8, 0, 3)
+    typical = [share(scenario) for scenario in drawn(picks, SEA, 3) if not scenario.hard]
+    assert np.allclose(typical, [every[number] for number in (25, 75, 125, 175)], rtol=1e-12)
+
+
+def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
+    picks, more = pick(SEA, 8, 12, 3)
+    hard = drawn([each for each in (*picks, *more) if each.hard and not each.vertex], SEA, 3)
+    assert all(before > after for before, after in pairwise(map(share, hard)))
+    assert all(shortfall(scenario.experiment) <= FURTHEST for scenario in hard)
+    harder = [each for each in SEA.scenarios(LOOKED_AT, 3) if share(each) > share(hard[0])]
+    assert all(shortfall(scenario.experiment) > FURTHEST for scenario in harder)
+
+
+def test_the_motors_can_hold_vertices() -> None:
+    found = drawn(vertices(SEA, 12, 0), SEA, 0)
+    assert all(scenario.vertex and scenario.hard and within_authority(scenario.experiment) for scenario in found)
+    assert len({scenario.index for scenario in found}) == 12
+
+
+def test_few_scenarios_are_some_of_each() -> None:
+    assert [each.hard for each in pick(SEA, 1, 0, 3)[0]] == [False]
+    assert [each.hard for each in pick(SEA, 2, 0, 3)[0]] == [False, True]
+    assert [each.hard for each in pick(SEA, 3, 0, 3)[0]] == [False, True, False]
 
 
 def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
-    hard = drawn(vertices(SEA, 8, 0), SEA, 0)
-    kept = choosable(hard)
-    assert [scenario for scenario in hard if shortfall(scenario.experiment) <= CHOSEN_SHORTFALL] == kept
-    assert 0 < len(kept) < len(hard)
-    chosen = drawn(vertices(SEA, 8, 0, furthest=CHOSEN_SHORTFALL), SEA, 0)
-    assert all(shortfall(scenario.experiment) <= CHOSEN_SHORTFALL for scenario in chosen)
-    assert len({picked.index for picked in vertices(SEA, 8, 3, looked_at=4)}) == 8  # no fewer than are needed
+    scenarios = list(SEA.scenarios(200, 7))
+    kept = choosable(scenarios)
+    assert [each.index for each in kept] == [each.index for each in scenarios if shortfall(each.experiment) <= FURTHEST]
+    assert 0 < len(kept) < len(scenarios)
+    assert [each.hard for each in kept] == [not within_authority(each.experiment) for each in kept]
+    assert any(each.hard for each in kept)
+
+
+def test_where_the_motors_can_hold_nothing_all_scenarios_stay_as_they_are() -> None:
+    beyond = [each for each in SEA.scenarios(200, 7) if not within_authority(each.experiment)]
+    assert choosable(beyond) == beyond

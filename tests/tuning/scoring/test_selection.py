@@ -20,7 +20,7 @@ from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
 
-SMALL = Plan(finalists=6, draws=5, vertices=3, looked_at=8, last=2, last_draws=7, held_out=10)
+SMALL = Plan(finalists=6, draws=5, vertices=3, last=2, last_draws=7, held_out=10)
 
 BETA = "controller.nftsm.beta"
 
@@ -67,6 +67,15 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
     assert verdict.improvement("mean.mse", "start") > 1
     assert verdict.within_authority.all()  # in 0.1 s nothing is asked for
     assert verdict.improvement_within_authority() == pytest.approx(verdict.improvement("mean.mse"))
+
+
+def test_a_share_of_the_papers_is_one_of_what_it_reaches_in_the_same_scenarios(make_problem: MakeProblem) -> None:
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=["mean.chatter<=0.8*paper"])))
+    verdict = judge(evaluator, studied(evaluator, 16), SMALL)
+    (there,), (tuned,) = verdict.constraints, evaluator.prepared.constraints
+    assert there.bound == pytest.approx(0.8 * verdict.statistics("paper")["mean.chatter"], rel=1e-12)
+    assert there.bound != pytest.approx(tuned.bound, rel=1e-3)
+    assert verdict.scores["paper"].evaluation.violations[there.label] == pytest.approx(0.25, rel=1e-9)
 
 
 @pytest.mark.parametrize("ensemble", ["sea", None])
