@@ -7,15 +7,15 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.exogenous.signal_slopes import shaped_by
+from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import described_parameters, structure_of
+from dualwinch.simulation.loop.structure import described_parameters, parameters_of, structure_of
 
 
 def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
     """Raise `ConfigurationError` where a run has no derivative by a number; of names that are unknown say nothing."""
     taken = described_parameters(structure_of(experiment))
-    known, values = {**describe_parts(experiment), **taken}, leaves(experiment)
+    known, values = described(experiment), leaves(experiment)
     for name in names:
         if name not in known:
             continue
@@ -24,6 +24,26 @@ def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
             reason = "it has no value" if values[name] is None else "no run changes with it alone"
         if reason:
             raise ConfigurationError(f"no sensitivity to '{name}': {reason}")
+
+
+def differentiable_numbers(experiment: Experiment) -> dict[str, float]:
+    """Key → value of every number that runs of an experiment have a derivative by."""
+    ahead = {key: value for key, value in leaves(experiment).items() if shaped_by(key)}
+    found = {}
+    for key, value in (parameters_of(experiment) | ahead).items():
+        try:
+            check_differentiable([key], experiment)
+            check_shaped(experiment, key)
+        except ConfigurationError:
+            continue
+        if value or Mark.SCALES_DRAWS not in described(experiment)[key].marks:
+            found[key] = float(value)
+    return found
+
+
+def described(experiment: Experiment) -> dict[str, Leaf]:
+    """Every key of an experiment, and of what the controller believes of its plant, with what it is."""
+    return {**describe_parts(experiment), **described_parameters(structure_of(experiment))}
 
 
 MARKS = {

@@ -12,7 +12,7 @@ from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, com
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.setpoint import Setpoint, later
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import Mark, nearest
+from dualwinch.model.quantities.quantity import Mark, Quantity, nearest
 from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.tangent_seeds import TangentSeeds
@@ -48,6 +48,7 @@ class Sensitivities:
         slopes: (n, m, kept, p) derivatives of e.
         columns: column that was asked for → (n, m, kept), in its own unit; NaN after an early end.
         column_slopes: column → (n, m, kept, p) its derivatives.
+        quantities: column → what it is.
         interrupted: whether an interrupt ended the call; what is left out is ``not_run`` and NaN.
     """
 
@@ -59,6 +60,7 @@ class Sensitivities:
     slopes: Floats
     columns: dict[str, Floats] = field(default_factory=dict)
     column_slopes: dict[str, Floats] = field(default_factory=dict)
+    quantities: dict[str, Quantity] = field(default_factory=dict)
     interrupted: bool = False
 
 
@@ -137,6 +139,7 @@ def _sensitivities(
         slopes=np.full((*shape, kept, p), np.nan),
         columns={name: np.full((*shape, kept), np.nan) for name in columns},
         column_slopes={name: np.full((*shape, kept, p), np.nan) for name in columns},
+        quantities={name: pairs.loop.quantities[name] for name in columns},
     )
 
     def one(i: int, j: int) -> None:

@@ -1,0 +1,57 @@
+"""How columns of a run change with its numbers, over the time: a panel a column, a line a number."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from dualwinch.model.quantities.html import readable, readable_unit
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.curves import PALETTE
+from dualwinch.simulation.plots.headings import scenario
+from dualwinch.simulation.plots.page import GivenAxes, Page
+from dualwinch.simulation.plots.style import DASHES, GREY, house_style, law_label
+from dualwinch.simulation.plots.thin import thin
+
+Floats = NDArray[np.float64]
+
+
+def effects_figure(
+    experiment: Experiment,
+    changes: Mapping[str, Mapping[str, Floats]],
+    quantities: Mapping[str, Quantity],
+    *,
+    ax: GivenAxes = None,
+) -> Figure:
+    """Draw changes of columns.
+
+    Args:
+        experiment: what was run.
+        changes: column → what is changed, in words → change of the column (samples,).
+        quantities: column → what it is.
+        ax: axes for the columns; default: a figure of its own.
+    """
+    t = np.arange(experiment.samples) * experiment.simulation.sample_time
+    labels = list(next(iter(changes.values())))
+    looks = {label: (PALETTE[-1 - k % 8], DASHES[k // 8 % len(DASHES)]) for k, label in enumerate(labels)}
+    with house_style():
+        words = f"{law_label(experiment)}; {scenario(experiment)}"
+        page = Page(ax, 0.9 + 1.7 * len(changes), "changes to first order", words)
+        panels = page.panels(len(changes), sharex=True)
+        for axes, (column, lines) in zip(panels, changes.items(), strict=False):
+            axes.axhline(0.0, color=GREY, linewidth=0.7)
+            for label, values in lines.items():
+                colour, dashes = looks[label]
+                axes.plot(*thin(t, values), color=colour, linestyle=dashes)
+            unit = readable_unit(quantities[column].unit)
+            axes.set_ylabel(f"change of {column} ({unit})" if unit else f"change of {column}")
+            axes.set_title(readable(quantities[column].meaning))
+        page.time_axes(panels, experiment)
+        page.align()
+        page.legend(
+            [Line2D([], [], color=colour, linestyle=dashes, label=label) for label, (colour, dashes) in looks.items()]
+        )
+    return page.figure
