@@ -19,6 +19,10 @@ from dualwinch.simulation.plots.thin import thin
 Floats = NDArray[np.float64]
 
 
+READABLE = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+"""Unit of a column → the one its changes are drawn in, and its number in the column's own."""
+
+
 def effects_figure(
     experiment: Experiment,
     changes: Mapping[str, Mapping[str, Floats]],
@@ -43,10 +47,10 @@ def effects_figure(
         panels = page.panels(len(changes), sharex=True)
         for axes, (column, lines) in zip(panels, changes.items(), strict=False):
             axes.axhline(0.0, color=GREY, linewidth=0.7)
+            unit, scale = READABLE.get(quantities[column].unit, (readable_unit(quantities[column].unit), 1.0))
             for label, values in lines.items():
                 colour, dashes = looks[label]
-                axes.plot(*thin(t, values), color=colour, linestyle=dashes)
-            unit = readable_unit(quantities[column].unit)
+                axes.plot(*thin(t, scale * values), color=colour, linestyle=dashes)
             axes.set_ylabel(f"change of {column} ({unit})" if unit else f"change of {column}")
             axes.set_title(readable(quantities[column].meaning))
         page.time_axes(panels, experiment)
