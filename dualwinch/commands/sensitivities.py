@@ -49,7 +49,6 @@ def run_sensitivities(
     for name in metrics:
         if name not in known:
             raise ConfigurationError(f"--metric {name}: unknown metric; did you mean '{nearest(name, known)}'?")
-    columns = list(dict.fromkeys(columns))
     check_memory(experiment.samples, 1, (len(columns) + 1) * (len(values) + 1))
     write = writer(out) if out else None
     check_plot(plot)

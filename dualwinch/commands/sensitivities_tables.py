@@ -80,10 +80,8 @@ class Effects:
 def content_of(effects: Effects) -> Content:
     """What a file holds: time, columns, and the derivatives of each, ``COLUMN by KEY``."""
     found, sample_time = effects.found, effects.experiment.simulation.sample_time
-    samples = effects.experiment.samples
-    columns: dict[str, tuple[Floats, Quantity]] = {
-        "t": (np.arange(samples) * sample_time, Quantity("s", "nominal time of the sample"))
-    }
+    t: Floats = np.arange(effects.experiment.samples, dtype=np.float64) * sample_time
+    columns = {"t": (t, Quantity("s", "nominal time of the sample"))}
     for name, quantity in found.quantities.items():
         columns.setdefault(name, (found.columns[name][0, 0], quantity))
         for key, slope in zip(effects.values, found.column_slopes[name][0, 0].T, strict=True):

@@ -104,7 +104,8 @@ def sensitivities(
     """
 
     def run(together: Scenarios, report: Progress) -> Sensitivities:
-        return _sensitivities(TangentSeeds(names, parameters, together), tuple(columns), stride, threads, report)
+        seeds, asked = TangentSeeds(names, parameters, together), tuple(dict.fromkeys(columns))
+        return _sensitivities(seeds, asked, stride, threads, report)
 
     return run_in_groups(run, scenarios, progress)
 

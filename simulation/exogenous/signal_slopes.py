@@ -54,7 +54,8 @@ def signal_slope(experiment: Experiment, name: str, key: str) -> Floats:
     sample_time, samples = experiment.simulation.sample_time, experiment.samples
     if key == _scale(name):
         signal, unit = given_signals(experiment.disturbance)[name]
-        return replace(signal, scale=1.0).sampled(np.arange(samples) * sample_time, unit)
+        t: Floats = np.arange(samples, dtype=np.float64) * sample_time
+        return replace(signal, scale=1.0).sampled(t, unit)
     drawn = random_signals(experiment).get(name)
     if not isinstance(drawn, RandomSignal):
         return np.zeros(samples)
@@ -75,7 +76,7 @@ def _slope_by_decay(free: Floats, drawn: RandomSignal) -> Floats:
     fed = before - decay / (1 - decay**2) * (free - decay * before)
     if not drawn.from_zero:
         fed[0] = 0.0  # stationary: the first sample is the noise's own
-    return lfilter([1.0], [1.0, -decay], fed)
+    return np.asarray(lfilter([1.0], [1.0, -decay], fed))
 
 
 def _scale(name: str) -> str:

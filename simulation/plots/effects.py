@@ -1,6 +1,7 @@
 """How columns of a run change with its numbers, over the time: a panel a column, a line a number."""
 
 from collections.abc import Mapping
+from itertools import cycle
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from dualwinch.model.quantities.html import readable, readable_unit
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.curves import PALETTE
+from dualwinch.simulation.plots.curves import PALETTE, Look
 from dualwinch.simulation.plots.headings import scenario
 from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import DASHES, GREY, house_style, law_label
@@ -38,12 +39,14 @@ def effects_figure(
         quantities: column → what it is.
         ax: axes for the columns; default: a figure of its own.
     """
-    t = np.arange(experiment.samples) * experiment.simulation.sample_time
+    t: Floats = np.arange(experiment.samples, dtype=np.float64) * experiment.simulation.sample_time
     labels = list(next(iter(changes.values())))
-    looks = {label: (PALETTE[-1 - k % 8], DASHES[k // 8 % len(DASHES)]) for k, label in enumerate(labels)}
+    looks: dict[str, Look] = dict(
+        zip(labels, cycle((colour, dashes) for dashes in DASHES for colour in reversed(PALETTE)), strict=False)
+    )
     with house_style():
         words = f"{law_label(experiment)}; {scenario(experiment)}"
-        page = Page(ax, 0.9 + 1.7 * len(changes), "changes to first order", words)
+        page = Page(ax, 1.2 + 1.6 * len(changes) + 0.09 * len(labels), "changes to first order", words)
         panels = page.panels(len(changes), sharex=True)
         for axes, (column, lines) in zip(panels, changes.items(), strict=False):
             axes.axhline(0.0, color=GREY, linewidth=0.7)

@@ -255,6 +255,8 @@ def test_wrong_columns_and_shapes_are_named() -> None:
     names, values = ["plant.vehicle.mass"], [[1e4]]
     with pytest.raises(ConfigurationError, match=r"columns: unknown column 'F3'; did you mean 'F2'\?"):
         sensitivities(names, values, [everything()], columns=["F3"])
+    twice = sensitivities(names, values, [everything()], columns=["F1", "F1", "x"], stride=500)
+    assert twice.columns["x"].max() < 50 < twice.columns["F1"].min()
     with pytest.raises(ConfigurationError, match=r"parameters: shape \(1, 1\) must be \(n, 2\)"):
         sensitivities([*names, "disturbance.force.scale"], values, [everything()])
     with pytest.raises(ConfigurationError, match="names: must be at least one number"):
