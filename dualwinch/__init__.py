@@ -7,7 +7,7 @@ Run and look:
     save(result, "run.parquet")      and load_result
 
 Many runs:
-    rollout, sensitivities           gains side by side in compiled code, and exact derivatives by them
+    rollout, sensitivities           gains side by side in compiled code, and exact derivatives by any number
     sweep                            any keys over values
     run_ensemble, compare            uncertain machines; controllers on the same ones
     Stepper                          a policy of your own, sample by sample

@@ -5,10 +5,11 @@
    codegen/sampled.py, each with its derive_NAME(parameters, derived), and over arrays whose elements lie LANES apart
      sample_slopes(state, exogenous, parameters, derived, slopes)
      one_step_slopes(motion, hold, parameters, derived, slopes)
+     observe_slopes(state, exogenous, parameters, derived, slopes)
    and with tangents whose elements lie DIRECTIONS apart
-     along_move(motion, hold, part, parameters, motion_tangent, hold_tangent, next_motion_tangent).
-   SAMPLE_PRODUCT and ONE_STEP_PRODUCT are the statements of codegen/drivers/tangents.py for one lane: tangents of the
-   outputs from slopes and tangents of the inputs. */
+     along_move(motion, hold, part, parameters, motion_tangent, hold_tangent, direction, next_motion_tangent).
+   SAMPLE_PRODUCT, ONE_STEP_PRODUCT and OBSERVE_PRODUCT are the statements of codegen/drivers/tangents.py for one lane:
+   tangents of the outputs from slopes and tangents of the inputs. `observe` writes the ROW columns asked for. */
 
 /* LANES samples of the run: what their slopes depend on. Element i of sample t is at [i * LANES + t]. */
 typedef struct {
@@ -16,6 +17,9 @@ typedef struct {
   LANE_ARRAY sample_slopes[(SAMPLE_SLOPES + 1) * LANES];
 #if HAS_ONE_STEP
   LANE_ARRAY one_step_slopes[(ONE_STEP_SLOPES + 1) * LANES];
+#endif
+#if ROW
+  LANE_ARRAY observe_slopes[(OBSERVE_SLOPES + 1) * LANES];
 #endif
   int in_one_step[LANES]; /* whether the one-step update was valid */
 } Stretch;
@@ -34,10 +38,12 @@ IN_LANES sample_slopes_lanes(const double *restrict state, const double *restric
 }
 
 IN_LANES sample_product(const double *restrict slopes, const double *restrict states, const double *restrict directions,
-                       double *restrict discretes, double *restrict holds) {
+                       const double *restrict signals, double *restrict discretes, double *restrict holds) {
   EACH_OF(DIRECTIONS) {
     const double *restrict state_tangent = states + l, *restrict direction = directions + l;
+    const double *restrict signal_tangent = signals + l;
     double *restrict discrete_tangent = discretes + l, *restrict hold_tangent = holds + l;
+    (void)direction, (void)signal_tangent;
     SAMPLE_PRODUCT
   }
 }
@@ -49,45 +55,74 @@ IN_LANES one_step_slopes_lanes(const double *restrict motion, const double *rest
 }
 
 IN_LANES one_step_product(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
-                     double *restrict nexts) {
+                     const double *restrict directions, double *restrict nexts) {
   EACH_OF(DIRECTIONS) {
     const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
+    const double *restrict direction = directions + l;
     double *restrict next_motion_tangent = nexts + l;
+    (void)direction;
     ONE_STEP_PRODUCT
+  }
+}
+#endif
+
+#if ROW
+IN_LANES observe_slopes_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                              const double *restrict derived, double *restrict slopes) {
+  EACH_CALL observe_slopes(state + l, exogenous + l, p, derived, slopes + l);
+}
+
+IN_LANES observe_product(const double *restrict slopes, const double *restrict states,
+                         const double *restrict directions, const double *restrict signals, double *restrict rows) {
+  EACH_OF(DIRECTIONS) {
+    const double *restrict state_tangent = states + l, *restrict direction = directions + l;
+    const double *restrict signal_tangent = signals + l;
+    double *restrict row_tangent = rows + l;
+    (void)slopes, (void)direction, (void)signal_tangent;
+    OBSERVE_PRODUCT
   }
 }
 #endif
 
 IN_LANES along_move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
                           const double *restrict p, const double *restrict motion_tangent,
-                          const double *restrict hold_tangent, double *restrict next) {
-  EACH_CALL_OF(DIRECTIONS) along_move(motion, hold, part, p, motion_tangent + l, hold_tangent + l, next + l);
+                          const double *restrict hold_tangent, const double *restrict direction,
+                          double *restrict next) {
+  EACH_CALL_OF(DIRECTIONS)
+  along_move(motion, hold, part, p, motion_tangent + l, hold_tangent + l, direction + l, next + l);
 }
 
 /* One rollout with its sensitivities.
-   for_sample_slopes and for_one_step_slopes hold what the slopes take that depends on the parameters alone.
-   direction (GAINS, DIRECTIONS) holds the directions; state (STATES) and its tangent (STATES, DIRECTIONS) those at the start,
-   and then at the end. Every stride-th sample writes state TRACKED to values and its tangent to tangents (kept, DIRECTIONS);
-   both may be null. Returns the outcome as in rollout.c; *done is the number of samples stepped. A tangent that is not
-   finite makes no outcome. */
+   for_sample_slopes, for_one_step_slopes and for_observe_slopes hold what the slopes take that depends on parameters
+   alone; null where there are no such slopes. direction (VARIED, DIRECTIONS) holds the directions, signals
+   (samples, SIGNALS, DIRECTIONS) the slopes of what comes from outside; state (STATES) and its tangent
+   (STATES, DIRECTIONS) those at the start, and then at the end. Every stride-th sample writes state TRACKED to values
+   and its tangent to tangents (kept, DIRECTIONS), columns to rows (kept, ROW) and theirs to row_tangents
+   (kept, ROW, DIRECTIONS); all four may be null. Returns the outcome as in rollout.c; *done is the number of samples
+   stepped. A tangent that is not finite makes no outcome. */
 EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes, const double *for_one_step_slopes,
-                       const double *direction, const double *exogenous, double *state, double *tangent,
-                       int64_t samples, int64_t stride, double *values, double *tangents, int64_t *done) {
+                       const double *for_observe_slopes, const double *direction, const double *exogenous,
+                       const double *signals, double *state, double *tangent, int64_t samples, int64_t stride,
+                       double *values, double *tangents, double *rows, double *row_tangents, int64_t *done) {
   double for_sample[SAMPLE_DERIVED + 1], for_move[MOVE_DERIVED + 1];
   double hold[HOLD], now[STATES], next[STATES], moved[MOTION], margin = 0;
-  LANE_ARRAY seeds[GAINS * DIRECTIONS], ours[STATES * DIRECTIONS], theirs[STATES * DIRECTIONS];
+  LANE_ARRAY seeds[(VARIED + 1) * DIRECTIONS], ours[STATES * DIRECTIONS], theirs[STATES * DIRECTIONS];
   LANE_ARRAY hold_tangent[HOLD * DIRECTIONS];
   Stretch of;
   double *now_tangent = ours, *next_tangent = theirs;
   int outcome = COMPLETED;
   int64_t k = 0;
   memset(&of, 0, sizeof of);
-  memcpy(seeds, direction, sizeof seeds);
+  memcpy(seeds, direction, VARIED * DIRECTIONS * sizeof *seeds);
   memcpy(now, state, sizeof now);
   memcpy(now_tangent, tangent, sizeof ours);
   derive_sample(parameters, for_sample);
   derive_move(parameters, for_move);
-  (void)for_one_step_slopes;
+  (void)for_one_step_slopes, (void)for_observe_slopes, (void)rows, (void)row_tangents;
+#if ROW
+  double for_observe[OBSERVE_DERIVED + 1];
+  derive_observe(parameters, for_observe);
+#endif
 #if HAS_ONE_STEP
   double for_one_step[ONE_STEP_DERIVED + 1], valid = 0;
   derive_one_step(parameters, for_one_step);
@@ -97,6 +132,12 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
     for (; stepped < LANES && k + stepped < samples && outcome == COMPLETED; ++stepped, exogenous += EXOGENOUS) {
       put(of.state + stepped, now, STATES);
       put(of.exogenous + stepped, exogenous, EXOGENOUS);
+#if ROW
+      if (rows && (k + stepped) % stride == 0) {
+        observe(now, exogenous, parameters, for_observe, rows);
+        rows += ROW;
+      }
+#endif
       sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
       put(of.hold + stepped, hold, HOLD);
       of.in_one_step[stepped] = 0;
@@ -118,15 +159,25 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
 #if HAS_ONE_STEP
     one_step_slopes_lanes(of.state, of.hold, parameters, for_one_step_slopes, of.one_step_slopes);
 #endif
-    for (int t = 0; t < stepped; ++t, ++k) {
+#if ROW
+    if (rows) observe_slopes_lanes(of.state, of.exogenous, parameters, for_observe_slopes, of.observe_slopes);
+#endif
+    for (int t = 0; t < stepped; ++t, ++k, signals += SIGNALS * DIRECTIONS) {
       if (values && k % stride == 0) {
         *values++ = of.state[TRACKED * LANES + t];
         memcpy(tangents, now_tangent + TRACKED * DIRECTIONS, DIRECTIONS * sizeof *tangents);
         tangents += DIRECTIONS;
       }
-      sample_product(of.sample_slopes + t, now_tangent, seeds, next_tangent + MOTION * DIRECTIONS, hold_tangent);
+#if ROW
+      if (row_tangents && k % stride == 0) {
+        observe_product(of.observe_slopes + t, now_tangent, seeds, signals, row_tangents);
+        row_tangents += ROW * DIRECTIONS;
+      }
+#endif
+      double *discrete_tangent = next_tangent + MOTION * DIRECTIONS;
+      sample_product(of.sample_slopes + t, now_tangent, seeds, signals, discrete_tangent, hold_tangent);
 #if HAS_ONE_STEP
-      if (of.in_one_step[t]) one_step_product(of.one_step_slopes + t, now_tangent, hold_tangent, next_tangent);
+      if (of.in_one_step[t]) one_step_product(of.one_step_slopes + t, now_tangent, hold_tangent, seeds, next_tangent);
       else
 #endif
       {
@@ -134,7 +185,7 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
         take(hold, of.hold + t, HOLD);
         for (int part = 0; part < PARTS; ++part) { /* each starts from `moved`, `now_tangent` */
           const double number = part;
-          along_move_lanes(moved, hold, &number, parameters, now_tangent, hold_tangent, next_tangent);
+          along_move_lanes(moved, hold, &number, parameters, now_tangent, hold_tangent, seeds, next_tangent);
           if (part == PARTS - 1) break;
           move(moved, hold, &number, parameters, for_move, next, &margin);
           memcpy(moved, next, sizeof moved);

@@ -4,6 +4,7 @@ import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -15,38 +16,77 @@ from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobi
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.expressions import as_written
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
 
-
-def directions_for(gains: tuple[int, ...]) -> int:
-    """How many directions one call takes: half the lanes are enough for few gains."""
-    return LANES // 2 if len(gains) <= LANES // 2 else LANES
+PRODUCTS = "SAMPLE_PRODUCT", "ONE_STEP_PRODUCT", "OBSERVE_PRODUCT"
+"""Macros of sensitivity.c, in the order in which it takes what their slopes need."""
 
 
-def _along(move: ca.Function) -> ca.Function:
-    """``along_move(motion, hold, part, parameters, motion_tangent, hold_tangent) -> next_motion_tangent``."""
+@dataclass(frozen=True)
+class Varied:
+    """What runs are differentiated by, and which of their columns.
+
+    Attributes:
+        parameters: indices of the parameters that directions are made of.
+        signals: indices of the signals from outside that move along directions, each in its own way.
+        columns: indices of the elements of a row whose tangents are kept.
+    """
+
+    parameters: tuple[int, ...]
+    signals: tuple[int, ...] = ()
+    columns: tuple[int, ...] = ()
+
+    @property
+    def directions(self) -> int:
+        """How many directions one call takes: half the lanes are enough for few numbers."""
+        return LANES // 2 if len(self.parameters) + len(self.signals) <= LANES // 2 else LANES
+
+
+def _along(move: ca.Function, varied: Varied) -> ca.Function:
+    """``along_move(motion, hold, part, parameters, TANGENTS) -> next_motion_tangent``.
+
+    TANGENTS are ``motion_tangent, hold_tangent, direction``.
+    """
     inputs = {name: ca.SX.sym(name, move.size1_in(name)) for name in move.name_in()}
     seeds = {f"{name}_tangent": ca.SX.sym(f"{name}_tangent", inputs[name].numel()) for name in ("motion", "hold")}
+    seeds["direction"] = ca.SX.sym("direction", len(varied.parameters))
     moved = move.call(inputs)["next_motion"]
-    tangent = ca.jtimes(moved, ca.vertcat(inputs["motion"], inputs["hold"]), ca.vertcat(*seeds.values()))
+    by = ca.vertcat(inputs["motion"], inputs["hold"], inputs["parameters"][list(varied.parameters)])
+    tangent = ca.jtimes(moved, by, ca.vertcat(*seeds.values()))
     inputs |= seeds
     outputs = [ca.densify(tangent)]
     return ca.Function("along_move", [*inputs.values()], outputs, [*inputs], ["next_motion_tangent"], {"cse": True})
 
 
-def jacobian_products(smooth: Sampled, gains: tuple[int, ...]) -> dict[str, JacobianProduct]:
-    """Macro → product with the Jacobian of ``sample``, and of ``one_step`` where the system has one."""
-    by_gains = {"state": Tangents("state_tangent"), "parameters": Tangents("direction", gains)}
-    found = {"SAMPLE_PRODUCT": jacobian_product(smooth.sample, by_gains, ["discrete", "hold"])}
+def _observe(system: Sampled, varied: Varied) -> ca.Function:
+    """``observe`` of the system, of the columns that are asked for."""
+    inputs = {name: ca.SX.sym(name, system.observe.size1_in(name)) for name in system.observe.name_in()}
+    with as_written():
+        row = system.observe.call(inputs)["row"][list(varied.columns)]
+        return ca.Function("observe", [*inputs.values()], [row], [*inputs], ["row"], {"cse": True})
+
+
+def jacobian_products(smooth: Sampled, varied: Varied) -> dict[str, JacobianProduct]:
+    """Macro → product with the Jacobian of ``sample``, and of ``one_step`` and ``observe`` where they are needed."""
+    by_parameters = {"parameters": Tangents("direction", varied.parameters)}
+    at_sample = {
+        "state": Tangents("state_tangent"),
+        **by_parameters,
+        "exogenous": Tangents("signal_tangent", varied.signals),
+    }
+    found = {"SAMPLE_PRODUCT": jacobian_product(smooth.sample, at_sample, ["discrete", "hold"])}
     if smooth.one_step:
         still = found["SAMPLE_PRODUCT"].still
         moving = [element for element in range(smooth.one_step.size1_in("hold")) if ("hold", element) not in still]
-        between = {"motion": Tangents("motion_tangent"), "hold": Tangents("hold_tangent", moving)}
-        found["ONE_STEP_PRODUCT"] = jacobian_product(smooth.one_step, between, ["next_motion"])
+        between = {"motion": Tangents("motion_tangent"), "hold": Tangents("hold_tangent", moving, packed=False)}
+        found["ONE_STEP_PRODUCT"] = jacobian_product(smooth.one_step, between | by_parameters, ["next_motion"])
+    if varied.columns:
+        found["OBSERVE_PRODUCT"] = jacobian_product(_observe(smooth, varied), at_sample, ["row"])
     return found
 
 
@@ -54,24 +94,42 @@ def sensitivity_source(
     system: Sampled,
     smooth: Sampled,
     products: Mapping[str, JacobianProduct],
-    gains: tuple[int, ...],
+    varied: Varied,
     compiler: Compiler,
 ) -> str:
     """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`.
 
     What slopes take that depends on the parameters alone is left to the caller: long code for once a run.
     """
-    run = hoisted_all((system.sample, system.move, *((system.one_step,) if system.one_step else ())))
-    sloped, along = [hoisted(product.slopes)[1] for product in products.values()], _along(smooth.move)
+    functions = [system.sample, system.move, *((system.one_step,) if system.one_step else ())]
+    run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
+    sloped, along = [hoisted(product.slopes)[1] for product in products.values()], _along(smooth.move, varied)
     paired = not compiler.is_clang
     lanes = {slopes.name(): Lanes(paired, shared=("parameters", "derived")) for slopes in sloped}
     lanes[along.name()] = Lanes(paired, shared=smooth.move.name_in(), apart="DIRECTIONS")
     definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
     defines = [f"#define {name} {' '.join(product.statements)}" for name, product in products.items()]
-    sizes = system.sizes | lane_sizes(compiler)
-    sizes |= {"GAINS": len(gains), "DIRECTIONS": directions_for(gains), "TRACKED": 0}
+    sizes = system.sizes | lane_sizes(compiler) | {"DIRECTIONS": varied.directions, "TRACKED": 0}
+    sizes |= {"VARIED": len(varied.parameters), "SIGNALS": len(varied.signals), "ROW": len(varied.columns)}
     sizes |= {slopes.name().upper(): slopes.numel_out("slopes") for slopes in sloped}
     return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join(defines) + "\n", "sensitivity.c")
+
+
+class Kept(NamedTuple):
+    """How a run went, and what was kept of it and of its tangents.
+
+    Attributes:
+        outcome, done: how it ended, and how many samples were stepped.
+        first, first_tangents: (kept,) the first state, and (kept, directions) its tangents.
+        rows, row_tangents: (kept, columns) the columns asked for, and (kept, columns, directions) their tangents.
+    """
+
+    outcome: int
+    done: int
+    first: Floats
+    first_tangents: Floats
+    rows: Floats
+    row_tangents: Floats
 
 
 @dataclass(frozen=True)
@@ -79,11 +137,11 @@ class Sensitivity:
     """A compiled rollout with sensitivities.
 
     Attributes:
-        directions: how many directions one call takes.
+        varied: by what it is differentiated.
     """
 
-    directions: int
-    _derive: tuple[ca.Function, ...]
+    varied: Varied
+    _derive: Mapping[str, ca.Function]
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
@@ -94,46 +152,46 @@ class Sensitivity:
         state: Floats,
         tangent: Floats,
         stride: int = 1,
-    ) -> tuple[int, int, Floats, Floats]:
+        signals: Floats | None = None,
+    ) -> Kept:
         """Run; Python's lock is released meanwhile.
 
         Args:
             parameters: (parameters,).
-            directions: (gains, directions), a direction in each column.
+            directions: (varied parameters, directions), a direction in each column.
             exogenous: (samples, exogenous).
             state: (states,); overwritten with the final state.
             tangent: (states, directions), the start's slopes along the directions; overwritten with the end's.
-            stride: every how many samples the first state and its tangent are kept; 0 keeps none.
-
-        Returns:
-            Outcome, samples stepped, the first state (kept,) and its tangents (kept, directions).
+            stride: every how many samples the first state, the columns and their tangents are kept; 0 keeps none.
+            signals: (samples, varied signals, directions), the slopes of these signals; needed where there are any.
         """
-        samples = exogenous.shape[0]
-        kept = -(-samples // stride) if stride else 0
-        values, tangents, done = np.empty(kept), np.empty((kept, self.directions)), ctypes.c_int64()
-        derived = [np.array(derive(parameters), order="C") for derive in self._derive]
-        for_sample, for_one_step = (*derived, None) if len(derived) == 1 else derived
+        samples, varied = exogenous.shape[0], self.varied
+        kept, (columns, width) = -(-samples // stride) if stride else 0, (len(varied.columns), varied.directions)
+        first, first_tangents = np.empty(kept), np.empty((kept, width))
+        rows, row_tangents = np.empty((kept, columns)), np.empty((kept, columns, width))
+        moved = np.empty((samples, len(varied.signals), width)) if signals is None else signals
+        derived = {name: np.array(derive(parameters), order="C") for name, derive in self._derive.items()}
+        done = ctypes.c_int64()
         outcome = self._call(
             parameters.ctypes.data,
-            for_sample.ctypes.data,
-            None if for_one_step is None else for_one_step.ctypes.data,
+            *(derived[name].ctypes.data if name in derived else None for name in PRODUCTS),
             directions.ctypes.data,
             exogenous.ctypes.data,
+            moved.ctypes.data,
             state.ctypes.data,
             tangent.ctypes.data,
             samples,
             max(stride, 1),
-            values.ctypes.data if stride else None,
-            tangents.ctypes.data if stride else None,
+            *(array.ctypes.data if stride else None for array in (first, first_tangents, rows, row_tangents)),
             ctypes.byref(done),
         )
-        rows = -(-done.value // stride) if stride else 0
-        return outcome, done.value, values[:rows], tangents[:rows]
+        ends = slice(-(-done.value // stride) if stride else 0)
+        return Kept(outcome, done.value, first[ends], first_tangents[ends], rows[ends], row_tangents[ends])
 
 
 @cache
 def compile_sensitivity(
-    system: Sampled, smooth: Sampled, gains: tuple[int, ...], compiler: Compiler | None = None
+    system: Sampled, smooth: Sampled, varied: Varied, compiler: Compiler | None = None
 ) -> Sensitivity:
     """Compile (or find in the cache) and load a rollout with sensitivities.
 
@@ -141,17 +199,17 @@ def compile_sensitivity(
         system: what is run.
         smooth: what is differentiated along its run: `system` itself, or one without its steps, whose derivatives
             are zero almost everywhere.
-        gains: indices of the parameters that directions are made of.
+        varied: by what, and which columns.
         compiler: by default the one `find_compiler` finds.
 
     Raises:
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    products = jacobian_products(smooth, gains)
-    path = library(sensitivity_source(system, smooth, products, gains, chosen), chosen, lane_flags(chosen))
+    products = jacobian_products(smooth, varied)
+    path = library(sensitivity_source(system, smooth, products, varied, chosen), chosen, lane_flags(chosen))
     call = ctypes.CDLL(str(path)).sensitivity
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64
-    call.argtypes = [pointer] * 7 + [count, count, pointer, pointer, ctypes.POINTER(count)]
-    return Sensitivity(directions_for(gains), tuple(hoisted(product.slopes)[0] for product in products.values()), call)
+    call.argtypes = [pointer] * 9 + [count, count] + [pointer] * 4 + [ctypes.POINTER(count)]
+    return Sensitivity(varied, {name: hoisted(product.slopes)[0] for name, product in products.items()}, call)

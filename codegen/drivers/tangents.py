@@ -10,10 +10,17 @@ from dualwinch.codegen.drivers.linearised_graph import LinearisedGraph, Vertex
 
 @dataclass(frozen=True)
 class Tangents:
-    """The tangents of an input: their array in C, and which elements of the input they belong to (None: all)."""
+    """The tangents of an input.
+
+    Attributes:
+        array: in C.
+        elements: of the input that have tangents; None: all.
+        packed: whether the array holds those alone; else it holds all.
+    """
 
     array: str
     elements: Sequence[int] | None = None
+    packed: bool = True
 
 
 @dataclass(frozen=True)
@@ -44,7 +51,8 @@ def jacobian_product(function: ca.Function, along: Mapping[str, Tangents], outpu
     sources: dict[Vertex, str] = {}
     for name, tangents in along.items():
         elements = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
-        sources |= {(name, element): f"{tangents.array}[{k}*DIRECTIONS]" for k, element in enumerate(elements)}
+        held = enumerate(elements) if tangents.packed else zip(elements, elements, strict=True)
+        sources |= {(name, element): f"{tangents.array}[{k}*DIRECTIONS]" for k, element in held}
     graph = LinearisedGraph(function, symbols, sources, outputs, ["parameters"])
     graph.eliminate()
 

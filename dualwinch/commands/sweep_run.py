@@ -54,7 +54,7 @@ def run_sweep(
     for name in metrics:
         if name not in known:
             raise ConfigurationError(f"--metric {name}: unknown metric; did you mean '{nearest(name, known)}'?")
-    write = _writer(out) if out else None
+    write = writer(out) if out else None
     check_plot(plot)
     console = terminal(stderr=True)
     bars = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
@@ -77,8 +77,8 @@ def run_sweep(
         raise KeyboardInterrupt
 
 
-def _writer(out: Path) -> Callable[[Content, Path], None]:
-    """What writes a file.
+def writer(out: Path) -> Callable[[Content, Path], None]:
+    """What writes a file of words and numbers.
 
     Raises:
         ConfigurationError: unknown suffix, or a folder that cannot be written to.

@@ -36,8 +36,7 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
     for name in names:
         if name not in known:
             raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, known)}'?")
-    if values.ndim != 2 or values.shape[1] != len(names):
-        raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
+    check_shape(names, values)
     columns = dict(zip(names, values.T, strict=True))
     _check_bounds(columns, described)
     scaling = [name for name in names if Mark.SCALES_DRAWS in described[name].marks]
@@ -48,6 +47,12 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
             raise ConfigurationError(f"scenarios[{place}]: must have the structure and the length of scenarios[0]")
     _check_together(columns, kin, scenarios, structure)
     return kin
+
+
+def check_shape(names: Sequence[str], values: Floats) -> None:
+    """Raise `ConfigurationError` where values are not sets with a value for each name."""
+    if values.ndim != 2 or values.shape[1] != len(names):
+        raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
 
 
 def _check_family(family: Family, scenarios: Scenarios, scaling: Iterable[str]) -> None:

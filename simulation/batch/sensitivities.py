@@ -1,20 +1,21 @@
-"""How runs change with their gains: exact derivatives of the tracking error and of the figures of merit."""
+"""How runs change with their numbers: exact derivatives of the error, of other columns and of the figures of merit."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.rollout import COMPLETED
-from dualwinch.codegen.drivers.sensitivity import Sensitivity, compile_sensitivity
+from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.setpoint import Setpoint, later
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import Mark
+from dualwinch.model.quantities.quantity import Mark, Quantity, nearest
 from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
-from dualwinch.simulation.batch.pairs import Pairs
+from dualwinch.simulation.batch.tangent_seeds import TangentSeeds
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop
@@ -27,24 +28,27 @@ from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
 
-GAINS = ("controller.", "nominal.", "actuator.")
-"""What runs can be differentiated by: everything that acts at the samples, not between them."""
-
 TINY = 1e-100
 """Step of the complex-step derivative: exact, as nothing is subtracted."""
+
+FRAME = "simulation.jitter", "sensors.position_bias"
+"""Numbers with which it changes where the vehicle should be."""
 
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Runs and their derivatives by p gains, for n sets of gains in m scenarios.
+    """Runs and their derivatives by p numbers, for n sets of values in m scenarios.
 
     Attributes:
-        names: the gains.
+        names: keys of the numbers.
         outcomes: (n, m) words, as in `simulation.batch.rollout.BatchResult`.
         metrics: figure of merit → (n, m); NaN where a pair was not completed.
         gradients: figure of merit → (n, m, p); NaN where the figure of merit is.
         errors: (n, m, kept) tracking error e in m; NaN after an early end.
         slopes: (n, m, kept, p) derivatives of e.
+        columns: column that was asked for → (n, m, kept), in its own unit; NaN after an early end.
+        column_slopes: column → (n, m, kept, p) its derivatives.
+        quantities: column → what it is.
         interrupted: whether an interrupt ended the call; what is left out is ``not_run`` and NaN.
     """
 
@@ -54,6 +58,9 @@ class Sensitivities:
     gradients: dict[str, Floats]
     errors: Floats
     slopes: Floats
+    columns: dict[str, Floats] = field(default_factory=dict)
+    column_slopes: dict[str, Floats] = field(default_factory=dict)
+    quantities: dict[str, Quantity] = field(default_factory=dict)
     interrupted: bool = False
 
 
@@ -62,79 +69,88 @@ def sensitivities(
     parameters: ArrayLike,
     scenarios: Sequence[Experiment | Scenario],
     *,
+    columns: Sequence[str] = (),
     stride: int = 1,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Sensitivities:
-    """Run every set of gains in every scenario, with exact forward sensitivities.
+    """Run every set of values in every scenario, with exact forward sensitivities.
 
     The derivatives are those of the compiled steps themselves (no differences are taken): exact where the run is
-    smooth in the gains. Where a limit, a slack rope or a dry friction switches they are one-sided.
+    smooth in the numbers. Where a limit, a slack rope or a dry friction switches they are one-sided. Random signals
+    are the same draws: where a number scales them, it scales these. Sensors that read in steps are differentiated as
+    if they did not: the derivative of a step is zero almost everywhere, and says nothing.
+
+        found = dw.sensitivities(["plant.vehicle.mass"], [[1e4]], [dw.case(4)], columns=["F1", "tau_1"])
+        found.column_slopes["F1"][0, 0]  # (samples, 1) in N/kg
 
     Args:
-        names: keys of the gains, as for `simulation.batch.rollout.rollout`: ``controller.*`` or ``nominal.*``.
+        names: keys of the numbers: gains and any other continuous one of plant, sensors, actuator and disturbance. As
+            for `simulation.batch.rollout.rollout`, a ``plant.*`` leaves the plant the controller believes in as it
+            is; what comes of changing both is the sum of the derivatives by ``plant.*`` and ``nominal.*``.
         parameters: (n, p), a value for each name.
         scenarios: m experiments or draws of one structure and length.
-        stride: every how many samples error and slopes are kept; 0 keeps none. A set in a scenario takes
-            8 (p + 1) bytes a sample.
+        columns: names of columns of a result whose derivatives are kept, such as ``F1``; of what the sensors say
+            (``x_read``), where the experiment keeps it (``simulation.readings``).
+        stride: every how many samples error, columns and slopes are kept; 0 keeps none. A set in a scenario takes
+            8 (p + 1) bytes a sample and column.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
     Raises:
-        ConfigurationError, DualwinchError: as `simulation.batch.rollout.rollout`.
+        ConfigurationError: as `simulation.batch.rollout.rollout`; a number without derivative (a count, a choice, an
+            instant, a rounding), or an unknown column.
+        DualwinchError: as `simulation.batch.rollout.rollout`.
     """
 
     def run(together: Scenarios, report: Progress) -> Sensitivities:
-        return _sensitivities(Pairs(names, parameters, together), stride, threads, report)
+        seeds, asked = TangentSeeds(names, parameters, together), tuple(dict.fromkeys(columns))
+        return _sensitivities(seeds, asked, stride, threads, report)
 
     return run_in_groups(run, scenarios, progress)
 
 
-def _sensitivities(pairs: Pairs, stride: int, threads: int | None, progress: Progress) -> Sensitivities:
-    _check_names(pairs.names)
+def _sensitivities(
+    seeds: TangentSeeds, columns: tuple[str, ...], stride: int, threads: int | None, progress: Progress
+) -> Sensitivities:
+    pairs = seeds.pairs
+    for column in columns:
+        if column not in pairs.loop.columns:
+            near = nearest(column, pairs.loop.columns)
+            raise ConfigurationError(f"columns: unknown column '{column}'; did you mean '{near}'?")
     smooth = closed_loop(pairs.structure, pairs.zeros | steps(pairs.structure))
-    run = compile_sensitivity(pairs.loop, smooth, tuple(pairs.columns))
-    shape, p = pairs.shape, len(pairs.names)
+    run = compile_sensitivity(
+        pairs.loop,
+        smooth,
+        Varied(
+            parameters=tuple(pairs.columns),
+            signals=tuple(pairs.loop.exogenous.index(signal) for signal in seeds.signals),
+            columns=tuple(pairs.loop.columns.index(column) for column in columns),
+        ),
+    )
+    shape, p = pairs.shape, len(seeds.names)
     kept = -(-pairs.samples // stride) if stride else 0
     merits = describe(metrics_with(pairs.structure.metrics))
     result = Sensitivities(
-        names=pairs.names,
+        names=seeds.names,
         outcomes=np.full(shape, NOT_RUN, dtype="U10"),
         metrics={name: np.full(shape, np.nan) for name in merits},
         gradients={name: np.full((*shape, p), np.nan) for name in merits},
         errors=np.full((*shape, kept), np.nan),
         slopes=np.full((*shape, kept, p), np.nan),
+        columns={name: np.full((*shape, kept), np.nan) for name in columns},
+        column_slopes={name: np.full((*shape, kept, p), np.nan) for name in columns},
+        quantities={name: pairs.loop.quantities[name] for name in columns},
     )
 
     def one(i: int, j: int) -> None:
-        own = pairs.experiment(j).metrics
-        outside = pairs.signals(j)
-        for first in range(0, p, run.directions):
-            gains = range(first, min(first + run.directions, p))
-            outcome, final, tangent, x, slopes = _run(run, pairs, i, j, outside, gains, stride)
-            result.slopes[i, j, : len(x), first : first + len(gains)] = slopes[:, : len(gains)]
-            completed = outcome == COMPLETED
-            gradients = _gradients(pairs.loop.states, final, tangent, own, completed=completed)
-            for name, gradient in gradients.items():
-                result.gradients[name][i, j, list(gains)] = gradient[: len(gains)]
-            wanted = _wanted(outside, pairs.loop.exogenous, pairs.experiment(j))[:: max(stride, 1)]
-            result.errors[i, j, : len(x)] = x - wanted[: len(x)]
-            reached = dict(zip(pairs.loop.states, final.tolist(), strict=True))
-            metrics = metrics_of(reached, completed=completed, own=own)
-            for name, table in result.metrics.items():
-                table[i, j] = metrics[name]
-            result.outcomes[i, j] = OUTCOMES[outcome]
+        outside = seeds.outside(i, j)
+        for first in range(0, p, run.varied.directions):
+            chosen = range(first, min(first + run.varied.directions, p))
+            _fill(result, (i, j), chosen, seeds, _run(run, seeds, (i, j), outside, chosen, stride), outside, stride)
 
     whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices.tolist()], threads, progress)
     return replace(result, interrupted=not whole)
-
-
-def _wanted(outside: Floats, names: Sequence[str], experiment: Experiment) -> Floats:
-    """Where the vehicle should be at every sample, (samples,): in the track's frame, and at the sample's true time."""
-    columns = dict(zip(names, outside.T, strict=True))
-    late = experiment.simulation.jitter * np.append(0.0, columns[LATENESS][:-1])
-    asked = Setpoint(*(columns[f"reference.{name}"] for name in ("x", "v", "a")))
-    return later(asked, late).x - experiment.sensors.position_bias
 
 
 def steps(structure: Structure) -> frozenset[str]:
@@ -147,26 +163,70 @@ def steps(structure: Structure) -> frozenset[str]:
     return frozenset(key for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks)
 
 
-def _check_names(names: tuple[str, ...]) -> None:
-    if not names:
-        raise ConfigurationError("names: must be at least one gain")
-    for name in names:
-        if not name.startswith(GAINS):
-            raise ConfigurationError(f"no sensitivity to '{name}': must be a gain, {' or '.join(GAINS)}*")
+class _Run(NamedTuple):
+    """A pair's run along some directions: what was kept, and its final state with its tangents (states, directions)."""
+
+    kept: Kept
+    vector: Floats
+    final: Floats
+    tangent: Floats
 
 
 def _run(
-    run: Sensitivity, pairs: Pairs, i: int, j: int, outside: Floats, gains: range, stride: int
-) -> tuple[int, Floats, Floats, Floats, Floats]:
-    """Outcome, final state, its tangents (states, directions), and positions with their tangents."""
-    directions = np.zeros((len(pairs.names), run.directions))
-    directions[list(gains), range(len(gains))] = 1.0
-    vectors = pairs.vectors(np.array([[i, j]]))
+    run: Sensitivity, seeds: TangentSeeds, pair: tuple[int, int], outside: Floats, chosen: range, stride: int
+) -> _Run:
+    pairs, width = seeds.pairs, run.varied.directions
+    directions = seeds.directions(chosen, width)
+    vectors = pairs.vectors(np.array([pair]))
     (vector,), (state,) = vectors, pairs.starts(vectors)
     by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.columns]
     tangent = np.ascontiguousarray(by_parameters @ directions)
-    outcome, _, x, slopes = run(vector, directions, outside, state, tangent, stride)
-    return outcome, state, tangent, x, slopes
+    moved = seeds.moved(*pair, chosen, width)
+    return _Run(run(vector, directions, outside, state, tangent, stride, moved), vector, state, tangent)
+
+
+def _fill(
+    result: Sensitivities,
+    pair: tuple[int, int],
+    chosen: range,
+    seeds: TangentSeeds,
+    found: _Run,
+    outside: Floats,
+    stride: int,
+) -> None:
+    """Put a pair's run and its derivatives by some of the names into a result."""
+    loop, own, kept = seeds.pairs.loop, seeds.pairs.experiment(pair[1]).metrics, found.kept
+    completed, rows, count = kept.outcome == COMPLETED, len(kept.first), len(chosen)
+    among = slice(chosen.start, chosen.stop)
+    result.outcomes[pair] = OUTCOMES[kept.outcome]
+
+    numbers = dict(zip(loop.parameters, found.vector.tolist(), strict=True))
+    at = slice(0, rows * max(stride, 1), max(stride, 1))
+    result.errors[pair][:rows] = kept.first - _wanted(outside, loop.exogenous, numbers)[at]
+    result.slopes[pair][:rows, among] = kept.first_tangents[:, :count]
+    for number in chosen:
+        if (name := seeds.names[number]) in FRAME:
+            moved = _wanted(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * TINY})
+            result.slopes[pair][:rows, number] -= np.imag(moved)[at] / TINY
+    for number, name in enumerate(result.columns):
+        result.columns[name][pair][:rows] = kept.rows[:, number]
+        result.column_slopes[name][pair][:rows, among] = kept.row_tangents[:, number, :count]
+
+    reached = dict(zip(loop.states, found.final.tolist(), strict=True))
+    metrics = metrics_of(reached, completed=completed, own=own)
+    gradients = _gradients(loop.states, found.final, found.tangent, own, completed=completed)
+    for name, table in result.metrics.items():
+        table[pair] = metrics[name]
+        result.gradients[name][pair][among] = gradients[name][:count]
+
+
+def _wanted(outside: Floats, names: Sequence[str], numbers: Mapping[str, complex]) -> NDArray[Any]:
+    """Where the vehicle should be at every sample, (samples,): in the track's frame, and at the sample's true time."""
+    columns = dict(zip(names, outside.T, strict=True))
+    jitter, bias = (numbers[name] for name in FRAME)
+    late = jitter * np.append(0.0, columns[LATENESS][:-1])
+    asked = Setpoint(*(columns[f"reference.{name}"] for name in ("x", "v", "a")))
+    return later(asked, late).x - bias
 
 
 def _gradients(

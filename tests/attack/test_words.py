@@ -18,6 +18,7 @@ SHORT = ("--set", "simulation.duration=0.05")
 BASES: dict[str, tuple[str, ...]] = {
     "simulate": SHORT,
     "sweep": ("controller.observer.l0=1:3:1", *SHORT),
+    "sensitivities": ("plant.vehicle.mass", *SHORT),
     "compare": ("paper", "good.toml", "--scenarios", "2", *SHORT),
     "tune": ("--case", "4", *SHORT, "--trials", "2", "--space", "controller.nftsm.beta", "--constraint", "none"),
     "race": ("--law", "nftsm", "--rollouts", "2", "--scenarios", "1", "--held-out", "2", *SHORT),

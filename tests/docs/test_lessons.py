@@ -11,7 +11,7 @@ import pytest
 import dualwinch
 
 ROOT = Path(__file__).parents[2]
-LESSONS = {"start.md": 1, "machine.md": 1, "stepper.md": 5, "reference/python.md": 10}
+LESSONS = {"start.md": 1, "machine.md": 1, "sensitivities.md": 1, "stepper.md": 5, "reference/python.md": 10}
 """Page → blocks that it has at least."""
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.drivers.rollout import COMPLETED, compile_rollout
-from dualwinch.codegen.drivers.sensitivity import compile_sensitivity, directions_for
+from dualwinch.codegen.drivers.sensitivity import Varied, compile_sensitivity
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.lanes import LANES
 from tests.codegen.toy import oscillator
@@ -58,11 +58,15 @@ def by_casadi(system: Sampled, exogenous: np.ndarray, start: np.ndarray) -> tupl
 @pytest.mark.parametrize("samples", [SAMPLES, LANES, 1])
 def test_tangents_are_those_of_the_whole_loop(*, one_step: bool, samples: int) -> None:
     system = controlled(one_step=one_step)
-    run = compile_sensitivity(system, system, GAINS)
+    run = compile_sensitivity(system, system, Varied(GAINS))
     exogenous, start = np.sin(np.arange(samples))[:, None], np.array([0.3, 0.0, 0.0])
-    directions, state, tangent = np.zeros((2, run.directions)), start.copy(), np.zeros((3, run.directions))
+    directions, state, tangent = (
+        np.zeros((2, run.varied.directions)),
+        start.copy(),
+        np.zeros((3, run.varied.directions)),
+    )
     directions[:, :2], directions[:, 5] = np.eye(2), (1.0, -2.0)
-    outcome, done, x, tangents = run(PARAMETERS, directions, exogenous, state, tangent)
+    outcome, done, x, tangents, *_ = run(PARAMETERS, directions, exogenous, state, tangent)
     final, slopes = by_casadi(system, exogenous, start)
     assert (outcome, done) == (COMPLETED, samples)
     assert state == pytest.approx(final, rel=1e-12)
@@ -71,17 +75,47 @@ def test_tangents_are_those_of_the_whole_loop(*, one_step: bool, samples: int) -
     plain = start.copy()
     rows = compile_rollout(system)(PARAMETERS, exogenous, plain)[2]
     assert x == pytest.approx(rows[:, 0], rel=1e-12)
-    assert tangents.shape == (samples, run.directions)
+    assert tangents.shape == (samples, run.varied.directions)
 
 
 def test_more_gains_take_more_directions() -> None:
-    assert directions_for(tuple(range(8))) == 8
-    assert directions_for(tuple(range(9))) == LANES
+    assert Varied(tuple(range(8))).directions == 8
+    assert Varied(tuple(range(6)), signals=(0, 1)).directions == 8
+    assert Varied(tuple(range(8)), signals=(0,)).directions == LANES
 
 
 def test_a_tangent_may_overflow_and_the_run_goes_on() -> None:
     system = controlled(one_step=False)
-    run = compile_sensitivity(system, system, GAINS)
-    directions, tangent = np.full((2, run.directions), 1e308), np.full((3, run.directions), 1e308)
-    outcome, done, _, _ = run(PARAMETERS, directions, np.zeros((20, 1)), np.array([0.3, 0.0, 0.0]), tangent, 0)
+    run = compile_sensitivity(system, system, Varied(GAINS))
+    directions, tangent = np.full((2, run.varied.directions), 1e308), np.full((3, run.varied.directions), 1e308)
+    outcome, done, *_ = run(PARAMETERS, directions, np.zeros((20, 1)), np.array([0.3, 0.0, 0.0]), tangent, 0)
     assert (outcome, done) == (COMPLETED, 20)
+
+
+def test_plant_signals_and_columns() -> None:
+    """Of what acts between the samples too, and of what comes from outside; rows come with their tangents."""
+    for one_step in (False, True):
+        system, samples = controlled(one_step=one_step), SAMPLES + 3
+        run = compile_sensitivity(system, system, Varied((0, 2, 4), signals=(0,), columns=(1, 0)))
+        exogenous, state = np.sin(np.arange(samples))[:, None], np.array([0.3, 0.1, 0.0])
+        directions, tangent = np.zeros((3, run.varied.directions)), np.zeros((3, run.varied.directions))
+        directions[:, :3], moved = np.eye(3), np.zeros((samples, 1, run.varied.directions))
+        moved[:, 0, 3] = np.cos(np.arange(samples))  # of a signal whose phase is the fourth number
+        numbers = np.array([*PARAMETERS[[0, 2, 4]], 0.0])
+        start = state.copy()
+        found = run(PARAMETERS, directions, exogenous, state, tangent, 3, moved)
+        for number in range(4):
+            ends = []
+            for sign in (1, -1):
+                at = numbers.copy()
+                at[number] += sign * 1e-6 * (abs(at[number]) or 1.0)
+                parameters = PARAMETERS.copy()
+                parameters[[0, 2, 4]] = at[:3]
+                outside, reached = np.sin(np.arange(samples) + at[3])[:, None], start.copy()
+                ends.append(compile_rollout(system)(parameters, outside, reached, 3)[2])
+            quotient = (ends[0] - ends[1]) / (2e-6 * (abs(numbers[number]) or 1.0))
+            ours = found.row_tangents[:, ::-1, number]
+            assert ours == pytest.approx(quotient, abs=1e-5 * np.abs(quotient).max()), number
+        rows = compile_rollout(system)(PARAMETERS, exogenous, start.copy(), 3)[2]
+        assert found.rows[:, ::-1] == pytest.approx(rows, rel=1e-9, abs=1e-12)
+        assert found.row_tangents[:, 1] == pytest.approx(found.first_tangents, rel=1e-12)

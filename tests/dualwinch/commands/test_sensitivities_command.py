@@ -1,0 +1,126 @@
+"""The command ``sensitivities``, against the sensitivities that Python gives and complete runs."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dualwinch as dw
+from dualwinch.cli import main
+from dualwinch.commands.sensitivities import values_of
+from dualwinch.commands.sensitivities_tables import per
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.differentiable import differentiable_numbers
+
+MASS, BIAS = "plant.vehicle.mass", "sensors.position_bias"
+SHORT = ("--case", "4", "--set", "simulation.duration=0.5")
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    main(["sensitivities", *map(str, words)])
+    return capsys.readouterr().out
+
+
+def short() -> dw.Experiment:
+    return dw.override(dw.case(4), {"simulation.duration": 0.5})
+
+
+def found(*columns: str) -> dw.Sensitivities:
+    return dw.sensitivities([MASS, BIAS], [[1e4, 0.0]], [short()], columns=columns)
+
+
+def test_tables_show_derivatives_and_what_a_percent_more_changes(capsys: pytest.CaptureFixture[str]) -> None:
+    out = said(capsys, MASS, BIAS, *SHORT, "--metric", "peak_tension", "--column", "F1")
+    rows = [line.split() for line in out.splitlines()]
+    merit, column = (row for row in rows if row[:1] == [MASS])
+    ours = found("F1")
+    gradient, peak = ours.gradients["peak_tension"][0, 0, 0], ours.metrics["peak_tension"][0, 0]
+    assert merit == [MASS, "+100", "kg", f"{gradient:.3g}", "N/kg", f"{1e4 * gradient / peak:+.3g}", "%"]
+    slopes = ours.column_slopes["F1"][0, 0, :, 0]
+    at = int(np.argmax(np.abs(slopes)))
+    change = f"{100 * slopes[at]:+.3g}"
+    assert column == [MASS, "+100", "kg", f"{slopes[at]:.3g}", "N/kg", change, "N", f"{at * 1e-3:.3g}", "s"]
+    assert [row[1:3] for row in rows if row[:1] == [BIAS]] == 2 * [["+0.001", "m"]]  # a percent of its range
+    assert "peak_tension = " in out
+    assert "F1: tension of rope 1" in out
+
+
+def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    content = json.loads(said(capsys, MASS, BIAS, *SHORT, "--column", "F1", "--json"))
+    ours = found("F1")
+    assert content["outcome"] == "completed"
+    assert content["keys"] == {MASS: {"value": 1e4, "unit": "kg"}, BIAS: {"value": 0.0, "unit": "m"}}
+    gradient = content["metrics"]["energy"]["gradient"]
+    assert list(gradient.values()) == pytest.approx(ours.gradients["energy"][0, 0].tolist())
+    largest = np.abs(ours.column_slopes["F1"][0, 0]).max(axis=0)
+    assert np.abs(list(content["columns"]["F1"]["largest_slope"].values())) == pytest.approx(largest)
+
+
+def test_data_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data, plot = tmp_path / "slopes.csv", tmp_path / "slopes.svg"
+    said(capsys, f"{MASS},{BIAS}", *SHORT, "--column", "e", "--column", "t", "--out", data, "--plot", plot)
+    rows = list(csv.DictReader(line for line in data.read_text().splitlines() if not line.startswith("#")))
+    ours = found("e")
+    assert [float(row["t"]) for row in rows] == pytest.approx(np.arange(500) * 1e-3)
+    assert [float(row[f"e by {BIAS}"]) for row in rows] == pytest.approx(ours.slopes[0, 0, :, 1].tolist(), rel=1e-6)
+    assert "<svg" in plot.read_text()
+
+
+def test_keys_by_patterns_and_by_their_old_names() -> None:
+    experiment = short()
+    assert list(values_of(["plant.rope_*.modulus"], experiment)) == ["plant.rope_1.modulus", "plant.rope_2.modulus"]
+    everything = values_of(["*"], experiment)
+    assert everything == differentiable_numbers(experiment)
+    assert {MASS, BIAS, "nominal.vehicle.mass", "controller.observer.l0"} <= everything.keys()
+    nothing_to_scale = {"sensors.position_noise", "disturbance.current_sigma", "disturbance.force.scale"}
+    assert everything.keys().isdisjoint({*nothing_to_scale, "simulation.sample_time", "controller.nftsm.p"})
+    with pytest.raises(ConfigurationError, match=r"plant\.x\*: no number that runs can be differentiated by"):
+        values_of(["plant.x*"], experiment)
+
+
+def test_everything_at_once_runs() -> None:
+    """Whatever a pattern names, the run takes."""
+    values = differentiable_numbers(short())
+    ours = dw.sensitivities(list(values), [list(values.values())], [short()], stride=0)
+    assert np.isfinite(ours.gradients["energy"]).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "give keys to differentiate by"),
+        (("sensors.encoder_counts",), "no sensitivity to 'sensors.encoder_counts': it rounds what is read"),
+        (("disturbance.seed",), "no sensitivity to 'simulation.seed': it is a whole number"),
+        (("reference.speed",), "no sensitivity to 'reference.speed': the reference is laid out ahead of a run"),
+        (("plant.vehicle.mas",), "unknown parameter 'plant.vehicle.mas'; did you mean 'plant.vehicle.mass'?"),
+        ((MASS, "--metric", "msq"), "--metric msq: unknown metric; did you mean 'mse'?"),
+        ((MASS, "--column", "F3"), "columns: unknown column 'F3'; did you mean 'F2'?"),
+        ((MASS, "--out", "slopes.mat"), "slopes.mat: unknown suffix '.mat'; must be one of .csv, .parquet, .npz"),
+        ((MASS, "--plot", "slopes.gif"), "slopes.gif: unknown suffix '.gif'"),
+    ],
+)
+def test_wrong_words_are_one_line(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stopped:
+        said(capsys, *words, *SHORT)
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("unit", "other", "expected"),
+    [("N", "kg", "N/kg"), ("N", "1", "N"), ("1", "m", "1/m"), ("m", "kg/m^3", "m/(kg/m^3)"), ("m", "N m", "m/(N m)")],
+)
+def test_units_of_derivatives(unit: str, other: str, expected: str) -> None:
+    assert per(unit, other) == expected
