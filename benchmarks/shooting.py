@@ -8,8 +8,8 @@ likely numbers and motion together. Noise levels are given. Left out are the fur
 `dualwinch.identify` finds out, its robust loss, and what is known of the first state.
 
 Slopes are exact, and second derivatives those of Gauss and Newton: of what is squared, only the slopes count. With
-exact ones, and with bounds on the numbers, whose barrier outweighs a cost of so many squares, IPOPT takes ten times as
-long and does not come to rest. Segments are compiled, and shared out to the cores. The start is what a filter expects
+exact ones, and with bounds on the numbers, whose barrier outweighs a cost of so many squares, IPOPT takes far
+longer and does not come to rest. Segments are compiled, and shared out to the cores. The start is what a filter expects
 with the numbers that are believed.
 """
 
@@ -38,8 +38,8 @@ SAMPLES = 50
 """Of a segment."""
 
 PARTS = 6
-"""Steps of a sample by the classical Runge–Kutta method: of the fastest swing, where a rope is shortest, 0.9 rad each. With
-four, inertias are off by several of their deviations."""
+"""Runge–Kutta steps of a sample: of the fastest swing, where a rope is shortest, 0.9 rad each. With four, inertias are off
+by several of their deviations."""
 
 MOVING = (*(f"plant.{name}" for name in ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2")), "phase")
 SCALES = np.array([1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1.0])
