@@ -38,8 +38,8 @@ SAMPLES = 50
 """Of a segment."""
 
 PARTS = 6
-"""Runge–Kutta steps of a sample: of the fastest swing, where a rope is shortest, 0.9 rad each. With four, inertias are off
-by several of their deviations."""
+"""Runge–Kutta steps of a sample: of the fastest swing, where a rope is shortest, 0.9 rad each. With four, an
+inertia is off by thirty of its deviations."""
 
 MOVING = (*(f"plant.{name}" for name in ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2")), "phase")
 SCALES = np.array([1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1.0])
