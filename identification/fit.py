@@ -24,6 +24,7 @@ from dualwinch.identification.unrecorded import described
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 
 Floats = NDArray[np.float64]
 
@@ -95,7 +96,8 @@ class Fitting:
         """A fit of sections; compiles what it takes."""
         self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
         keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
-        self._predictor = compile_predictor(predicted(structure, keys))
+        zeros = zeros_of(structure, parameters_of(experiment), varying=keys)
+        self._predictor = compile_predictor(predicted(structure, keys, zeros))
         self.structure, self._threads = structure, threads
         self.filters = Filters(self._predictor, structure, sections, threads)
         self.columns = [parameter_names(structure).index(key) for key in keys]
@@ -171,9 +173,9 @@ class Fitting:
                     "its sensor was not recorded"
                 )
 
-    def _weighed(self, values: Floats, levels: Levels, samples: int | None = None) -> list[Weights]:
+    def _weighed(self, values: Floats, levels: Levels) -> list[Weights]:
         self.passes += 1
-        return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier, samples=samples)
+        return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier)
 
     def solved(
         self, values: Floats, levels: Levels, weights: Sequence[Weights], pinned: Sequence[tuple[int, Prior]] = ()
@@ -246,14 +248,17 @@ class Fitting:
         return levels
 
     def _most_likely(self, values: Floats, levels: Levels, names: Sequence[str], samples: int) -> Levels:
-        lowest = described(self._experiment)[names[0]].deviation
+        lowest, experiment = described(self._experiment)[names[0]].deviation, self.with_values(values)
 
         def scattered(factor: float) -> Levels:
             wider = lowest * float(np.exp(factor))
             return levels.scattered({name: replace(levels.scatter[name], deviation=wider) for name in names})
 
         def unlikelihood(factor: float) -> float:
-            weights = self._weighed(values, scattered(factor), samples)
+            self.passes += 1
+            weights = self.filters.weigh(
+                experiment, scattered(factor), outlier=self._outlier, gains=False, samples=samples
+            )
             return sum(each.unlikelihood for each in weights) if all_completed(weights) else np.inf
 
         best = minimize_scalar(

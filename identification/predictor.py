@@ -77,12 +77,13 @@ def parameter_names(structure: Structure) -> tuple[str, ...]:
 
 
 @cache
-def predicted(structure: Structure, fitted: tuple[str, ...]) -> Predicted:
+def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset()) -> Predicted:
     """The functions of a machine, some of whose numbers are to be fitted.
 
     Args:
         structure: of `machine_of`.
         fitted: keys, some of `parameter_names`.
+        zeros: keys of numbers that are zero for good (`simulation.loop.structure.zeros_of`), none of them fitted.
     """
     template, start = template_of(structure), state_template(structure)
     names = {"state": (*leaves(start),), "input": INPUTS, "parameters": parameter_names(structure)}
@@ -90,6 +91,7 @@ def predicted(structure: Structure, fitted: tuple[str, ...]) -> Predicted:
     state, given, values = (
         dict(zip(elements, ca.vertsplit(symbols[name]), strict=True)) for name, elements in names.items()
     )
+    values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
     groups = {group: with_leaves(getattr(template, group), values, f"{group}.") for group in GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
     reading = ca.vertcat(*leaves(sensed(now.motion.plant, given["t"], plant, groups["sensors"])).values())

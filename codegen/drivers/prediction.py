@@ -125,6 +125,7 @@ class Predictor:
         spread: Spread,
         *,
         outlier: float = np.inf,
+        gains: bool = True,
         rows: bool = False,
         watched: int = 0,
     ) -> Weights:
@@ -135,11 +136,13 @@ class Predictor:
             course: the log.
             spread: variances.
             outlier: surprise, over its standard deviation, from which on a reading counts less (Huber).
+            gains: whether gains and whitening are kept; else their arrays have no samples.
             rows: whether what is expected is kept.
             watched: of how many states, the last ones, rows of the covariance are kept.
         """
         samples, states, readings = len(course.inputs), self._sizes["STATES"], self._sizes["READINGS"]
-        gains, whitening = np.zeros((samples, readings, states)), np.zeros((samples, readings, readings))
+        weighed = samples if gains else 0
+        found_gains, whitening = np.zeros((weighed, readings, states)), np.zeros((weighed, readings, readings))
         sums, done = np.empty((readings, 4)), ctypes.c_int64()
         kept = [np.full((samples, states), np.nan) for _ in range(2)] if rows else []
         covariances = np.full((samples, watched, states), np.nan) if watched else None
@@ -152,8 +155,7 @@ class Predictor:
             start,
             *(vector.ctypes.data for vector in (spread.start, spread.walk, spread.readings)),
             outlier,
-            gains.ctypes.data,
-            whitening.ctypes.data,
+            *((array.ctypes.data if gains else None) for array in (found_gains, whitening)),
             sums.ctypes.data,
             *((array.ctypes.data for array in kept) if rows else (None, None)),
             watched,
@@ -165,7 +167,7 @@ class Predictor:
             noise = noise / counts
         found, spreads = kept if rows else (None, None)
         return Weights(
-            outcome, done.value, gains, whitening, counts, squares, logarithms, noise, found, spreads, covariances
+            outcome, done.value, found_gains, whitening, counts, squares, logarithms, noise, found, spreads, covariances
         )
 
     def smooth(self, parameters: Floats, course: Course, weights: Weights) -> tuple[Floats, Floats]:
@@ -244,7 +246,7 @@ def prediction_source(system: Predicted, compiler: Compiler) -> str:
     sizes = {"ONE_STEP_DERIVED": 0, "LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
     sizes |= {f"{each.name().upper()}_SLOPES": each.numel_out("slopes") for each in linear}
     sizes |= {each.name().upper(): each.numel_out("slopes") for each in sloped}
-    sizes |= {"COLUMNS": _whole_vectors(sizes["STATES"]), "WAYS": _whole_vectors(sizes["FITTED"] + 1)}
+    sizes |= {"VECTOR": VECTOR, "COLUMNS": _whole_vectors(sizes["STATES"]), "WAYS": _whole_vectors(sizes["FITTED"] + 1)}
     return unit(
         sizes,
         hoisted,

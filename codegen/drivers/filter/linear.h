@@ -8,6 +8,8 @@
 
 #include <math.h>
 
+typedef double Vector __attribute__((vector_size(VECTOR * sizeof(double)), may_alias));
+
 /* What follows from the parameters alone. */
 typedef struct {
   double sense[SENSE_DERIVED + 1], prepare[PREPARE_DERIVED + 1], move[MOVE_DERIVED + 1];
@@ -60,6 +62,11 @@ static inline void add_product(double *restrict out, const double *restrict a, i
   for (int i = 0; i < rows; ++i)
     for (int k = 0; k < inner; ++k)
       if (a[i * stride + k] != 0) add(out + i * columns, a[i * stride + k], b + k * columns, columns);
+}
+
+/* a += factor * b, rows of COLUMNS; as vectors, or compilers take several rows for one */
+static inline void add_row(double *a, double factor, const double *b) {
+  for (int v = 0; v < COLUMNS / VECTOR; ++v) ((Vector *)a)[v] += factor * ((const Vector *)b)[v];
 }
 
 static inline int absent(double reading) { return overflow(reading) >> 63; }

@@ -25,18 +25,20 @@ static void spread(double *covariance, const Slopes *slopes, const double *walk)
    would have. */
 static void weigh_sample(double *covariance, const double *surprise, const double *h, const double *variances,
                          double outlier, double *gains, double *whitening, double *corrected, double *sums) {
-  double column[STATES], along[COLUMNS];
+  LANE_ARRAY along[COLUMNS], column[COLUMNS];
   memset(corrected, 0, STATES * sizeof *corrected);
   for (int i = 0; i < READINGS; ++i) {
     if (absent(surprise[i])) continue;
     const double *slope = h + i * COLUMNS;
     double own[READINGS] = {0}; /* the surprise that is left of it, by all */
     double variance = variances[i], left = surprise[i];
+    int by[STATES + 1], count = 0; /* the states that it is of */
+    for (int k = 0; k < STATES; ++k) by[count] = k, count += slope[k] != 0;
     memset(along, 0, sizeof along);
-    add_product(along, slope, COLUMNS, covariance, 1, STATES, COLUMNS);
+    for (int n = 0; n < count; ++n) add_row(along, slope[by[n]], covariance + by[n] * COLUMNS);
     own[i] = 1;
-    for (int k = 0; k < STATES; ++k) {
-      if (slope[k] == 0) continue;
+    for (int n = 0; n < count; ++n) {
+      const int k = by[n];
       variance += slope[k] * along[k], left -= slope[k] * corrected[k];
       for (int j = 0; j < i; ++j)
         if (!absent(surprise[j])) own[j] -= slope[k] * gains[j * STATES + k];
@@ -45,12 +47,11 @@ static void weigh_sample(double *covariance, const double *surprise, const doubl
     const double weight = square > outlier * outlier ? outlier / sqrt(square) : 1;
     const double white = sqrt(weight) / deviation;
     for (int j = 0; j < READINGS; ++j) whitening[i * READINGS + j] = white * own[j];
-    for (int k = 0; k < STATES; ++k) {
-      column[k] = weight / variance * along[k];
-      corrected[k] += column[k] * left;
-      gains[i * STATES + k] = column[k];
-      add(covariance + k * COLUMNS, -column[k], along, COLUMNS);
-    }
+    memset(column, 0, sizeof column);
+    add_row(column, weight / variance, along);
+    for (int k = 0; k < STATES; ++k) add_row(covariance + k * COLUMNS, -column[k], along);
+    add(corrected, left, column, STATES);
+    memcpy(gains + i * STATES, column, STATES * sizeof *gains);
     for (int j = 0; j < i; ++j)
       if (!absent(surprise[j])) add(gains + j * STATES, own[j], column, STATES);
     const double kept = variances[i] / variance; /* share of the surprise that stays after the correction */
