@@ -129,15 +129,22 @@ class Fitting:
         runs = self.filters.predict(self.filters.vector(experiment, levels), experiment, levels, weights)
         return np.sum([run.normal for run in runs], axis=0)[:-1, :-1] if all_completed(runs) else None
 
-    def run(self, start: Floats, progress: Callable[[float], None] = lambda _: None) -> Fit:
+    def run(
+        self, start: Floats, progress: Callable[[float], None] = lambda _: None, known: Levels | None = None
+    ) -> Fit:
         """From a start to where nothing moves any more.
+
+        Args:
+            start: (p,) where the search begins.
+            progress: called now and then with the share that is done.
+            known: noise and scatter, where they need not be found out.
 
         Raises:
             ConfigurationError: the filter goes astray at the start: the log is of another machine; or a number of which
                 nothing is known has no effect at all.
             KeyboardInterrupt: interrupted.
         """
-        values, levels, settled, calm = start, self.first_levels(), False, False
+        values, levels, settled, calm = start, known or self.first_levels(), False, known is not None
         weights = self._weighed(values, levels)
         if not all_completed(weights):
             raise ConfigurationError(
@@ -154,10 +161,10 @@ class Fitting:
             moved = float(np.max(np.abs(move), initial=0.0))
             values = values + deviation * damped(move, last)
             last = move
-            if number in {0, 2} or (moved < NEAR and not calm):
+            if known is None and (number in {0, 2} or (moved < NEAR and not calm)):
                 levels, calm = self._scattered(values, levels), moved < NEAR
             weights = self._weighed(values, levels)
-            quieter = self._levelled(levels, weights)
+            quieter = known or self._levelled(levels, weights)
             changed = float(np.max(np.abs(np.log(quieter.noise / levels.noise)), initial=0.0))
             levels = quieter
             if moved < STILL and changed < STILL and calm:
