@@ -14,6 +14,7 @@ from dualwinch.identification.predictor import machine_of, parameter_names, pred
 from dualwinch.identification.sections import Filters, Levels, sections_of
 from dualwinch.identification.unrecorded import described
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 from tests.identification.conftest import logged, machine
 
 FITTED = ("plant.vehicle.mass", "plant.rope_2.modulus", "sensors.encoder_zero_1", "plant.vehicle.friction_coefficient")
@@ -22,11 +23,16 @@ IN_PARTS = machine(simulation__integrator="rk4", simulation__substeps=4)
 WINDOW = slice(5000, 5400)
 """Samples that are looked at: under way, with both ropes taut."""
 
+START = slice(0, 160)
+"""Samples of which some do not go in one step."""
 
-def filters(experiment: Experiment = MACHINE, fitted: Sequence[str] = FITTED) -> tuple[Filters, Levels]:
+
+def filters(
+    experiment: Experiment = MACHINE, fitted: Sequence[str] = FITTED, window: slice = WINDOW
+) -> tuple[Filters, Levels]:
     structure = machine_of(experiment)
     (section,) = sections_of([logged(MACHINE)], MACHINE, 1)
-    section = replace(section, inputs=section.inputs[WINDOW].copy(), readings=section.readings[WINDOW].copy())
+    section = replace(section, inputs=section.inputs[window].copy(), readings=section.readings[window].copy())
     levels = Levels(first_noise(section.readings, MACHINE.sensors), described(MACHINE))
     return Filters(compile_predictor(predicted(structure, tuple(fitted))), structure, [section], None), levels
 
@@ -101,9 +107,9 @@ def smoothed(found: Textbook, walk: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return np.array(states[::-1]), np.array(deviations[::-1])
 
 
-@pytest.mark.parametrize("experiment", [MACHINE, IN_PARTS])
-def test_the_filter_is_the_textbooks(experiment: Experiment) -> None:
-    found, levels = filters(experiment)
+@pytest.mark.parametrize(("experiment", "window"), [(MACHINE, WINDOW), (MACHINE, START), (IN_PARTS, WINDOW)])
+def test_the_filter_is_the_textbooks(experiment: Experiment, window: slice) -> None:
+    found, levels = filters(experiment, window=window)
     (section,) = found.sections
     (weights,) = found.weigh(experiment, levels, rows=True)
     course, covariance = found.course(experiment, levels, section)
@@ -165,6 +171,36 @@ def test_slopes_are_those_of_differences(key: str, share: float, experiment: Exp
 
     slope = (squares(step)[-1, -1] - squares(-step)[-1, -1]) / (2 * step)
     assert 2 * squares(0.0)[index, -1] == pytest.approx(slope, rel=2e-4)
+
+
+def test_in_parts_or_in_one_step_slopes_are_those_of_differences() -> None:
+    """Where samples of both kinds take turns."""
+    found, levels = filters(window=START)
+    off = machine(plant__vehicle__mass=1.03e4)
+    weights, base = found.weigh(off, levels), found.vector(off, levels)
+    column = parameter_names(machine_of(MACHINE)).index("plant.vehicle.mass")
+
+    def squares(change: float) -> np.ndarray:
+        vector = base.copy()
+        vector[column] += change
+        (prediction,) = found.predict(vector, off, levels, weights)
+        return prediction.normal
+
+    slope = (squares(1e-3)[-1, -1] - squares(-1e-3)[-1, -1]) / 2e-3
+    assert 2 * squares(0.0)[FITTED.index("plant.vehicle.mass"), -1] == pytest.approx(slope, rel=1e-3)
+
+
+def test_numbers_that_are_zero_may_be_left_out() -> None:
+    structure, keys = machine_of(MACHINE), FITTED
+    zeros = zeros_of(structure, parameters_of(MACHINE), varying=keys)
+    found, levels = filters()
+    without = Filters(compile_predictor(predicted(structure, keys, zeros)), structure, found.sections, None)
+    assert predicted(structure, keys, zeros).sense.n_instructions() < predicted(structure, keys).sense.n_instructions()
+    (weights,), (same,) = (each.weigh(MACHINE, levels) for each in (found, without))
+    np.testing.assert_allclose(same.squares, weights.squares, rtol=1e-6)
+    (liked,) = without.weigh(MACHINE, levels, gains=False)
+    assert liked.gains.size == 0
+    assert liked.unlikelihood == pytest.approx(same.unlikelihood, rel=1e-12)
 
 
 def test_missing_sensors_are_never_looked_at() -> None:
