@@ -7,21 +7,21 @@ import casadi as ca
 
 @dataclass(frozen=True)
 class Predicted:
-    """A sampled system under recorded inputs, with sensors, and derivatives by its state and some numbers to be fitted.
+    """A sampled system under recorded inputs, with sensors, some of whose parameters are to be fitted.
 
     The state begins with what moves between two samples, `motion`; the rest changes at a sample. All functions are of
-    dense SX expressions; derivatives are matrices row by row.
+    dense SX expressions.
 
     Attributes:
-        sense: ``sense(state, input, parameters) -> (reading, by_state, by_fitted)``.
-        prepare: ``prepare(state, input, parameters) -> (rest, hold, rest_by_state, rest_by_fitted, hold_by_state,
-            hold_by_fitted)``: the rest of the state at the next sample, and what is held until then.
-        move: ``move(motion, hold, part, parameters) -> (next_motion, margin, by_motion, by_hold, by_fitted)``, over one
-            of `parts` equal parts of the time until the next sample.
+        sense: ``sense(state, input, parameters) -> reading``.
+        prepare: ``prepare(state, input, parameters) -> (rest, hold)``: the rest of the state at the next sample, and
+            what is held until then.
+        move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``, over one of `parts` equal parts of the
+            time until the next sample.
         parts: number of these parts.
-        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid, by_motion, by_hold, by_fitted)``
-            over all that time, wherever ``valid > 0``; or None.
-        fitted: how many numbers are to be fitted.
+        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)`` over all that time, wherever
+            ``valid > 0``; or None.
+        fitted: indices of the parameters to be fitted.
     """
 
     sense: ca.Function
@@ -29,7 +29,7 @@ class Predicted:
     move: ca.Function
     parts: int
     one_step: ca.Function | None
-    fitted: int
+    fitted: tuple[int, ...]
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
@@ -46,7 +46,7 @@ class Predicted:
             "INPUTS": self.sense.numel_in("input"),
             "READINGS": self.sense.numel_out("reading"),
             "HOLD": self.prepare.numel_out("hold"),
-            "FITTED": self.fitted,
+            "FITTED": len(self.fitted),
             "PARTS": self.parts,
             "HAS_ONE_STEP": int(self.one_step is not None),
         }

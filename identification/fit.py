@@ -24,6 +24,7 @@ from dualwinch.identification.unrecorded import described
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 
 Floats = NDArray[np.float64]
 
@@ -95,7 +96,8 @@ class Fitting:
         """A fit of sections; compiles what it takes."""
         self.unknowns, self._experiment, self._outlier = tuple(unknowns), experiment, outlier
         keys, structure = tuple(unknown.key for unknown in unknowns), machine_of(experiment)
-        self._predictor = compile_predictor(predicted(structure, keys))
+        zeros = zeros_of(structure, parameters_of(experiment), varying=keys)
+        self._predictor = compile_predictor(predicted(structure, keys, zeros))
         self.structure, self._threads = structure, threads
         self.filters = Filters(self._predictor, structure, sections, threads)
         self.columns = [parameter_names(structure).index(key) for key in keys]
@@ -127,15 +129,22 @@ class Fitting:
         runs = self.filters.predict(self.filters.vector(experiment, levels), experiment, levels, weights)
         return np.sum([run.normal for run in runs], axis=0)[:-1, :-1] if all_completed(runs) else None
 
-    def run(self, start: Floats, progress: Callable[[float], None] = lambda _: None) -> Fit:
+    def run(
+        self, start: Floats, progress: Callable[[float], None] = lambda _: None, known: Levels | None = None
+    ) -> Fit:
         """From a start to where nothing moves any more.
+
+        Args:
+            start: (p,) where the search begins.
+            progress: called now and then with the share that is done.
+            known: noise and scatter, where they need not be found out.
 
         Raises:
             ConfigurationError: the filter goes astray at the start: the log is of another machine; or a number of which
                 nothing is known has no effect at all.
             KeyboardInterrupt: interrupted.
         """
-        values, levels, settled, calm = start, self.first_levels(), False, False
+        values, levels, settled, calm = start, known or self.first_levels(), False, known is not None
         weights = self._weighed(values, levels)
         if not all_completed(weights):
             raise ConfigurationError(
@@ -152,10 +161,10 @@ class Fitting:
             moved = float(np.max(np.abs(move), initial=0.0))
             values = values + deviation * damped(move, last)
             last = move
-            if number in {0, 2} or (moved < NEAR and not calm):
+            if known is None and (number in {0, 2} or (moved < NEAR and not calm)):
                 levels, calm = self._scattered(values, levels), moved < NEAR
             weights = self._weighed(values, levels)
-            quieter = self._levelled(levels, weights)
+            quieter = known or self._levelled(levels, weights)
             changed = float(np.max(np.abs(np.log(quieter.noise / levels.noise)), initial=0.0))
             levels = quieter
             if moved < STILL and changed < STILL and calm:
@@ -171,9 +180,9 @@ class Fitting:
                     "its sensor was not recorded"
                 )
 
-    def _weighed(self, values: Floats, levels: Levels, samples: int | None = None) -> list[Weights]:
+    def _weighed(self, values: Floats, levels: Levels) -> list[Weights]:
         self.passes += 1
-        return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier, samples=samples)
+        return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier)
 
     def solved(
         self, values: Floats, levels: Levels, weights: Sequence[Weights], pinned: Sequence[tuple[int, Prior]] = ()
@@ -246,14 +255,17 @@ class Fitting:
         return levels
 
     def _most_likely(self, values: Floats, levels: Levels, names: Sequence[str], samples: int) -> Levels:
-        lowest = described(self._experiment)[names[0]].deviation
+        lowest, experiment = described(self._experiment)[names[0]].deviation, self.with_values(values)
 
         def scattered(factor: float) -> Levels:
             wider = lowest * float(np.exp(factor))
             return levels.scattered({name: replace(levels.scatter[name], deviation=wider) for name in names})
 
         def unlikelihood(factor: float) -> float:
-            weights = self._weighed(values, scattered(factor), samples)
+            self.passes += 1
+            weights = self.filters.weigh(
+                experiment, scattered(factor), outlier=self._outlier, gains=False, samples=samples
+            )
             return sum(each.unlikelihood for each in weights) if all_completed(weights) else np.inf
 
         best = minimize_scalar(

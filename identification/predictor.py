@@ -77,12 +77,13 @@ def parameter_names(structure: Structure) -> tuple[str, ...]:
 
 
 @cache
-def predicted(structure: Structure, fitted: tuple[str, ...]) -> Predicted:
-    """The functions of a machine, with derivatives by some of its numbers.
+def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset()) -> Predicted:
+    """The functions of a machine, some of whose numbers are to be fitted.
 
     Args:
         structure: of `machine_of`.
         fitted: keys, some of `parameter_names`.
+        zeros: keys of numbers that are zero for good (`simulation.loop.structure.zeros_of`), none of them fitted.
     """
     template, start = template_of(structure), state_template(structure)
     names = {"state": (*leaves(start),), "input": INPUTS, "parameters": parameter_names(structure)}
@@ -90,7 +91,7 @@ def predicted(structure: Structure, fitted: tuple[str, ...]) -> Predicted:
     state, given, values = (
         dict(zip(elements, ca.vertsplit(symbols[name]), strict=True)) for name, elements in names.items()
     )
-    by = {"state": symbols["state"], "fitted": ca.vertcat(*(values[key] for key in fitted)) if fitted else ca.SX(0, 1)}
+    values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
     groups = {group: with_leaves(getattr(template, group), values, f"{group}.") for group in GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
     reading = ca.vertcat(*leaves(sensed(now.motion.plant, given["t"], plant, groups["sensors"])).values())
@@ -118,14 +119,13 @@ def predicted(structure: Structure, fitted: tuple[str, ...]) -> Predicted:
     _, one_step = between_samples(structure, problem, symbols["parameters"])
     careful = replace(structure, integrator="rk4", substeps=PARTS) if one_step else structure
     move, _ = between_samples(careful, problem, symbols["parameters"])
-    between = symbols["parameters"], by["fitted"]
     return Predicted(
-        sense=_with_slopes("sense", symbols, {"reading": reading}, {"": reading}, by),
-        prepare=_with_slopes("prepare", symbols, {"rest": rest, "hold": held}, {"rest_": rest, "hold_": held}, by),
-        move=_moved(move, *between),
+        sense=named_function("sense", symbols, {"reading": reading}),
+        prepare=named_function("prepare", symbols, {"rest": rest, "hold": held}),
+        move=move,
         parts=careful.substeps,
-        one_step=_moved(one_step, *between) if one_step else None,
-        fitted=len(fitted),
+        one_step=one_step,
+        fitted=tuple(names["parameters"].index(key) for key in fitted),
     )
 
 
@@ -133,29 +133,3 @@ def _fading(acting: Unrecorded, values: Mapping[str, Scalar], sample_time: Scala
     """What is expected of the unrecorded at the next sample."""
     kept = {name: exp(-sample_time / values[f"time.{name}"]) for name in NAMES}
     return Unrecorded(**{name: kept[name] * value for name, value in vars(acting).items()})
-
-
-def _moved(function: ca.Function, parameters: ca.SX, fitted: ca.SX) -> ca.Function:
-    """``move`` or ``one_step`` with derivatives of the next motion."""
-    own = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()} | {"parameters": parameters}
-    found = function.call(own)
-    outputs = {name: found[name] for name in function.name_out()}
-    by = {"motion": own["motion"], "hold": own["hold"], "fitted": fitted}
-    return _with_slopes(function.name(), own, outputs, {"": outputs["next_motion"]}, by)
-
-
-def _with_slopes(
-    name: str,
-    inputs: Mapping[str, ca.SX],
-    outputs: Mapping[str, ca.SX],
-    differentiated: Mapping[str, ca.SX],
-    by: Mapping[str, ca.SX],
-) -> ca.Function:
-    """A function with derivatives ``by_NAME`` of some of its outputs, row by row, after its outputs."""
-    slopes = {
-        f"{prefix}by_{word}": ca.vec(ca.jacobian(value, symbols).T)
-        for prefix, value in differentiated.items()
-        for word, symbols in by.items()
-    }
-    every = {key: ca.densify(value) for key, value in (dict(outputs) | slopes).items()}
-    return named_function(name, dict(inputs), every)

@@ -112,6 +112,7 @@ class Filters:
         levels: Levels,
         *,
         outlier: float = np.inf,
+        gains: bool = True,
         rows: bool = False,
         samples: int | None = None,
         watched: int = 0,
@@ -127,7 +128,9 @@ class Filters:
             section = section.upto(samples) if samples else section
             course, covariance = self.course(experiment, levels, section)
             spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
-            return self._predictor.weigh(vector, course, spread, outlier=outlier, rows=rows, watched=watched)
+            return self._predictor.weigh(
+                vector, course, spread, outlier=outlier, gains=gains, rows=rows, watched=watched
+            )
 
         return self._each(weigh)
 

@@ -66,11 +66,9 @@ def whiteness(surprises: Sequence[Floats], torques: Sequence[Floats]) -> tuple[W
         if count < 2 * LAGS:
             continue
         variance = sum(float(np.nansum(each**2)) for each in values) / count
-        own = np.array([_correlation(values, values, lag) for lag in range(1, LAGS + 1)])
-        by = np.array([
-            max((_correlation(_changes(torques, side), values, lag) for side in (0, 1)), key=abs)
-            for lag in range(1, LAGS + 1)
-        ])  # fmt: skip
+        own = _correlations(values, values)
+        sides = np.array([_correlations(_changes(torques, side), values) for side in (0, 1)])
+        by = np.where(np.abs(sides[0]) >= np.abs(sides[1]), *sides)
         most, torque = int(np.argmax(np.abs(own))), int(np.argmax(np.abs(by)))
         found.append(Whiteness(name, count, variance, float(own[most]), most + 1, float(by[torque]), torque + 1))
     return tuple(found)
@@ -80,10 +78,13 @@ def _changes(torques: Sequence[Floats], side: int) -> list[Floats]:
     return [np.diff(each[:, side], prepend=each[0, side]) for each in torques]
 
 
-def _correlation(first: Sequence[Floats], second: Sequence[Floats], lag: int) -> float:
-    """Correlation of what is first with what is second, `lag` samples later."""
-    early = np.concatenate([each[:-lag] for each in first])
-    late = np.concatenate([each[lag:] for each in second])
-    both = np.isfinite(early) & np.isfinite(late)
-    size = np.sqrt((early[both] ** 2).sum() * (late[both] ** 2).sum())
-    return float((early[both] * late[both]).sum() / size) if size > 0 else 0.0
+def _correlations(first: Sequence[Floats], second: Sequence[Floats]) -> Floats:
+    """Correlation of what is first with what is second, 1 to `LAGS` samples later; (lags,)."""
+    sums = np.zeros((3, LAGS))
+    for early, late in zip(first, second, strict=True):
+        known, there = np.isfinite(early), np.isfinite(late)
+        a, b = np.where(known, early, 0.0), np.where(there, late, 0.0)
+        pairs = (a, b), (a**2, there.astype(float)), (known.astype(float), b**2)
+        sums += [[np.einsum("i,i->", x[:-lag], y[lag:]) for lag in range(1, LAGS + 1)] for x, y in pairs]
+    products, size = sums[0], np.sqrt(sums[1] * sums[2])
+    return np.divide(products, size, out=np.zeros(LAGS), where=size > 0)

@@ -4,17 +4,23 @@ import ctypes
 from dataclasses import dataclass
 from functools import cache
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.rollout import FLAGS
+from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.predicted import Predicted
 from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.lanes import Lanes, lane_flags, lane_sizes
+from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
+
+VECTOR = 8
+"""Numbers side by side; rows of matrices are filled up with zeros to a multiple."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +64,8 @@ class Weights:
     Attributes:
         outcome: `codegen.drivers.rollout.COMPLETED` or how it ended early.
         done: samples gone through.
-        gains: (samples, states, readings) from surprises to corrections.
-        whitening: (samples, readings, readings) from surprises to ones that are white, of variance 1.
+        gains: (samples, readings, states) from surprises to corrections; zeros where nothing was read.
+        whitening: (samples, readings, readings) from surprises to ones that are white, of variance 1; likewise.
         counts, squares, logarithms: (readings,) for each sensor: how many readings, the squares of their whitened
             surprises, and the logarithms of the surprises' variances before that, summed.
         noise: (readings,) variance that each sensor's noise turns out to have; NaN without readings.
@@ -119,6 +125,7 @@ class Predictor:
         spread: Spread,
         *,
         outlier: float = np.inf,
+        gains: bool = True,
         rows: bool = False,
         watched: int = 0,
     ) -> Weights:
@@ -129,11 +136,13 @@ class Predictor:
             course: the log.
             spread: variances.
             outlier: surprise, over its standard deviation, from which on a reading counts less (Huber).
+            gains: whether gains and whitening are kept; else their arrays have no samples.
             rows: whether what is expected is kept.
             watched: of how many states, the last ones, rows of the covariance are kept.
         """
         samples, states, readings = len(course.inputs), self._sizes["STATES"], self._sizes["READINGS"]
-        gains, whitening = np.empty((samples, states, readings)), np.empty((samples, readings, readings))
+        weighed = samples if gains else 0
+        found_gains, whitening = np.zeros((weighed, readings, states)), np.zeros((weighed, readings, readings))
         sums, done = np.empty((readings, 4)), ctypes.c_int64()
         kept = [np.full((samples, states), np.nan) for _ in range(2)] if rows else []
         covariances = np.full((samples, watched, states), np.nan) if watched else None
@@ -146,8 +155,7 @@ class Predictor:
             start,
             *(vector.ctypes.data for vector in (spread.start, spread.walk, spread.readings)),
             outlier,
-            gains.ctypes.data,
-            whitening.ctypes.data,
+            *((array.ctypes.data if gains else None) for array in (found_gains, whitening)),
             sums.ctypes.data,
             *((array.ctypes.data for array in kept) if rows else (None, None)),
             watched,
@@ -159,7 +167,7 @@ class Predictor:
             noise = noise / counts
         found, spreads = kept if rows else (None, None)
         return Weights(
-            outcome, done.value, gains, whitening, counts, squares, logarithms, noise, found, spreads, covariances
+            outcome, done.value, found_gains, whitening, counts, squares, logarithms, noise, found, spreads, covariances
         )
 
     def smooth(self, parameters: Floats, course: Course, weights: Weights) -> tuple[Floats, Floats]:
@@ -222,10 +230,54 @@ class Predictor:
         return Prediction(outcome, done.value, normal, surprises)
 
 
-def prediction_source(system: Predicted) -> str:
+def prediction_source(system: Predicted, compiler: Compiler) -> str:
     """C99 translation unit of a filter over a log."""
-    functions = hoisted_all(system.functions)
-    return unit({"ONE_STEP_DERIVED": 0} | system.sizes, functions, c_source(functions), "prediction.c")
+    functions = {function.name(): function for function in system.functions}
+    weighed = {name: _product(each, (), "1") for name, each in functions.items() if name != "move"}
+    fitted = {name: _product(each, system.fitted, "LANES") for name, each in functions.items() if name != "move"}
+    by_parts = _product(system.move, system.fitted, "1")
+    linear = [_linear(functions[name], product) for name, product in (weighed | {"move": by_parts}).items()]
+    sloped = [product.slopes for product in fitted.values()]
+    hoisted = hoisted_all([*functions.values(), *linear, *sloped])
+    lanes = {each.name(): Lanes(not compiler.is_clang, shared=("parameters", "derived")) for each in sloped}
+    macros = {f"{name}_BY_STATE": product for name, product in weighed.items()} | {"MOVE_BY_ALL": by_parts}
+    macros |= {f"{name}_BY_ALL": product for name, product in fitted.items()}
+    defines = [f"#define {name.upper()} {' '.join(product.statements)}" for name, product in macros.items()]
+    sizes = {"ONE_STEP_DERIVED": 0, "LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
+    sizes |= {f"{each.name().upper()}_SLOPES": each.numel_out("slopes") for each in linear}
+    sizes |= {each.name().upper(): each.numel_out("slopes") for each in sloped}
+    sizes |= {"VECTOR": VECTOR, "COLUMNS": _whole_vectors(sizes["STATES"]), "WAYS": _whole_vectors(sizes["FITTED"] + 1)}
+    return unit(
+        sizes,
+        hoisted,
+        "elementary.h",
+        "lanes.h",
+        c_source(hoisted, Style(compares=True), lanes),
+        "\n".join(defines) + "\n",
+        *(f"filter/{name}" for name in ("linear.h", "weigh.c", "predict.c", "smooth.c")),
+    )
+
+
+def _whole_vectors(count: int) -> int:
+    """No fewer numbers than some, and vectors of `VECTOR` of them."""
+    return -(-count // VECTOR) * VECTOR
+
+
+def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> JacobianProduct:
+    """The product with a function's Jacobian by the state, or the part of it or of what follows that it takes."""
+    along = {name: Tangents(f"{name}_tangent") for name in ("state", "motion", "hold") if name in function.name_in()}
+    along |= {"parameters": Tangents("direction", fitted)} if fitted else {}
+    outputs = [name for name in function.name_out() if name not in {"margin", "valid"}]
+    return jacobian_product(function, along, outputs, lanes)
+
+
+def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
+    """``linear_NAME``: a function and the slopes of a product with its Jacobian."""
+    inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
+    outputs = function.call(inputs) | product.slopes.call(inputs)
+    names = [*function.name_out(), "slopes"]
+    every = [outputs[name] for name in names]
+    return ca.Function(f"linear_{function.name()}", [*inputs.values()], every, [*inputs], names, {"cse": True})
 
 
 @cache
@@ -240,7 +292,7 @@ def compile_predictor(system: Predicted, compiler: Compiler | None = None) -> Pr
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    loaded = ctypes.CDLL(str(library(prediction_source(system), chosen, FLAGS)))
+    loaded = ctypes.CDLL(str(library(prediction_source(system, chosen), chosen, lane_flags(chosen))))
     pointer, count, done = ctypes.c_void_p, ctypes.c_int64, ctypes.POINTER(ctypes.c_int64)
     loaded.weigh.argtypes = (
         [pointer] * 3 + [count] + [pointer] * 4 + [ctypes.c_double] + [pointer] * 5 + [count, pointer, done]

@@ -30,7 +30,8 @@ class JacobianProduct:
     Attributes:
         slopes: ``NAME_slopes(...) -> slopes``: of the function's inputs, the partial derivatives that are not constant.
         statements: C statements that make the tangents of the outputs, ``OUTPUT_tangent``, of those of the inputs and
-            the slopes, for one lane. Elements of slopes lie LANES apart, those of tangents DIRECTIONS.
+            the slopes, for one lane. Elements of slopes lie LANES apart, those of tangents DIRECTIONS, if nothing else
+            was asked for.
         still: elements of outputs, ``(name, element)``, whose tangents are zero.
     """
 
@@ -39,13 +40,16 @@ class JacobianProduct:
     still: frozenset[Vertex]
 
 
-def jacobian_product(function: ca.Function, along: Mapping[str, Tangents], outputs: Sequence[str]) -> JacobianProduct:
+def jacobian_product(
+    function: ca.Function, along: Mapping[str, Tangents], outputs: Sequence[str], lanes: str = "LANES"
+) -> JacobianProduct:
     """The Jacobian-vector product of a function: its slopes, and statements that multiply tangents with them.
 
     Args:
         function: of dense SX expressions.
         along: input name → its tangents.
         outputs: names of the outputs that are differentiated.
+        lanes: how far apart the elements of slopes lie, as C text.
     """
     symbols = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
     sources: dict[Vertex, str] = {}
@@ -75,7 +79,7 @@ def jacobian_product(function: ca.Function, along: Mapping[str, Tangents], outpu
             elif slope.is_constant():
                 terms.append(f"{float(slope)!r} * {sources[source]}")
             else:
-                terms.append(f"slopes[{len(slopes)}*LANES] * {sources[source]}")
+                terms.append(f"slopes[{len(slopes)}*{lanes}] * {sources[source]}")
                 slopes.append(slope)
         statements.append(f"{target} = {' + '.join(terms) or '0.0'};")
     return JacobianProduct(

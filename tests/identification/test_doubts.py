@@ -59,7 +59,9 @@ def test_a_key_that_other_values_fix_is_refused(key: str, gone: tuple[str, ...])
     [
         ({"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0}, r"run: a force of \S+ N that nobody"),
         ({"plant.winch_1.drum_radius": 0.6, "plant.winch_2.drum_radius": 0.6}, r"run: x: what is left of it is \S+"),
-        ({"plant.rope_1.modulus": 3e10, "plant.rope_2.modulus": 3e10}, r"run: torques of \S+ N m that nobody"),
+        ({"plant.winch_1.inertia": 20.0, "plant.winch_2.inertia": 20.0}, r"run: torques of \S+ N m that nobody"),
+        # so far off that rounding decides which of the three it is
+        ({"plant.rope_1.modulus": 3e10, "plant.rope_2.modulus": 3e10}, r"run: "),
     ],
 )
 def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, float], words: str) -> None:

@@ -8,8 +8,10 @@ import pytest
 from dualwinch.config.ensemble_file import ensemble_to_toml, loads_ensemble
 from dualwinch.config.settings import override
 from dualwinch.identification.blind import blind
+from dualwinch.identification.fit import Fitting, covariance_of
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
+from dualwinch.identification.sections import sections_of
 from dualwinch.identification.unknowns import Prior, Unknown, keys_of, unknowns_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
@@ -47,6 +49,22 @@ def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
     assert found.noise["F1"] == pytest.approx(10, rel=0.03)
     assert found.noise["x"] == pytest.approx(np.hypot(5e-4, 1e-3 / np.sqrt(12)), rel=0.05)
     assert leaves(found.experiment)["plant.vehicle.mass"] == pytest.approx(found.values[0])
+
+
+def test_noise_that_is_known_need_not_be_found_out() -> None:
+    right = machine()
+    believed = override(right, BELIEVED)
+    unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
+    start = np.array([unknown.start for unknown in unknowns])
+    fitting = Fitting(sections_of([logged(right)], believed, 1), believed, unknowns)
+    fit = fitting.run(start)
+    passes = fitting.passes
+    again = fitting.run(start, known=fit.levels)
+    assert again.settled
+    assert again.levels is fit.levels
+    assert fitting.passes - passes < passes
+    deviations = np.sqrt(np.diag(covariance_of(fit.information, unknowns)))
+    np.testing.assert_array_less(np.abs(again.values - fit.values), 0.2 * deviations)
 
 
 def test_several_logs_know_more_than_one() -> None:

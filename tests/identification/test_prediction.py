@@ -13,18 +13,26 @@ from dualwinch.identification.noise import first_noise
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
 from dualwinch.identification.sections import Filters, Levels, sections_of
 from dualwinch.identification.unrecorded import described
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 from tests.identification.conftest import logged, machine
 
 FITTED = ("plant.vehicle.mass", "plant.rope_2.modulus", "sensors.encoder_zero_1", "plant.vehicle.friction_coefficient")
 MACHINE = machine()
+IN_PARTS = machine(simulation__integrator="rk4", simulation__substeps=4)
 WINDOW = slice(5000, 5400)
 """Samples that are looked at: under way, with both ropes taut."""
 
+START = slice(0, 160)
+"""Samples of which some do not go in one step."""
 
-def filters(fitted: Sequence[str] = FITTED) -> tuple[Filters, Levels]:
-    structure = machine_of(MACHINE)
+
+def filters(
+    experiment: Experiment = MACHINE, fitted: Sequence[str] = FITTED, window: slice = WINDOW
+) -> tuple[Filters, Levels]:
+    structure = machine_of(experiment)
     (section,) = sections_of([logged(MACHINE)], MACHINE, 1)
-    section = replace(section, inputs=section.inputs[WINDOW].copy(), readings=section.readings[WINDOW].copy())
+    section = replace(section, inputs=section.inputs[window].copy(), readings=section.readings[window].copy())
     levels = Levels(first_noise(section.readings, MACHINE.sensors), described(MACHINE))
     return Filters(compile_predictor(predicted(structure, tuple(fitted))), structure, [section], None), levels
 
@@ -40,24 +48,25 @@ class Textbook:
     unlikelihood: float
 
 
-def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> Textbook:
+def in_numpy(experiment: Experiment, vector: np.ndarray, course: Course, spread: Spread) -> Textbook:
     """An extended Kalman filter as in a textbook, all sensors at once."""
-    system = predicted(machine_of(MACHINE), FITTED)
-    assert system.one_step is not None
+    system = predicted(machine_of(experiment), FITTED)
     n, motion = len(course.start), system.move.size1_in("motion")
     x, P = course.start.copy(), spread.start.copy()
     found = Textbook([], [], [], [], 0.0)
 
     def called(function: ca.Function, *given: Any) -> dict[str, np.ndarray]:
-        return {
-            name: np.array(value).ravel()
-            for name, value in zip(function.name_out(), function.call(list(given)), strict=True)
+        """Outputs by name, and all slopes as CasADi names them, such as ``jac_reading_state``."""
+        values, slopes = function.call(list(given)), function.jacobian()
+        slopes = dict(zip(slopes.name_out(), slopes.call([*given, *values]), strict=True))
+        return {name: np.array(value).ravel() for name, value in zip(function.name_out(), values, strict=True)} | {
+            name: np.array(ca.DM(value)) for name, value in slopes.items()
         }
 
     for given, read in zip(course.inputs, course.readings, strict=True):
         seen = called(system.sense, x, given, vector)
         there = np.isfinite(read)
-        H = seen["by_state"].reshape(len(read), n)[there]
+        H = seen["jac_reading_state"][there]
         surprise, R = (read - seen["reading"])[there], np.diag(spread.readings[there])
         S = H @ P @ H.T + R
         K = P @ H.T @ np.linalg.inv(S)
@@ -66,18 +75,16 @@ def in_numpy(vector: np.ndarray, course: Course, spread: Spread) -> Textbook:
         found.states.append(x)
         found.covariances.append(P)
         held = called(system.prepare, x, given, vector)
-        moved = called(system.one_step, x[:motion], held["hold"], vector)
-        parts = [moved]
-        if moved["valid"] <= 0:
+        parts = [called(system.one_step, x[:motion], held["hold"], vector)] if system.one_step else []
+        if not parts or parts[0]["valid"] <= 0:
             parts, now = [], x[:motion]
             for part in range(system.parts):
                 parts.append(called(system.move, now, held["hold"], part, vector))
                 now = parts[-1]["next_motion"]
         A = np.eye(motion, n)
         for moved in parts:
-            A = moved["by_motion"].reshape(motion, motion) @ A
-            A += moved["by_hold"].reshape(motion, -1) @ held["hold_by_state"].reshape(-1, n)
-        A = np.vstack([A, held["rest_by_state"].reshape(-1, n)])
+            A = moved["jac_next_motion_motion"] @ A + moved["jac_next_motion_hold"] @ held["jac_hold_state"]
+        A = np.vstack([A, held["jac_rest_state"]])
         found.slopes.append(A)
         x, P = np.concatenate([parts[-1]["next_motion"], held["rest"]]), A @ P @ A.T + np.diag(spread.walk)
         found.ahead.append(x)
@@ -100,13 +107,14 @@ def smoothed(found: Textbook, walk: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return np.array(states[::-1]), np.array(deviations[::-1])
 
 
-def test_the_filter_is_the_textbooks() -> None:
-    found, levels = filters()
+@pytest.mark.parametrize(("experiment", "window"), [(MACHINE, WINDOW), (MACHINE, START), (IN_PARTS, WINDOW)])
+def test_the_filter_is_the_textbooks(experiment: Experiment, window: slice) -> None:
+    found, levels = filters(experiment, window=window)
     (section,) = found.sections
-    (weights,) = found.weigh(MACHINE, levels, rows=True)
-    course, covariance = found.course(MACHINE, levels, section)
-    spread = Spread(covariance, found.walk(MACHINE, levels), levels.noise)
-    textbook = in_numpy(found.vector(MACHINE, levels), course, spread)
+    (weights,) = found.weigh(experiment, levels, rows=True)
+    course, covariance = found.course(experiment, levels, section)
+    spread = Spread(covariance, found.walk(experiment, levels), levels.noise)
+    textbook = in_numpy(experiment, found.vector(experiment, levels), course, spread)
     states, deviations = np.array(textbook.states), np.sqrt([np.diag(each) for each in textbook.covariances])
     assert weights.states is not None
     assert weights.deviations is not None
@@ -120,7 +128,7 @@ def test_the_smoother_is_the_textbooks() -> None:
     (section,) = found.sections
     course, covariance = found.course(MACHINE, levels, section)
     walk = found.walk(MACHINE, levels)
-    textbook = in_numpy(found.vector(MACHINE, levels), course, Spread(covariance, walk, levels.noise))
+    textbook = in_numpy(MACHINE, found.vector(MACHINE, levels), course, Spread(covariance, walk, levels.noise))
     states, deviations = smoothed(textbook, walk)
     ((_, means, covariances),) = found.smooth(MACHINE, levels)
     spreads = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
@@ -141,17 +149,18 @@ def test_with_its_own_gains_a_prediction_is_the_filters() -> None:
     assert prediction.normal[-1, -1] == pytest.approx(weights.squares.sum(), rel=1e-9)
 
 
+@pytest.mark.parametrize("experiment", [MACHINE, IN_PARTS])
 @pytest.mark.parametrize(("key", "share"), [*zip(FITTED, (1e-4, 1e-7, 1e-4, 1e-4), strict=True)])
-def test_slopes_are_those_of_differences(key: str, share: float) -> None:
+def test_slopes_are_those_of_differences(key: str, share: float, experiment: Experiment) -> None:
     """Of the whole sum of squares, gains as they are: its gradient is twice the last column of the products.
 
     A rope's modulus decides which samples take one step; a small change changes none.
     """
-    found, levels = filters()
-    off = machine(plant__vehicle__mass=1.03e4)  # away from the truth, where the gradient is no noise
+    found, levels = filters(experiment)
+    off = replace(experiment, plant=machine(plant__vehicle__mass=1.03e4).plant)  # where the gradient is no noise
     weights = found.weigh(off, levels)
     base = found.vector(off, levels)
-    column, index = parameter_names(machine_of(MACHINE)).index(key), FITTED.index(key)
+    column, index = parameter_names(machine_of(experiment)).index(key), FITTED.index(key)
     step = share * (abs(base[column]) or 1e-3)
 
     def squares(change: float) -> np.ndarray:
@@ -162,6 +171,36 @@ def test_slopes_are_those_of_differences(key: str, share: float) -> None:
 
     slope = (squares(step)[-1, -1] - squares(-step)[-1, -1]) / (2 * step)
     assert 2 * squares(0.0)[index, -1] == pytest.approx(slope, rel=2e-4)
+
+
+def test_in_parts_or_in_one_step_slopes_are_those_of_differences() -> None:
+    """Where samples of both kinds take turns."""
+    found, levels = filters(window=START)
+    off = machine(plant__vehicle__mass=1.03e4)
+    weights, base = found.weigh(off, levels), found.vector(off, levels)
+    column = parameter_names(machine_of(MACHINE)).index("plant.vehicle.mass")
+
+    def squares(change: float) -> np.ndarray:
+        vector = base.copy()
+        vector[column] += change
+        (prediction,) = found.predict(vector, off, levels, weights)
+        return prediction.normal
+
+    slope = (squares(1e-3)[-1, -1] - squares(-1e-3)[-1, -1]) / 2e-3
+    assert 2 * squares(0.0)[FITTED.index("plant.vehicle.mass"), -1] == pytest.approx(slope, rel=1e-3)
+
+
+def test_numbers_that_are_zero_may_be_left_out() -> None:
+    structure, keys = machine_of(MACHINE), FITTED
+    zeros = zeros_of(structure, parameters_of(MACHINE), varying=keys)
+    found, levels = filters()
+    without = Filters(compile_predictor(predicted(structure, keys, zeros)), structure, found.sections, None)
+    assert predicted(structure, keys, zeros).sense.n_instructions() < predicted(structure, keys).sense.n_instructions()
+    (weights,), (same,) = (each.weigh(MACHINE, levels) for each in (found, without))
+    np.testing.assert_allclose(same.squares, weights.squares, rtol=1e-6)
+    (liked,) = without.weigh(MACHINE, levels, gains=False)
+    assert liked.gains.size == 0
+    assert liked.unlikelihood == pytest.approx(same.unlikelihood, rel=1e-12)
 
 
 def test_missing_sensors_are_never_looked_at() -> None:

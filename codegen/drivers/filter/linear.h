@@ -1,0 +1,156 @@
+/* The system of codegen/predicted.py with its slopes. Comes after driver.h, elementary.h, lanes.h, the sizes and the
+   functions of codegen/drivers/prediction.py, each with its derive_NAME(parameters, derived):
+     NAME           sense, prepare, move, one_step
+     linear_NAME    the same with slopes by the state, of `move` by the fitted numbers, too
+     NAME_slopes    slopes by the state and by the fitted numbers, over arrays whose elements lie LANES apart; not of `move`
+   Tangents are matrices, row by row: COLUMNS directions by the state, or WAYS, one for each fitted number.
+   NAME_BY_STATE and NAME_BY_ALL are the statements of codegen/drivers/tangents.py that make those of the outputs. */
+
+#include <math.h>
+
+typedef double Vector __attribute__((vector_size(VECTOR * sizeof(double)), may_alias));
+
+/* What follows from the parameters alone. */
+typedef struct {
+  double sense[SENSE_DERIVED + 1], prepare[PREPARE_DERIVED + 1], move[MOVE_DERIVED + 1];
+  double linear_sense[LINEAR_SENSE_DERIVED + 1], linear_prepare[LINEAR_PREPARE_DERIVED + 1];
+  double linear_move[LINEAR_MOVE_DERIVED + 1], sense_slopes[SENSE_SLOPES_DERIVED + 1];
+  double prepare_slopes[PREPARE_SLOPES_DERIVED + 1];
+#if HAS_ONE_STEP
+  double one_step[ONE_STEP_DERIVED + 1], linear_one_step[LINEAR_ONE_STEP_DERIVED + 1];
+  double one_step_slopes[ONE_STEP_SLOPES_DERIVED + 1];
+#endif
+} Derived;
+
+/* Slopes of the way from a sample to the next. */
+typedef struct {
+  int in_one_step; /* whether that is how it goes, or part by part */
+  double prepare[LINEAR_PREPARE_SLOPES + 1], one_step[LINEAR_ONE_STEP_SLOPES + 1];
+  double move[PARTS * LINEAR_MOVE_SLOPES + 1];
+} Slopes;
+
+static void derive_to_weigh(const double *parameters, Derived *derived) {
+  derive_linear_sense(parameters, derived->linear_sense);
+  derive_linear_prepare(parameters, derived->linear_prepare);
+  derive_linear_move(parameters, derived->linear_move);
+#if HAS_ONE_STEP
+  derive_linear_one_step(parameters, derived->linear_one_step);
+#endif
+}
+
+static void derive_to_predict(const double *parameters, Derived *derived) {
+  derive_sense(parameters, derived->sense);
+  derive_prepare(parameters, derived->prepare);
+  derive_move(parameters, derived->move);
+  derive_linear_move(parameters, derived->linear_move);
+  derive_sense_slopes(parameters, derived->sense_slopes);
+  derive_prepare_slopes(parameters, derived->prepare_slopes);
+#if HAS_ONE_STEP
+  derive_one_step(parameters, derived->one_step);
+  derive_one_step_slopes(parameters, derived->one_step_slopes);
+#endif
+}
+
+/* a += factor * b, `count` numbers */
+static inline void add(double *restrict a, double factor, const double *restrict b, int count) {
+  for (int i = 0; i < count; ++i) a[i] += factor * b[i];
+}
+
+/* out (rows × columns) += a (rows × inner) b (inner × columns); rows of a lie `stride` apart */
+static inline void add_product(double *restrict out, const double *restrict a, int stride, const double *restrict b,
+                               int rows, int inner, int columns) {
+  for (int i = 0; i < rows; ++i)
+    for (int k = 0; k < inner; ++k)
+      if (a[i * stride + k] != 0) add(out + i * columns, a[i * stride + k], b + k * columns, columns);
+}
+
+/* a += factor * b, rows of COLUMNS; as vectors, or compilers take several rows for one */
+static inline void add_row(double *a, double factor, const double *b) {
+  for (int v = 0; v < COLUMNS / VECTOR; ++v) ((Vector *)a)[v] += factor * ((const Vector *)b)[v];
+}
+
+static inline int absent(double reading) { return overflow(reading) >> 63; }
+
+static inline void put_identity(double *matrix) {
+  memset(matrix, 0, STATES * COLUMNS * sizeof *matrix);
+  for (int i = 0; i < STATES; ++i) matrix[i * COLUMNS + i] = 1;
+}
+
+IN_LANES sense_columns(const double *restrict slopes, const double *restrict states, double *restrict readings) {
+  enum { DIRECTIONS = COLUMNS };
+  EACH_OF(COLUMNS) {
+    const double *restrict state_tangent = states + l;
+    double *restrict reading_tangent = readings + l;
+    SENSE_BY_STATE
+  }
+}
+
+IN_LANES prepare_columns(const double *restrict slopes, const double *restrict states, double *restrict rests,
+                         double *restrict holds) {
+  enum { DIRECTIONS = COLUMNS };
+  EACH_OF(COLUMNS) {
+    const double *restrict state_tangent = states + l;
+    double *restrict rest_tangent = rests + l, *restrict hold_tangent = holds + l;
+    PREPARE_BY_STATE
+  }
+}
+
+IN_LANES move_columns(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
+                      double *restrict nexts) {
+  enum { DIRECTIONS = COLUMNS };
+  static const double direction[FITTED * COLUMNS + 1]; /* zeros: as the numbers are */
+  (void)direction;
+  EACH_OF(COLUMNS) {
+    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
+    double *restrict next_motion_tangent = nexts + l;
+    MOVE_BY_ALL
+  }
+}
+
+#if HAS_ONE_STEP
+IN_LANES one_step_columns(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
+                          double *restrict nexts) {
+  enum { DIRECTIONS = COLUMNS };
+  EACH_OF(COLUMNS) {
+    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
+    double *restrict next_motion_tangent = nexts + l;
+    ONE_STEP_BY_STATE
+  }
+}
+#endif
+
+/* The state at the next sample, in one step where that is good enough, else part by part, and the slopes of the way. */
+static void linearise(const double *state, const double *input, const double *parameters, const Derived *derived,
+                      double *next, double *margin, Slopes *slopes) {
+  double hold[HOLD], motion[MOTION], valid = 0;
+  linear_prepare(state, input, parameters, derived->linear_prepare, next + MOTION, hold, slopes->prepare);
+#if HAS_ONE_STEP
+  linear_one_step(state, hold, parameters, derived->linear_one_step, next, margin, &valid, slopes->one_step);
+#endif
+  slopes->in_one_step = valid > 0;
+  if (slopes->in_one_step) return;
+  memcpy(motion, state, sizeof motion);
+  for (int part = 0; part < PARTS; ++part) {
+    const double number = part;
+    linear_move(motion, hold, &number, parameters, derived->linear_move, next, margin,
+                slopes->move + part * LINEAR_MOVE_SLOPES);
+    memcpy(motion, next, sizeof motion);
+  }
+}
+
+/* Tangents (STATES × COLUMNS) of the state at the next sample, of those of the state. */
+static void carry(const Slopes *slopes, const double *tangents, double *next) {
+  LANE_ARRAY held[HOLD * COLUMNS], moved[MOTION * COLUMNS];
+  prepare_columns(slopes->prepare, tangents, next + MOTION * COLUMNS, held);
+#if HAS_ONE_STEP
+  if (slopes->in_one_step) {
+    one_step_columns(slopes->one_step, tangents, held, next);
+    return;
+  }
+#endif
+  memcpy(moved, tangents, sizeof moved);
+  for (int part = 0; part < PARTS; ++part) {
+    move_columns(slopes->move + part * LINEAR_MOVE_SLOPES, moved, held, next);
+    memcpy(moved, next, sizeof moved);
+  }
+}
