@@ -98,8 +98,8 @@ def test_every_phase_is_told_and_batches_belong_to_the_search(make_problem: Make
 def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Time goes by with rollouts alone, each of which takes 10 ms; the search has 20 s."""
-    pace, seconds, time = 0.01, 20.0, [1000.0]
+    """Time goes by with rollouts alone, each of which takes 5 ms; the search has 20 s."""
+    pace, seconds, time = 0.005, 20.0, [1000.0]
     rollouts = evaluate.run_pairs
 
     def run_pairs(*words: object, **options: object) -> object:
