@@ -37,7 +37,7 @@ def dualwinch(*words: object) -> int:
 
 @pytest.fixture(autouse=True)
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = Plan(draws=4, vertices=4, looked_at=8, last_draws=4, held_out=8)
+    few = Plan(draws=4, vertices=4, last_draws=4, held_out=8)
     monkeypatch.setattr("dualwinch.tuning.scoring.plan.FULL", few)
     monkeypatch.setattr("dualwinch.tuning.scoring.scenarios.LOOKED_AT", 4)
 
