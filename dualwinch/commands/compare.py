@@ -224,6 +224,8 @@ def _number(value: float | None, factor: float) -> str:
 
 
 def _interval(interval: Mapping[str, float | None]) -> str:
+    if interval["estimate"] is None:
+        return "–"
     estimate, low, high = (
         "–" if value is None else f"{value:.3g}" for value in (interval[key] for key in ("estimate", "low", "high"))
     )

@@ -38,6 +38,9 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
 ROOM = 1.6
 """Factor by which the axis goes on on the right, for words."""
 
+CLUSTER = 6.0
+"""Factor by which a search may be off the one before for the number to stand behind it, and not between them."""
+
 HEADING, A_ROW = 1.45, 0.27
 """Heights in inches."""
 
@@ -104,7 +107,7 @@ def _dot(axes: Axes, found: Found, scored: Scored, row: int, colour: str) -> Non
         axes.plot(others, [row] * len(others), "|", color=colour, markersize=8)
     axes.annotate(
         _share(interval.estimate),
-        (max(interval.high, *others), row),
+        (end_of_marks(interval.high, others), row),
         xytext=(5, 0),
         textcoords="offset points",
         va="center_baseline",
@@ -112,6 +115,14 @@ def _dot(axes: Axes, found: Found, scored: Scored, row: int, colour: str) -> Non
         color=colour,
         annotation_clip=False,
     )
+
+
+def end_of_marks(high: float, others: Iterable[float]) -> float:
+    """Where the marks end that lie together with an interval; searches that are far off stand alone."""
+    for other in sorted(others):
+        if high < other < CLUSTER * high:
+            high = other
+    return high
 
 
 def _share(ratio: float) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from dualwinch.tuning.plots.race import end_of_marks
 from tests.tuning.race.made_up import made_up, scored
 
 FOUND = made_up()
@@ -26,6 +27,18 @@ def test_dots_are_the_ratios_the_best_first_and_hollow_where_a_constraint_is_bro
     assert len(dots) == 4
     assert len({dots[0].get_color(), dots[1].get_color()}) == 1 != len({dots[0].get_color(), dots[2].get_color()})
     assert axes.get_xscale() == "log"
+
+
+def test_the_number_stands_beside_its_dot_where_a_search_is_far_off() -> None:
+    first = FOUND.ranking[0]
+    key, group = first.entry.key, first.entry.group
+    axes = FOUND.plot().axes[0]
+    high = FOUND.ratios[key].interval.high
+    label = next(text for text in axes.texts if text.xy[1] == 0)  # pyright: ignore[reportAttributeAccessIssue]
+    near = [FOUND.ratios[each.entry.key].interval.estimate for each in FOUND.searches[group]]
+    assert label.xy[0] == pytest.approx(max(high, *near))  # pyright: ignore[reportAttributeAccessIssue]
+    assert end_of_marks(1e-4, [9e-5, 2e-4, 1e-3, 40.0]) == 1e-3
+    assert end_of_marks(1e-4, [9e-5, 40.0]) == 1e-4
 
 
 def test_fronts_leave_out_what_breaks_a_constraint_or_is_beaten() -> None:
