@@ -52,7 +52,7 @@ def race(
         WHOLE,
         Parameter(help="Searches per entry, each with its own seed: several show how much is luck."),
     ] = 1,
-    scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios a candidate is tuned on (default 8).")] = None,
+    scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios a candidate is tuned on (default 12).")] = None,
     held_out: Annotated[int, WHOLE, Parameter(help="Held-out scenarios for the score.")] = 200,
     set_: AssignmentsInBrief = None,
     constraint: Annotated[

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
-from benchmarks.race_page import claims_table, facts, least, race_table
+import pytest
+
+from benchmarks.race_page import claims_table, estimators_table, facts, least, race_table
 from dualwinch.tuning.race.entry import Entry
 from dualwinch.tuning.race.record import to_record
 from tests.tuning.race.made_up import made_up, scored
@@ -64,3 +66,16 @@ def test_the_least_error_is_told_without_and_with_foresight() -> None:
     assert "feasible in all scenarios" in least(RACE)
     found = to_record(made_up(least=4e-8, foreseeing=1e-8))
     assert "over all scenarios: 0.2 mm for a non-anticipating optimal controller, 0.1 mm with full" in least(found)
+
+
+def test_every_law_with_every_estimator_has_a_cell() -> None:
+    found = made_up()
+    other = replace(scored("adrc", 0.25), entry=Entry("adrc", "lowpass", "differential-tension"))
+    table = estimators_table(to_record(replace(found, entries=(other, *found.entries))))
+    usual = found.entries[0].entry.estimator
+    assert table.splitlines()[0].split("|")[2:4] == [f" `{usual}` ", " `lowpass` "]
+    rows = {row[0]: row[1:] for row in cells(table)}
+    assert set(rows) == {"`adrc`", "`nftsm`", "`fando-nftsm`"}
+    assert rows["`nftsm`"][1] == "–"
+    assert float(rows["`adrc`"][1].removesuffix(" ×")) == pytest.approx(4, rel=0.1)
+    assert rows["`fando-nftsm`"][0].endswith("broken: worst.peak_tension <= 6000 N")
