@@ -46,7 +46,7 @@ def effects_figure(
     )
     with house_style():
         words = f"{law_label(experiment)}; {scenario(experiment)}"
-        page = Page(ax, 1.2 + 1.6 * len(changes) + 0.09 * len(labels), "changes to first order", words)
+        page = Page(ax, 1.2 + 1.6 * len(changes) + 0.09 * len(labels), "Changes to first order", words)
         panels = page.panels(len(changes), sharex=True)
         for axes, (column, lines) in zip(panels, changes.items(), strict=False):
             axes.axhline(0.0, color=GREY, linewidth=0.7)
