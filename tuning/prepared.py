@@ -15,7 +15,7 @@ from dualwinch.tuning.scoring.machines import hardest_machines, survey
 from dualwinch.tuning.scoring.runs import over, run_pairs
 from dualwinch.tuning.scoring.scenarios import Pick, drawn, pick
 
-STRESS = 24
+STRESS = 16
 """Number of the scenarios in which only the best candidates are tried."""
 
 

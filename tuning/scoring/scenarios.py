@@ -18,10 +18,10 @@ from dualwinch.simulation.analysis.required_force import Demand, demand
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 
-LOOKED_AT = 1000
+LOOKED_AT = 200
 """Draws that are looked at."""
 
-FURTHEST = 0.015
+FURTHEST = 0.01
 """How far in m the vehicle falls behind at most.
 
 It falls behind further in one draw of some hundreds, and gains that had to hold there would be cautious everywhere.
@@ -59,7 +59,7 @@ def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pic
 
     Args:
         ensemble: what is drawn from.
-        count: how many; half of them hard, of these a third draws and the others vertices.
+        count: how many; half of them hard, of these again half draws and half vertices.
         more: how many further hard ones.
         seed: of the draws.
 
@@ -67,12 +67,12 @@ def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pic
         The scenarios, and the further hard ones.
     """
     number = count // 2
-    each = -(-(number + more) // 3)
+    each = -(-(number + more) // 2)
     demands = _demands(ensemble.chosen(range(max(LOOKED_AT, count + each)), seed))
     plain = typical(demands, count - number)
     demanding = hardest(demands, each, {picked.index for picked in plain})
-    corners = iter(vertices(ensemble, 2 * each, seed))
-    hard = [picked for draw in demanding for picked in (draw, next(corners), next(corners))]
+    pairs = zip(demanding, vertices(ensemble, each, seed), strict=True)
+    hard = [picked for pair in pairs for picked in pair]
     turns = [picked for pair in zip(plain, hard[:number], strict=False) for picked in pair]
     return [*turns, *plain[number:]], hard[number : number + more]
 
