@@ -49,7 +49,8 @@ class Demand:
 
     Attributes:
         share: the largest force, as a share of what they can give.
-        shortfall: how far in m the vehicle falls behind at most (`shortfall`).
+        shortfall: how far in m the vehicle falls behind at most, with all the force there is until it has caught up;
+            0: it need not. From the force alone: that a slower vehicle has less drag is left out.
     """
 
     share: float
@@ -66,14 +67,6 @@ def within_authority(experiment: Experiment) -> bool:
     """Whether a run stays within the actuators' authority: it asks for no more force than the motors can give."""
     limit = experiment.controller.limits.strength
     return bool(np.abs(required_force(experiment)).max() <= limit)
-
-
-def shortfall(experiment: Experiment) -> float:
-    """How far in m a run falls behind at most, with all the force there is until it has caught up; 0: it need not.
-
-    From the force alone: that a slower vehicle has less drag is left out.
-    """
-    return _behind(experiment, required_force(experiment))
 
 
 def _behind(experiment: Experiment, force: Floats) -> float:

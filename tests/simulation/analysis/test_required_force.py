@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.config.settings import override
-from dualwinch.simulation.analysis.required_force import EVERY, required_force, shortfall
+from dualwinch.simulation.analysis.required_force import EVERY, demand, required_force
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
@@ -52,5 +52,5 @@ def test_the_shortfall_is_what_full_force_leaves() -> None:
         "simulation.duration": 10.0,
     }
     limited = {"controller.coordination.tension_max": 1100.0}
-    assert shortfall(override(Experiment(), bare | limited)) == pytest.approx(0.5, rel=0.02)
-    assert shortfall(override(Experiment(), bare)) == 0
+    assert demand(override(Experiment(), bare | limited)).shortfall == pytest.approx(0.5, rel=0.02)
+    assert demand(override(Experiment(), bare)).shortfall == 0

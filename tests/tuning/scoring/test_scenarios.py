@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.required_force import required_force, shortfall, within_authority
+from dualwinch.simulation.analysis.required_force import demand, required_force, within_authority
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.tuning.scoring.scenarios import FURTHEST, LOOKED_AT, choosable, drawn, pick, vertices
 
@@ -40,9 +40,9 @@ def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
     picks, more = pick(SEA, 8, 12, 3)
     hard = drawn([each for each in (*picks, *more) if each.hard and not each.vertex], SEA, 3)
     assert all(before > after for before, after in pairwise(map(share, hard)))
-    assert all(shortfall(scenario.experiment) <= FURTHEST for scenario in hard)
+    assert all(demand(scenario.experiment).shortfall <= FURTHEST for scenario in hard)
     harder = [each for each in SEA.scenarios(LOOKED_AT, 3) if share(each) > share(hard[0])]
-    assert all(shortfall(scenario.experiment) > FURTHEST for scenario in harder)
+    assert all(demand(scenario.experiment).shortfall > FURTHEST for scenario in harder)
 
 
 def test_the_motors_can_hold_vertices() -> None:
@@ -60,7 +60,9 @@ def test_few_scenarios_are_some_of_each() -> None:
 def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
     scenarios = list(SEA.scenarios(200, 7))
     kept = choosable(scenarios)
-    assert [each.index for each in kept] == [each.index for each in scenarios if shortfall(each.experiment) <= FURTHEST]
+    assert [each.index for each in kept] == [
+        each.index for each in scenarios if demand(each.experiment).shortfall <= FURTHEST
+    ]
     assert 0 < len(kept) < len(scenarios)
     assert [each.hard for each in kept] == [not within_authority(each.experiment) for each in kept]
     assert any(each.hard for each in kept)
