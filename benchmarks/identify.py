@@ -11,6 +11,8 @@ A number that its log cannot tell is one that an oracle, a filter at the true va
 import argparse
 import json
 import sys
+from functools import partial
+from multiprocessing import Pool
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -32,6 +34,7 @@ from dualwinch.identification.summary import hardly_known, hardly_told
 from dualwinch.identification.unknowns import Prior, Unknown
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.simulate import simulate
@@ -52,7 +55,7 @@ def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) 
     began, log = perf_counter(), log_of(simulate(truth))
     record: dict[str, Any] = {"scenario": scenario.index}
     try:
-        found = identify([log], list(priors), believed, priors=priors)
+        found = identify([log], list(priors), believed, priors=priors, threads=1)
     except ConfigurationError as error:
         return record | {"refused": str(error)}
     values, names = leaves(truth), {key for each in found.blind for key in each.keys} | set(hardly_told(found))
@@ -72,7 +75,7 @@ def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) 
 
 def invisible(log: Log, truth: Experiment, unknowns: tuple[Unknown, ...]) -> set[str]:
     """What a log cannot tell, by the information at the true values."""
-    fitting = Fitting(sections_of([log], truth, 1), truth, unknowns)
+    fitting = Fitting(sections_of([log], truth), truth, unknowns)
     values = leaves(truth)
     information = fitting.information(np.array([float(values[unknown.key]) for unknown in unknowns]))
     if information is None:
@@ -141,13 +144,13 @@ def main() -> int:
         believed, _, priors = believed_of([], None, rig, {})
         records = done(chosen.file)
         there = {record["scenario"] for record in records}
-        for scenario in rig.scenarios(chosen.logs, SEED):
-            if scenario.index in there:
-                continue
-            records.append(one_log(scenario, believed, priors))
-            with chosen.file.open("a", encoding="utf-8") as lines:
-                lines.write(json.dumps(records[-1]) + "\n")
-            print(f"{len(records)} of {chosen.logs}: {records[-1].get('seconds', 0):.0f} s", file=sys.stderr)
+        wanted = [scenario for scenario in rig.scenarios(chosen.logs, SEED) if scenario.index not in there]
+        with Pool(cores()) as pool:
+            for record in pool.imap_unordered(partial(one_log, believed=believed, priors=priors), wanted):
+                records.append(record)
+                with chosen.file.open("a", encoding="utf-8") as lines:
+                    lines.write(json.dumps(record) + "\n")
+                print(f"{len(records)} of {chosen.logs}: {record.get('seconds', 0):.0f} s", file=sys.stderr)
     except DualwinchError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -26,13 +26,14 @@ from benchmarks.report import machine
 from benchmarks.shooting import Shot, shoot
 from dualwinch.codegen import DualwinchError
 from dualwinch.config.settings import override
+from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.fit import Fitting, covariance_of
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log, log_of
+from dualwinch.identification.predictor import parameter_names
 from dualwinch.identification.sections import sections_of
 from dualwinch.identification.unknowns import keys_of, unknowns_of
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
@@ -58,16 +59,16 @@ def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, 
     """Times in s of one solve with given gains, by exact slopes and by differences, and passes through the log."""
     unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
     start = np.array([unknown.start for unknown in unknowns])
-    fitting = Fitting(sections_of([log_of(simulate(right))], believed, cores()), believed, unknowns)
+    fitting = Fitting(sections_of([log_of(simulate(right))], believed), believed, unknowns)
     values, levels = fitting.run(start).values, fitting.first_levels()
     weights = fitting.filters.weigh(fitting.with_values(values), levels)
     begin = values * 1.002  # near enough that both come to the same end
     before, begun = fitting.passes, perf_counter()
-    exact, _, _ = fitting.solved(begin, levels, weights)
+    exact, _ = fitting.gains.solved(begin, levels, weights, Coordinates(unknowns))
     taken, passes = perf_counter() - begun, fitting.passes - before
 
     base, calls = fitting.filters.vector(fitting.with_values(values), levels), 0
-    names = fitting.columns
+    names = [parameter_names(fitting.structure).index(unknown.key) for unknown in unknowns]
 
     def surprises(shares: np.ndarray) -> np.ndarray:
         nonlocal calls
@@ -95,12 +96,12 @@ def shot_by_hand(log: Log, right: Experiment, believed: Experiment) -> tuple[Sho
     """
     unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
     start, truth = np.array([unknown.start for unknown in unknowns]), leaves(right)
-    fitting = Fitting(sections_of([log], believed, 1), believed, unknowns)
+    fitting = Fitting(sections_of([log], believed), believed, unknowns)
     fit = fitting.run(start)
     shot = shoot(fitting.filters, believed, fit.levels, [unknown.key for unknown in unknowns], start)
-    cut = Fitting(sections_of([log], believed, cores()), believed, unknowns)
+    again = Fitting(sections_of([log], believed), believed, unknowns)
     begun = perf_counter()
-    passes = cut.run(start, known=fit.levels).passes
+    passes = again.run(start, known=fit.levels).passes
     given = perf_counter() - begun, passes
     true = np.array([float(truth[unknown.key]) for unknown in unknowns])
     deviations = np.sqrt(np.diag(covariance_of(fit.information, unknowns)))

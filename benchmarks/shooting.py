@@ -22,8 +22,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.identification.predictor import machine_of, state_template
-from dualwinch.identification.sections import Filters, Levels, Section
+from dualwinch.identification.levels import Levels
+from dualwinch.identification.predictor import INPUTS, machine_of, state_template
+from dualwinch.identification.sections import Filters, Section
 from dualwinch.identification.sensed import READINGS, sensed
 from dualwinch.model.plant import Torques
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -173,8 +174,8 @@ class _Segments:
         weights = np.isfinite(readings) / np.sqrt(self._levels.noise[used])
         outside = ca.DM(np.column_stack([section.inputs, np.nan_to_num(readings), weights]).T)
 
-        z, q, u = ca.SX.sym("z", N), ca.SX.sym("q", p + A), ca.SX.sym("u", 3 + 2 * len(used))
-        t, tau_1, tau_2, *rest = ca.vertsplit(u)
+        z, q, u = ca.SX.sym("z", N), ca.SX.sym("q", p + A), ca.SX.sym("u", len(INPUTS) + 2 * len(used))
+        t, tau_1, tau_2, _, *rest = ca.vertsplit(u)
         numbers = dict(zip(self._keys, ca.vertsplit(q[:p] * self._values), strict=True))
         plant = with_leaves(experiment.plant, numbers, "plant.")
         motion = with_leaves(MOTION_TEMPLATE, dict(zip(MOVING, ca.vertsplit(z * SCALES), strict=True)))

@@ -25,10 +25,12 @@ LONGEST_GAP = 0.1
 
 
 def samples_of(log: Log, experiment: Experiment) -> tuple[Floats, Floats]:
-    """Inputs (samples, 3) and readings (samples, readings) of a log, for `codegen.drivers.prediction.Course`.
+    """Inputs (samples, 4) and readings (samples, readings) of a log, for `codegen.drivers.prediction.Course`.
 
-    Each reading goes to the nearest sample. Torque commands are held until the next, and reach the motors
-    ``simulation.delay_samples`` later; what the first of them did is not known, so the samples before are left out.
+    Each reading goes to the nearest sample; where samples are said to jitter (``simulation.jitter``), a sample is when
+    the log says, in the place of a multiple of the sample time. Torque commands are held until the next, and reach the
+    motors ``simulation.delay_samples`` later; what the first of them did is not known, so the samples before are left
+    out.
 
     Raises:
         ConfigurationError: no torque for longer than `LONGEST_GAP`, or hardly a sample is left.
@@ -44,9 +46,18 @@ def samples_of(log: Log, experiment: Experiment) -> tuple[Floats, Floats]:
             kept = np.isfinite(values)
             fresh = _counted(values[kept]) if name in ANGLES else _spoken(values[kept])
             readings[numbers[kept], column] = fresh
-    t = log.t[0] + step * np.arange(count)
+    t = _times(log.t, numbers, count, step) if experiment.simulation.jitter > 0 else log.t[0] + step * np.arange(count)
+    durations = np.diff(t, append=t[-1] + step)
     arrived = torques[: count - late] if late else torques
-    return np.ascontiguousarray(np.column_stack([t[late:], arrived])), np.ascontiguousarray(readings[late:])
+    inputs = np.column_stack([t[late:], arrived, durations[late:]])
+    return np.ascontiguousarray(inputs), np.ascontiguousarray(readings[late:])
+
+
+def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Floats:
+    """When every sample is: the time of its row, the last where it has several, and in between by their number."""
+    last = np.append(np.diff(numbers) > 0, True)
+    own = numbers[last] * step
+    return np.arange(count) * step + np.interp(np.arange(count) * step, own, t[last] - own)
 
 
 def _doubled(name: str, log: Log) -> bool:

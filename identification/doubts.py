@@ -13,7 +13,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import holding_torques
 from dualwinch.simulation.experiment import Experiment
 
-ANOTHER = 0.3
+ANOTHER = 0.1
 """Unrecorded torque or force over the recorded one, both root mean square, from which on the machine is another."""
 
 NOISIER = 50.0
@@ -81,7 +81,7 @@ def check_fit(name: str, fit: Fit, sections: Sequence[Section], experiment: Expe
         ConfigurationError: torques or forces that nobody recorded would be as large as those that were, or a sensor
             noisier by far than it jumps.
     """
-    recorded = np.concatenate([section.inputs[:, 1:] for section in sections])
+    recorded = np.concatenate([section.torques for section in sections])
     torque, scatter = float(np.sqrt(np.mean(recorded**2))), fit.levels.scatter
     unlike = "it is of another machine, or tau_1 or tau_2 is of another sign, unit or time"
     if scatter["torque_1"].deviation > ANOTHER * torque:

@@ -1,26 +1,27 @@
-"""Numbers of a machine from its logs: least squares of what filters did not expect.
+"""Numbers of a machine from its logs: those under which the logs are likeliest.
 
 A prediction-error method (Ljung, System Identification, 2nd ed., Section 7; Kristensen, Madsen and Jørgensen,
 Automatica 40 (2004) 225, for filters with unrecorded disturbances): an extended Kalman filter weighs the readings, and
 with its gains as they are the surprises, whitened, are a least-squares problem with exact slopes. Solved, it is weighed
-anew, until neither moves. Sensors' noise follows from what the filter leaves of each reading, and the scatter of what
-nobody recorded from the likelihood of all.
+anew, until values are near; steps by the likelihood itself lead on to where it is greatest. Sensors' noise follows from
+what the filter leaves of each reading, and the scatter of what nobody recorded from the likelihood of all.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize_scalar
 
 from dualwinch.codegen.drivers.prediction import Weights, compile_predictor
-from dualwinch.identification.noise import first_noise
+from dualwinch.identification.coordinates import Coordinates
+from dualwinch.identification.given_gains import GivenGains
+from dualwinch.identification.level_search import LevelSearch
+from dualwinch.identification.levels import Levels, first_levels
+from dualwinch.identification.likelihood import Likelihood
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
-from dualwinch.identification.sections import Filters, Levels, Section, all_completed
-from dualwinch.identification.unknowns import Prior, Unknown
-from dualwinch.identification.unrecorded import described
+from dualwinch.identification.sections import Filters, Section, all_completed
+from dualwinch.identification.unknowns import Unknown
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.experiment import Experiment
@@ -28,32 +29,25 @@ from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 12
-"""Times that readings are weighed, at most."""
+ROUNDS, STEPS = 40, 12
+"""Times that least squares are solved with new gains, and steps by the likelihood after that, at most."""
 
-SOLVING = 5
-"""Times that slopes are looked at with the same gains, at most."""
+ROUGH, LIKELY = 3, 2.0
+"""Rounds at first in which nothing but the machine is thought to be at fault, and the standard deviations from what is
+known beforehand that no value leaves in them."""
 
-STILL = 0.02
-"""A move, over the standard deviation, that counts as none."""
+NEARER, NEAR = 3.0, 0.5
+"""Moves, over the standard deviation, from which on values tell how noisy sensors are, and from which on steps by the
+likelihood are worth their time."""
 
-NEAR = 0.5
-"""A move, over the standard deviation, from which on values are good enough to tell what else acts on a machine."""
+SCATTERING = 2
+"""Steps before which scatter is looked for once more."""
+
+STILL = 0.1
+"""Fall of minus twice the logarithm of the likelihood that counts as none; a standard deviation costs 1."""
 
 OUTLIER = 4.0
 """Surprise, over its standard deviation, from which on a reading counts less."""
-
-LOST = 1e12
-"""Sum of squares of numbers with which a filter goes astray."""
-
-SCATTERED = (("force",), ("torque_1", "torque_2"))
-"""The unrecorded whose scatter nobody describes; each group has one."""
-
-RANGE = 1e6
-"""How far that scatter may lie above its start, as a factor."""
-
-PART = 10.0
-"""Time in s of each section that tells it."""
 
 
 @dataclass(frozen=True)
@@ -64,19 +58,17 @@ class Fit:
         values: (p,) of the unknowns.
         information: (p, p) of the logs alone, without what was known beforehand.
         levels: noise and scatter.
-        weights: of the sections, with the gains of the last round.
         experiment: with these values.
-        squares: of what is left, whitened, and of departures from what was known beforehand.
+        unlikely: minus twice the logarithm of the likelihood, but for a constant.
         passes: how many times the logs were gone through.
-        settled: whether the last round moved nothing any more.
+        settled: whether the last step made nothing likelier any more.
     """
 
     values: Floats
     information: Floats
     levels: Levels
-    weights: tuple[Weights, ...]
     experiment: Experiment
-    squares: float
+    unlikely: float
     passes: int
     settled: bool
 
@@ -100,10 +92,14 @@ class Fitting:
         self._predictor = compile_predictor(predicted(structure, keys, zeros))
         self.structure, self._threads = structure, threads
         self.filters = Filters(self._predictor, structure, sections, threads)
-        self.columns = [parameter_names(structure).index(key) for key in keys]
-        self._scale = np.array([unknown.scale for unknown in unknowns])
-        self._bounds = [np.array([getattr(unknown, end) for unknown in unknowns]) for end in ("lower", "upper")]
-        self.passes = 0
+        columns = [parameter_names(structure).index(key) for key in keys]
+        self.gains = GivenGains(self.filters, self.with_values, columns)
+        self._levels = LevelSearch(self.filters, experiment, outlier)
+
+    @property
+    def passes(self) -> int:
+        """How many times the logs were gone through."""
+        return self.filters.passes
 
     def others(self, sections: Sequence[Section]) -> Filters:
         """Filters of other sections."""
@@ -117,7 +113,7 @@ class Fitting:
     def first_levels(self) -> Levels:
         """Noise and scatter to begin with."""
         readings = np.concatenate([section.readings for section in self.filters.sections])
-        return Levels(first_noise(readings, self._experiment.sensors), described(self._experiment))
+        return first_levels(readings, self._experiment)
 
     def information(self, values: Floats) -> Floats | None:
         """(p, p) of the logs where the unknowns have some values and noise is as believed; None: filters go astray."""
@@ -125,9 +121,8 @@ class Fitting:
         weights = self._weighed(values, levels)
         if not all_completed(weights):
             return None
-        experiment = self.with_values(values)
-        runs = self.filters.predict(self.filters.vector(experiment, levels), experiment, levels, weights)
-        return np.sum([run.normal for run in runs], axis=0)[:-1, :-1] if all_completed(runs) else None
+        normal = self.gains.normal(values, levels, weights)
+        return normal[:-1, :-1] if np.isfinite(normal).all() else None
 
     def run(
         self, start: Floats, progress: Callable[[float], None] = lambda _: None, known: Levels | None = None
@@ -144,33 +139,73 @@ class Fitting:
                 nothing is known has no effect at all.
             KeyboardInterrupt: interrupted.
         """
-        values, levels, settled, calm = start, known or self.first_levels(), False, known is not None
-        weights = self._weighed(values, levels)
-        if not all_completed(weights):
+        levels = known or self.first_levels()
+        if not all_completed(self._weighed(start, levels)):
             raise ConfigurationError(
                 f"{self.filters.sections[0].name}: no machine near the one that is believed does what this log says"
             )
-        information, squares, last = np.zeros((len(start), len(start))), np.inf, np.zeros(len(start))
-        for number in range(ROUNDS):
-            progress(number / ROUNDS)
-            found, information, squares = self.solved(values, levels, weights)
-            if number == 0:
-                self._check_acting(information)
-            deviation = self._deviations(information)
-            move = (turned_back(found, self.unknowns) - values) / deviation
-            moved = float(np.max(np.abs(move), initial=0.0))
-            values = values + deviation * damped(move, last)
-            last = move
-            if known is None and (number in {0, 2} or (moved < NEAR and not calm)):
-                levels, calm = self._scattered(values, levels), moved < NEAR
-            weights = self._weighed(values, levels)
-            quieter = known or self._levelled(levels, weights)
-            changed = float(np.max(np.abs(np.log(quieter.noise / levels.noise)), initial=0.0))
-            levels = quieter
-            if moved < STILL and changed < STILL and calm:
+        values, levels, information = self._nearby(start, levels, known is not None, progress)
+        likelihood = self.likelihood(Coordinates(self.unknowns))
+        at, step, settled = likelihood.coordinates.of(values), None, False
+        for number in range(STEPS):
+            progress((ROUNDS + number) / (ROUNDS + STEPS))
+            experiment = self.with_values(likelihood.coordinates.values(at))
+            if known is None:
+                if number < SCATTERING:
+                    levels = self._levels.scattered(experiment, levels)
+                weights = self.filters.weigh(experiment, levels, outlier=self._outlier, gains=False)
+                levels = self._levels.quieted(experiment, levels, weights)
+            found = likelihood.step(at, levels, step)
+            if found is None:
+                break
+            step, at = found, found.at
+            if step.better < STILL:
                 settled = True
                 break
-        return Fit(values, information, levels, tuple(weights), self.with_values(values), squares, self.passes, settled)
+        values = turned_back(likelihood.coordinates.values(at), self.unknowns)
+        return Fit(
+            values=values,
+            information=information if step is None else step.information,
+            levels=levels,
+            experiment=self.with_values(values),
+            unlikely=np.inf if step is None else step.unlikely,
+            passes=self.passes,
+            settled=settled,
+        )
+
+    def likelihood(self, coordinates: Coordinates) -> Likelihood:
+        """The likelihood of the logs in some coordinates of the unknowns."""
+        return Likelihood(self.filters, self.gains, self.with_values, coordinates, self._outlier)
+
+    def _nearby(
+        self, values: Floats, levels: Levels, known: bool, progress: Callable[[float], None]
+    ) -> tuple[Floats, Levels, Floats]:
+        """Values and levels near the best, and the information there, by least squares with new gains every time."""
+        likely, anywhere = Coordinates(self.unknowns, LIKELY), Coordinates(self.unknowns)
+        weights, last, before = self._weighed(values, levels), np.zeros(len(values)), np.inf
+        information = np.zeros((len(values), len(values)))
+        for number in range(ROUNDS):
+            progress(number / (ROUNDS + STEPS))
+            found, information = self.gains.solved(values, levels, weights, likely if number < ROUGH else anywhere)
+            if number == 0:
+                self._check_acting(information)
+            deviation = np.sqrt(np.diag(covariance_of(information, self.unknowns)))
+            move = (turned_back(found, self.unknowns) - values) / deviation
+            moved = float(np.max(np.abs(move), initial=0.0))
+            there = values + deviation * damped(move, last)
+            if not known and number >= ROUGH:
+                experiment, first = self.with_values(there), number == ROUGH
+                levels = self._levels.scattered(experiment, levels, anywhere=first, roughly=True)
+            weights = self._weighed(there, levels)
+            if not all_completed(weights):
+                break
+            values, last = there, move
+            if not known and moved < NEARER:
+                levels = self._levels.quieted(self.with_values(values), levels, weights)
+            if moved < NEAR or (before < NEARER and moved > before / 2):
+                break
+            before = moved
+        return values, levels, information
 
     def _check_acting(self, information: Floats) -> None:
         for unknown, told in zip(self.unknowns, np.diag(information).tolist(), strict=True):
@@ -181,104 +216,7 @@ class Fitting:
                 )
 
     def _weighed(self, values: Floats, levels: Levels) -> list[Weights]:
-        self.passes += 1
         return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier)
-
-    def solved(
-        self, values: Floats, levels: Levels, weights: Sequence[Weights], pinned: Sequence[tuple[int, Prior]] = ()
-    ) -> tuple[Floats, Floats, float]:
-        """Values that fit best with given gains, the information of the logs there, and the sum of squares.
-
-        Args:
-            values: (p,) where the search begins.
-            levels: noise and scatter.
-            weights: gains of the sections.
-            pinned: indices of unknowns and what further is known of them; it does not count in the sum.
-        """
-        experiment, p = self.with_values(values), len(values)
-        base = self.filters.vector(experiment, levels)
-        scale, last = self._scale, dict[bytes, tuple[Floats, Floats, Floats]]()
-        known = [(index, unknown.prior) for index, unknown in enumerate(self.unknowns) if unknown.prior]
-        known += pinned
-
-        def squares(scaled: Floats) -> tuple[Floats, Floats, Floats]:
-            key = scaled.tobytes()
-            if key not in last:
-                vector = base.copy()
-                vector[self.columns] = scaled * scale
-                self.passes += 1
-                runs = self.filters.predict(vector, experiment, levels, weights)
-                normal = np.sum([run.normal for run in runs], axis=0)
-                if not all_completed(runs) or not np.isfinite(normal).all():
-                    last[key] = np.full(p + 1 + len(known), np.sqrt(LOST)), np.zeros((p + 1 + len(known), p)), normal
-                else:
-                    last[key] = self._rows(normal, scaled, known)
-            return last[key]
-
-        solver: Any = least_squares  # what is known of it knows no function as Jacobian
-        solved = solver(
-            lambda scaled: squares(scaled)[0],
-            np.clip(values / scale, *(bound / scale for bound in self._bounds)),
-            lambda scaled: squares(scaled)[1],
-            bounds=[bound / scale for bound in self._bounds],
-            x_scale="jac",
-            ftol=1e-8,
-            xtol=1e-7,
-            max_nfev=SOLVING,
-        )
-        residual, _, normal = squares(solved.x)
-        counted = residual[: len(residual) - len(pinned)]
-        return solved.x * scale, normal[:-1, :-1], float(counted @ counted)
-
-    def _rows(self, normal: Floats, scaled: Floats, known: Sequence) -> tuple[Floats, Floats, Floats]:
-        """A problem of p + 1 rows that has the same squares and slopes, and a row for each prior."""
-        by = np.append(self._scale, 1.0)
-        size, ways = np.linalg.eigh(normal * np.outer(by, by))
-        root = np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T
-        residual, slopes = [root[:, -1]], [root[:, :-1]]
-        for index, prior in known:
-            slope = np.zeros((1, len(scaled)))
-            slope[0, index] = self._scale[index] / prior.deviation
-            residual.append(np.array([(scaled[index] * self._scale[index] - prior.mean) / prior.deviation]))
-            slopes.append(slope)
-        return np.concatenate(residual), np.concatenate(slopes), normal
-
-    def _deviations(self, information: Floats) -> Floats:
-        """Standard deviations, no larger than the scale of what the logs hardly tell."""
-        return np.sqrt(np.diag(covariance_of(information, self.unknowns)))
-
-    def _scattered(self, values: Floats, levels: Levels) -> Levels:
-        """Levels with the scatter of the undescribed under which the logs are most likely."""
-        samples = round(PART / self._experiment.simulation.sample_time)
-        for names in SCATTERED:
-            levels = self._most_likely(values, levels, names, samples)
-        return levels
-
-    def _most_likely(self, values: Floats, levels: Levels, names: Sequence[str], samples: int) -> Levels:
-        lowest, experiment = described(self._experiment)[names[0]].deviation, self.with_values(values)
-
-        def scattered(factor: float) -> Levels:
-            wider = lowest * float(np.exp(factor))
-            return levels.scattered({name: replace(levels.scatter[name], deviation=wider) for name in names})
-
-        def unlikelihood(factor: float) -> float:
-            self.passes += 1
-            weights = self.filters.weigh(
-                experiment, scattered(factor), outlier=self._outlier, gains=False, samples=samples
-            )
-            return sum(each.unlikelihood for each in weights) if all_completed(weights) else np.inf
-
-        best = minimize_scalar(
-            unlikelihood, bounds=(0.0, np.log(RANGE)), method="bounded", options={"xatol": 0.3, "maxiter": 10}
-        )
-        return scattered(best.x)
-
-    def _levelled(self, levels: Levels, weights: Sequence[Weights]) -> Levels:
-        """Levels with the noise that the sensors turn out to have."""
-        counts = np.sum([each.counts for each in weights], axis=0)
-        squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in weights], axis=0)
-        noise = np.where(counts > 0, squares / np.maximum(counts, 1), levels.noise)
-        return replace(levels, noise=np.clip(noise, levels.noise / 4, levels.noise * 4))
 
 
 def damped(move: Floats, last: Floats) -> Floats:

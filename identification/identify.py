@@ -20,7 +20,6 @@ from dualwinch.identification.sensed import READINGS
 from dualwinch.identification.surprises import Whiteness, whiteness
 from dualwinch.identification.unknowns import Prior, keys_of, unknowns_of
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -82,8 +81,8 @@ def identify(
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
     unknowns = unknowns_of(names, experiment, priors or {})
-    whole = sections_of(logs, experiment, threads or cores())
-    fitted, kept = _parted(logs, experiment, whole, hold_out, threads)
+    whole = sections_of(logs, experiment)
+    fitted, kept = _parted(logs, experiment, whole, hold_out)
     fitting = Fitting(fitted, experiment, unknowns, threads=threads)
     fits = fits_from(fitting, starts, seed, progress)
     fit = fits[0]
@@ -98,7 +97,7 @@ def identify(
         values=fit.values,
         covariance=covariance,
         blind=blind(fit.information, unknowns),
-        noise=_noise(logs, fit),
+        noise=_noise(fitted, fit),
         scatter=dict(fit.levels.scatter),
         tests=_tests(surprises, fitted),
         held_out=_tests(held, kept) if kept else (),
@@ -115,7 +114,7 @@ def identify(
 
 
 def _parted(
-    logs: Sequence[Log], experiment: Experiment, whole: tuple[Section, ...], share: float, threads: int | None
+    logs: Sequence[Log], experiment: Experiment, whole: tuple[Section, ...], share: float
 ) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
     """Sections to fit, and sections at the logs' ends to predict."""
     if not share:
@@ -123,7 +122,7 @@ def _parted(
     ends = [log.t[0] + (1 - share) * (log.t[-1] - log.t[0]) for log in logs]
     early = [_part(log, log.t < end) for log, end in zip(logs, ends, strict=True)]
     late = [_part(log, log.t >= end) for log, end in zip(logs, ends, strict=True)]
-    return sections_of(early, experiment, threads or cores()), sections_of(late, experiment, 1)
+    return sections_of(early, experiment), sections_of(late, experiment)
 
 
 def _part(log: Log, rows: NDArray[np.bool_]) -> Log:
@@ -139,7 +138,7 @@ def _surprises(filters: Filters, fit: Fit) -> list[Floats]:
 
 
 def _tests(surprises: Sequence[Floats], sections: Sequence[Section]) -> tuple[Whiteness, ...]:
-    return whiteness(surprises, [section.inputs[:, 1:] for section in sections])
+    return whiteness(surprises, [section.torques for section in sections])
 
 
 def _courses(surprises: Sequence[Floats], step: float) -> dict[str, Floats]:
@@ -159,12 +158,7 @@ def _courses(surprises: Sequence[Floats], step: float) -> dict[str, Floats]:
     return found
 
 
-def _noise(logs: Sequence[Log], fit: Fit) -> dict[str, float]:
-    read = {name for log in logs for name in log.readings}
-    counted = np.sum([each.counts for each in fit.weights], axis=0) > 0
+def _noise(sections: Sequence[Section], fit: Fit) -> dict[str, float]:
+    read = np.any([np.isfinite(section.readings).any(axis=0) for section in sections], axis=0)
     deviations = np.sqrt(fit.levels.noise).tolist()
-    return {
-        name: deviation
-        for name, deviation, counts in zip(READINGS, deviations, counted, strict=True)
-        if name in read and counts
-    }
+    return {name: deviation for name, deviation, here in zip(READINGS, deviations, read, strict=True) if here}

@@ -56,7 +56,7 @@ def fits_from(fitting: Fitting, starts: int, seed: int, progress: Callable[[floa
         except ConfigurationError:
             if number == 0:
                 raise
-    return sorted(found, key=_unlikely)
+    return sorted(found, key=lambda fit: fit.unlikely)
 
 
 def starts_of(unknowns: Sequence[Unknown], count: int, seed: int) -> list[Floats]:
@@ -89,10 +89,5 @@ def optima_of(fits: Sequence[Fit], covariance: Floats) -> tuple[Optimum, ...]:
                 distinct[index] = Optimum(other.values, other.worse, other.searches + 1)
                 break
         else:
-            distinct.append(Optimum(tuple(fit.values.tolist()), _unlikely(fit) - _unlikely(fits[0]), 1))
+            distinct.append(Optimum(tuple(fit.values.tolist()), fit.unlikely - fits[0].unlikely, 1))
     return tuple(distinct)
-
-
-def _unlikely(fit: Fit) -> float:
-    """Minus twice the logarithm of the likelihood, but for a constant."""
-    return fit.squares + sum(float(each.logarithms.sum()) for each in fit.weights)

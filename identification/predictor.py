@@ -31,8 +31,8 @@ from dualwinch.simulation.loop.between import (
 )
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
 
-INPUTS = ("t", "tau_1", "tau_2")
-"""What the machine is given at a sample: time in s, torque commands in N m."""
+INPUTS = ("t", "tau_1", "tau_2", "duration")
+"""What the machine is given at a sample: time in s, torque commands in N m, time in s until the next sample."""
 
 PARTS = 8
 """Sub-steps of a sample where a rope is slack or about to be."""
@@ -59,7 +59,7 @@ class MachineState:
 def machine_of(experiment: Experiment) -> Structure:
     """What of an experiment shapes the filter's code: nothing of its controller."""
     structure = structure_of(replace(experiment, controller=Controller(nominal=Nominal()), metrics=()))
-    return replace(structure, delay_samples=0, silence=None, jitters=False, readings=False)
+    return replace(structure, delay_samples=0, silence=None, readings=False)
 
 
 def state_template(structure: Structure) -> MachineState:
@@ -94,7 +94,7 @@ def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[st
     values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
     groups = {group: with_leaves(getattr(template, group), values, f"{group}.") for group in GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
-    reading = ca.vertcat(*leaves(sensed(now.motion.plant, given["t"], plant, groups["sensors"])).values())
+    readings = sensed(now.motion.plant, given["t"], plant, groups["sensors"], now.unrecorded.position_drift)
 
     asked = Torques(given["tau_1"], given["tau_2"])
     actuators = now.actuator_1, now.actuator_2
@@ -107,7 +107,7 @@ def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[st
         current=acting.current,
         normal_force_variation=acting.normal_force_variation,
         force=acting.force,
-        duration=sample_time,
+        duration=given["duration"],
     )
     following = leaves(MachineState(now.motion, *actuators, _fading(acting, values, sample_time)))
     rest = ca.vertcat(*(value for key, value in following.items() if not key.startswith("motion.")))
@@ -120,7 +120,7 @@ def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[st
     careful = replace(structure, integrator="rk4", substeps=PARTS) if one_step else structure
     move, _ = between_samples(careful, problem, symbols["parameters"])
     return Predicted(
-        sense=named_function("sense", symbols, {"reading": reading}),
+        sense=named_function("sense", symbols, {"reading": ca.vertcat(*leaves(readings).values())}),
         prepare=named_function("prepare", symbols, {"rest": rest, "hold": held}),
         move=move,
         parts=careful.substeps,

@@ -9,16 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.fit import Fit, Fitting, covariance_of
-from dualwinch.identification.unknowns import Prior
+from dualwinch.identification.likelihood import Likelihood
 
 Floats = NDArray[np.float64]
 
 REACH, POINTS = 3.0, 4
 """How far from the best a profile goes, over the standard deviation, and in how many points on each side."""
 
-PINNED = 1e-3
-"""Standard deviation of a number that is held, over that of its estimate."""
+STEPS, STILL = 8, 0.02
+"""Steps to where logs are likeliest at each point, at most, and the gain that counts as none."""
 
 BOUND = 3.841458820694124
 """Rise of the sum of squares at the ends of an interval of 95 %: chi-squared of one degree of freedom."""
@@ -55,7 +56,7 @@ class Profile:
 
 
 def profile_of(fitting: Fitting, fit: Fit, key: str) -> Profile:
-    """The profile of a number, with noise, scatter and gains as they are at the best.
+    """The profile of a number, with noise and scatter as they are at the best.
 
     Args:
         fitting: of the logs.
@@ -66,18 +67,32 @@ def profile_of(fitting: Fitting, fit: Fit, key: str) -> Profile:
         KeyboardInterrupt: interrupted.
     """
     index = next(number for number, unknown in enumerate(fitting.unknowns) if unknown.key == key)
-    unknown, covariance = fitting.unknowns[index], covariance_of(fit.information, fitting.unknowns)
-    deviation = float(np.sqrt(covariance[index, index]))
-    best, _, least = fitting.solved(fit.values, fit.levels, fit.weights)
-    found = {float(best[index]): 0.0}
+    covariance = covariance_of(fit.information, fitting.unknowns)
+    likelihood = fitting.likelihood(Coordinates(fitting.unknowns, itself=index))
+    unknown, deviation, coordinates = fitting.unknowns[index], np.sqrt(covariance[index, index]), likelihood.coordinates
+    best, least = _climbed(likelihood, coordinates.of(fit.values), fit, None)
+    value = float(coordinates.values(best)[index])
+    found, along = {value: 0.0}, covariance[:, index] / covariance[index, index]
     for way in (-1, 1):
-        values = best
+        at, last = best, value
         for number in range(1, POINTS + 1):
-            held = float(np.clip(best[index] + way * REACH * deviation * number / POINTS, unknown.lower, unknown.upper))
+            held = float(np.clip(value + way * REACH * deviation * number / POINTS, unknown.lower, unknown.upper))
             if held in found:
                 break
-            start = values + covariance[:, index] / covariance[index, index] * (held - values[index])
-            pin = Prior(held, PINNED * deviation)
-            values, _, squares = fitting.solved(start, fit.levels, fit.weights, [(index, pin)])
-            found[held] = squares - least
-    return Profile(key, np.array(sorted(found)), np.array([found[value] for value in sorted(found)]))
+            start = coordinates.of(coordinates.values(at) + along * (held - last))
+            at, unlikely = _climbed(likelihood, start, fit, index)
+            found[held], last = unlikely - least, held
+    return Profile(key, np.array(sorted(found)), np.array([found[each] for each in sorted(found)]))
+
+
+def _climbed(likelihood: Likelihood, at: Floats, fit: Fit, held: int | None) -> tuple[Floats, float]:
+    """Coordinates at which logs are likeliest, and how unlikely they are there; one coordinate may be held."""
+    step = None
+    for _ in range(STEPS):
+        found = likelihood.step(at, fit.levels, step, held)
+        if found is None:
+            return at, np.inf
+        step, at = found, found.at
+        if step.better < STILL:
+            break
+    return at, np.inf if step is None else step.unlikely

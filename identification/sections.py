@@ -1,7 +1,8 @@
-"""Logs cut into sections, each with a start of its own, that filters go through side by side (multiple shooting)."""
+"""Sections of logs, each with a start of its own, that filters go through side by side."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +10,12 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.prediction import Course, Prediction, Predictor, Spread, Weights
 from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.identification.course import samples_of
+from dualwinch.identification.levels import Levels
 from dualwinch.identification.log import Log
 from dualwinch.identification.predictor import MachineState, parameter_names, state_template
 from dualwinch.identification.rest import stretches
 from dualwinch.identification.start import starting
-from dualwinch.identification.unrecorded import NAMES, Scatter
+from dualwinch.identification.unrecorded import NAMES
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.experiment import Experiment
@@ -21,28 +23,33 @@ from dualwinch.simulation.loop.structure import Structure
 
 Floats = NDArray[np.float64]
 
-SHORTEST = 15.0
-"""Length in s below which nothing is cut: the start of every section has to be found out anew."""
-
 LOOK = 50
 """Samples in which the first reading of every sensor is looked for."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a log: inputs (samples, 3) and readings (samples, readings)."""
+    """A section of a log: inputs (samples, 4) and readings (samples, readings)."""
 
     name: str
     inputs: Floats
     readings: Floats
+
+    @property
+    def torques(self) -> Floats:
+        """(samples, 2) commands in N m."""
+        return self.inputs[:, 1:3]
 
     def upto(self, samples: int) -> "Section":
         """Its first samples."""
         return replace(self, inputs=self.inputs[:samples], readings=self.readings[:samples])
 
 
-def sections_of(logs: Sequence[Log], experiment: Experiment, at_once: int) -> tuple[Section, ...]:
-    """All logs on samples, without rest, cut where there are fewer logs than computations at once.
+def sections_of(logs: Sequence[Log], experiment: Experiment) -> tuple[Section, ...]:
+    """All logs on samples, stretch by stretch under way.
+
+    They are not cut further: what acted on a machine at the end of a section and at the beginning of the next is the
+    same, and a filter that begins anew would take it for news.
 
     Raises:
         ConfigurationError: as `identification.course.samples_of`.
@@ -51,13 +58,7 @@ def sections_of(logs: Sequence[Log], experiment: Experiment, at_once: int) -> tu
     for log in logs:
         inputs, readings = samples_of(log, experiment)
         under_way = stretches(readings, experiment)
-        for stretch in under_way:
-            rows = np.arange(stretch.start, stretch.stop)
-            length = len(rows) * experiment.simulation.sample_time
-            count = max(1, min(-(-at_once // (len(logs) * len(under_way))), int(length // SHORTEST)))
-            for piece in np.array_split(rows, count):
-                part = slice(int(piece[0]), int(piece[-1]) + 1)
-                found.append(_section(log, inputs[part], readings[part]))
+        found.extend(_section(log, inputs[stretch], readings[stretch]) for stretch in under_way)
     return tuple(found)
 
 
@@ -74,25 +75,13 @@ def _section(log: Log, inputs: Floats, readings: Floats) -> Section:
     return Section(log.name, np.ascontiguousarray(inputs), np.ascontiguousarray(readings))
 
 
-@dataclass(frozen=True)
-class Levels:
-    """How far readings and the unrecorded stray.
+class Filters:
+    """The filters of all sections, on all cores.
 
     Attributes:
-        noise: (readings,) variances of the sensors.
-        scatter: of what is unrecorded.
+        sections: they go through.
+        passes: how many times they have.
     """
-
-    noise: Floats
-    scatter: Mapping[str, Scatter]
-
-    def scattered(self, scatter: Mapping[str, Scatter]) -> "Levels":
-        """The same where some of the unrecorded strays otherwise."""
-        return replace(self, scatter={**self.scatter, **scatter})
-
-
-class Filters:
-    """The filters of all sections, on all cores."""
 
     def __init__(
         self, predictor: Predictor, structure: Structure, sections: Sequence[Section], threads: int | None
@@ -100,6 +89,7 @@ class Filters:
         """Filters for a compiled predictor and its structure."""
         self.sections = tuple(sections)
         self._predictor, self._structure, self._threads = predictor, structure, threads
+        self.passes = 0
 
     def vector(self, experiment: Experiment, levels: Levels) -> Floats:
         """The numbers that filters take, of an experiment."""
@@ -133,6 +123,27 @@ class Filters:
             )
 
         return self._each(weigh)
+
+    def unlikely(self, experiments: Sequence[Experiment], levels: Levels, *, outlier: float) -> Floats:
+        """How unlikely all sections are for each of some machines: minus twice the logarithm, but for a constant.
+
+        Infinite where a filter goes astray.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+
+        def unlikely(experiment: Experiment, section: Section) -> float:
+            course, covariance = self.course(experiment, levels, section)
+            spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
+            vector = self.vector(experiment, levels)
+            weights = self._predictor.weigh(vector, course, spread, outlier=outlier, gains=False)
+            return 2 * weights.unlikelihood if all_completed([weights]) else np.inf
+
+        jobs = [lambda pair=pair: unlikely(*pair) for pair in product(experiments, self.sections)]
+        found = self._all(jobs)
+        self.passes += len(experiments)
+        return np.array(found).reshape(len(experiments), -1).sum(axis=1)
 
     def predict(
         self, vector: Floats, experiment: Experiment, levels: Levels, weights: Sequence[Weights], *, rows: bool = False
@@ -178,10 +189,14 @@ class Filters:
         return self._each(smooth)
 
     def _each(self, work: Callable[[Section], object]) -> list:
-        found: list[object] = [None] * len(self.sections)
+        self.passes += 1
+        return self._all([lambda section=section: work(section) for section in self.sections])
+
+    def _all(self, jobs: Sequence[Callable[[], object]]) -> list:
+        found: list[object] = [None] * len(jobs)
 
         def do(index: int) -> None:
-            found[index] = work(self.sections[index])
+            found[index] = jobs[index]()
 
         if not run_all([lambda index=index: do(index) for index in range(len(found))], self._threads):
             raise KeyboardInterrupt
@@ -194,8 +209,10 @@ class Filters:
             early = section.readings[:LOOK, column]
             known = early[np.isfinite(early)]
             first[column] = known[0] if len(known) else np.nan
-        torques = float(section.inputs[0, 1]), float(section.inputs[0, 2])
-        start, covariance = starting(experiment, self._structure, first, torques, levels.scatter)
+        torques = float(section.torques[0, 0]), float(section.torques[0, 1])
+        start, covariance = starting(
+            experiment, self._structure, first, torques, float(section.inputs[0, 0]), levels.scatter
+        )
         return Course(section.inputs, section.readings, start), covariance
 
     def walk(self, experiment: Experiment, levels: Levels) -> Floats:

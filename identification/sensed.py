@@ -26,7 +26,7 @@ class Sensed:
 READINGS = tuple(field.name for field in fields(Sensed))
 
 
-def sensed(state: PlantState, t: Scalar, plant: Plant, sensors: Sensors) -> Sensed:
+def sensed(state: PlantState, t: Scalar, plant: Plant, sensors: Sensors, drift: Scalar = 0.0) -> Sensed:
     """What the sensors would read, were they without noise and steps.
 
     Args:
@@ -34,10 +34,11 @@ def sensed(state: PlantState, t: Scalar, plant: Plant, sensors: Sensors) -> Sens
         t: time in s.
         plant: gives tensions and drum radii.
         sensors: their zeros and scales.
+        drift: of the position sensor in m.
     """
     F1, F2 = tensions(state, plant, t)
     return Sensed(
-        x=state.x + sensors.position_bias,
+        x=state.x + sensors.position_bias + drift,
         v=state.v,
         F1=(1 + sensors.load_cell_error_1) * F1 + sensors.load_cell_zero_1,
         F2=(1 + sensors.load_cell_error_2) * F2 + sensors.load_cell_zero_2,

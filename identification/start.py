@@ -15,6 +15,7 @@ from dualwinch.identification.sensed import READINGS
 from dualwinch.identification.unrecorded import Scatter
 from dualwinch.model.plant import holding_torques
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.ropes.creep import crept
 from dualwinch.model.ropes.track import rope_lengths
 from dualwinch.model.winding import angle_of, winding
 from dualwinch.simulation.experiment import Experiment
@@ -31,6 +32,7 @@ def starting(
     structure: Structure,
     first: Floats,
     torques: tuple[float, float],
+    t: float,
     scatter: Mapping[str, Scatter],
 ) -> tuple[Floats, Floats]:
     """Expected state before the first reading, and its covariance.
@@ -40,6 +42,7 @@ def starting(
         structure: of `identification.predictor.machine_of`.
         first: (readings,) the first of each sensor; NaN where there is none.
         torques: first torque commands in N m.
+        t: time of the first sample in s.
         scatter: of the unrecorded.
     """
     plant, sensors = experiment.plant, experiment.sensors
@@ -48,12 +51,13 @@ def starting(
     angle_1 = read["theta_1"] - sensors.encoder_zero_1 / radius_1
     angle_2 = read["theta_2"] - sensors.encoder_zero_2 / radius_2
     held = holding_torques(2.0, plant)  # 1 N in each rope
+    pulls = (
+        (read["F1"] - sensors.load_cell_zero_1) / (1 + sensors.load_cell_error_1),
+        (read["F2"] - sensors.load_cell_zero_2) / (1 + sensors.load_cell_error_2),
+    )
     F1, F2 = (
-        force if math.isfinite(force) else max(torque / each, 1.0)
-        for force, torque, each in (
-            (read["F1"], torques[0], held.tau_1),
-            (read["F2"], torques[1], held.tau_2),
-        )
+        pull if math.isfinite(pull) else max(torque / each, 1.0)
+        for pull, torque, each in zip(pulls, torques, (held.tau_1, held.tau_2), strict=True)
     )
     x = read["x"] - sensors.position_bias
     if not math.isfinite(x):
@@ -63,13 +67,14 @@ def starting(
     stretch_1 = float(plant.rope_1.resting_stretch(max(F1, 1.0), length_1))
     stretch_2 = float(plant.rope_2.resting_stretch(max(F2, 1.0), length_2))
     v = read["v"] if math.isfinite(read["v"]) else 0.0
+    longer_1, longer_2 = crept(t, plant.creep_1)[0], crept(t, plant.creep_2)[0]
     turned = 1 / winding(0.0, plant.winch_1).radius, 1 / winding(0.0, plant.winch_2).radius
     names = list(leaves(state_template(structure)))
     expected = dict.fromkeys(names, 0.0) | {
         "motion.plant.x": x,
         "motion.plant.v": v,
-        "motion.plant.theta_1": float(angle_of(stretch_1 + x, plant.winch_1)),
-        "motion.plant.theta_2": float(angle_of(stretch_2 - x, plant.winch_2)),
+        "motion.plant.theta_1": float(angle_of(stretch_1 + x + longer_1, plant.winch_1)),
+        "motion.plant.theta_2": float(angle_of(stretch_2 - x + longer_2, plant.winch_2)),
         "motion.plant.omega_1": v * float(turned[0]),
         "motion.plant.omega_2": -v * float(turned[1]),
     }

@@ -1,4 +1,4 @@
-"""What acts on a machine and is in no log: Gauss–Markov processes, which a filter estimates along with the motion."""
+"""What acts on a machine or its sensors and is in no log: Gauss–Markov processes, estimated along with the motion."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated
@@ -18,6 +18,7 @@ class Unrecorded:
     force: Annotated[Scalar, Quantity("N", "further force on the vehicle along the track")] = 0.0
     torque_1: Annotated[Scalar, Quantity("N m", "further torque of motor 1")] = 0.0
     torque_2: Annotated[Scalar, Quantity("N m", "further torque of motor 2")] = 0.0
+    position_drift: Annotated[Scalar, Quantity("m", "drift of the position sensor")] = 0.0
 
 
 NAMES = tuple(field.name for field in fields(Unrecorded))
@@ -44,7 +45,7 @@ def described(experiment: Experiment) -> dict[str, Scatter]:
 
     Nothing is exactly zero: then no reading could ever move it, nor show that it is there.
     """
-    disturbance, vehicle = experiment.disturbance, experiment.plant.vehicle
+    disturbance, vehicle, sensors = experiment.disturbance, experiment.plant.vehicle, experiment.sensors
     return {
         "current": Scatter(disturbance.current_sigma, disturbance.current_time),
         "normal_force_variation": Scatter(
@@ -53,4 +54,5 @@ def described(experiment: Experiment) -> dict[str, Scatter]:
         "force": Scatter(1e-4 * max(float(friction(1.0, vehicle)), 1.0), FORCE_TIME),
         "torque_1": Scatter(1e-3, TORQUE_TIME),
         "torque_2": Scatter(1e-3, TORQUE_TIME),
+        "position_drift": Scatter(sensors.position_drift, sensors.position_drift_time),
     }

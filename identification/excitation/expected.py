@@ -60,7 +60,7 @@ def expected(experiment: Experiment, unknowns: Sequence[Unknown], room: Room | N
         violation, words = 1.0, f"the run {run.outcome.replace('_', ' ')}"
     if violation:
         return Expected(None, violation, words)
-    fitting = Fitting(sections_of([log_of(run)], experiment, 1), experiment, unknowns, threads=1)
+    fitting = Fitting(sections_of([log_of(run)], experiment), experiment, unknowns, threads=1)
     information = fitting.information(np.array([unknown.start for unknown in unknowns]))
     if information is None:
         return Expected(None, 1.0, "a filter goes astray")

@@ -14,6 +14,7 @@ SENSORS = {
     "sensors.speed_noise": 2e-3,
     "sensors.tension_noise": 10.0,
     "sensors.encoder_counts": 4096,
+    "sensors.position_drift": 1e-4,
     "simulation.delay_samples": 1,
     "simulation.readings": True,
 }

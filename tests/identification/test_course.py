@@ -34,6 +34,28 @@ def test_torques_arrive_late_and_readings_do_not() -> None:
         np.testing.assert_array_equal(at(readings, "x"), given["x"][late:])
 
 
+def test_samples_that_jitter_are_when_the_log_says() -> None:
+    early = np.random.default_rng(1).uniform(-5e-5, 5e-5, ROWS)
+    given = columns()
+    given["t"] = given["t"] + early
+    steady, _ = samples_of(log(given), Experiment())
+    np.testing.assert_allclose(np.diff(steady[:, 0]), 1e-3)
+    np.testing.assert_allclose(steady[:, 3], 1e-3)
+    inputs, readings = samples_of(log(given), override(Experiment(), {"simulation.jitter": 5e-5}))
+    np.testing.assert_allclose(inputs[:, 0], given["t"], atol=1e-12)
+    np.testing.assert_allclose(inputs[:-1, 3], np.diff(given["t"]), atol=1e-12)
+    np.testing.assert_array_equal(at(readings, "x"), given["x"])
+
+
+def test_samples_that_jitter_and_have_no_row_are_in_between() -> None:
+    given = columns()
+    given["t"] = given["t"] + 3e-5 * np.sin(np.arange(ROWS))
+    thinned = {name: values[::2] for name, values in given.items()}
+    inputs, _ = samples_of(log(thinned), override(Experiment(), {"simulation.jitter": 5e-5}))
+    np.testing.assert_allclose(inputs[::2, 0], thinned["t"], atol=1e-12)
+    assert np.diff(inputs[:, 0]).min() > 0.9e-3
+
+
 def test_rows_between_samples_and_gaps() -> None:
     """A log at a third of the rate, with a gap in the position: torques are held, the rest is no reading."""
     given = columns()

@@ -1,0 +1,177 @@
+"""How likely logs are, and steps to where they are likeliest.
+
+Least squares with gains as they are lead near; but gains themselves tell something of a machine, and the variance of
+what a filter did not expect does. Differences of the likelihood itself know all of it. They are taken along directions
+that are of one standard deviation each and hardly correlated, so that each tells its own slope and curvature; those
+along which least squares turn out to say all are left alone from then on.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.identification.coordinates import Coordinates
+from dualwinch.identification.given_gains import GivenGains
+from dualwinch.identification.levels import Levels
+from dualwinch.identification.sections import Filters, all_completed
+from dualwinch.simulation.experiment import Experiment
+
+Floats = NDArray[np.float64]
+
+FLATTEST = 0.2
+"""Least curvature along a direction, over what the slopes of readings say."""
+
+LOOKED, LEAST = 1.0, 0.01
+"""How far the likelihood is looked at along a direction, and how far must fit into the range of all coordinates."""
+
+NOTHING = 0.1
+"""What counts as nothing of a slope or curvature along a direction of one standard deviation."""
+
+HALVED = 4
+"""Times that a step is halved where it leads to what is less likely, at most."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step.
+
+    Attributes:
+        at: (p,) coordinates where it leads.
+        unlikely: minus twice the logarithm of the likelihood there, but for a constant.
+        better: by how much that has fallen.
+        beyond: (p,) slopes of half of it along the directions, less what least squares say of them.
+        curvature: (p,) likewise second derivatives; 1 is what least squares say.
+        information: (p, p) where it begins, of the logs alone, in units of the unknowns, with these curvatures. One
+            above 1 is taken for 1: mostly that is a direction that turns, as an angle's does, and is straight for a
+            part of the deviation only.
+    """
+
+    at: Floats
+    unlikely: float
+    better: float
+    beyond: Floats
+    curvature: Floats
+    information: Floats
+
+
+class Likelihood:
+    """The likelihood of logs, and of what was known beforehand, at coordinates of the unknowns."""
+
+    def __init__(
+        self,
+        filters: Filters,
+        gains: GivenGains,
+        machine: Callable[[Floats], Experiment],
+        coordinates: Coordinates,
+        outlier: float,
+    ) -> None:
+        """A likelihood of the logs that `filters` go through.
+
+        Args:
+            filters: they go through the logs.
+            gains: least squares of the same logs.
+            machine: gives the experiment with some values of the unknowns.
+            coordinates: of the unknowns.
+            outlier: as of `codegen.drivers.prediction.Predictor.weigh`.
+        """
+        self._filters, self._gains, self._machine, self._outlier = filters, gains, machine, outlier
+        self.coordinates = coordinates
+        self._rows, self._centre = coordinates.beforehand()
+        self._beforehand = self._rows.T @ self._rows + np.diag(1.0 - coordinates.known)
+
+    def unlikely(self, points: Sequence[Floats], levels: Levels) -> Floats:
+        """Minus twice the logarithm, but for a constant, at each of some coordinates; infinite where filters go astray.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        ends = self.coordinates.bounds
+        machines = [self._machine(self.coordinates.values(np.clip(point, *ends))) for point in points]
+        logs = self._filters.unlikely(machines, levels, outlier=self._outlier)
+        return logs + np.array([np.sum((self._rows @ (point - self._centre)) ** 2) for point in points])
+
+    def step(self, at: Floats, levels: Levels, before: Step | None = None, held: int | None = None) -> Step | None:
+        """A step of Newton's method towards what is likelier; None: filters go astray where it would begin.
+
+        Args:
+            at: (p,) coordinates.
+            levels: noise and scatter.
+            before: the last step; where it found nothing beyond least squares, nothing is looked for.
+            held: a coordinate that stays as it is.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        values, slopes = self.coordinates.values(at), self.coordinates.slopes(at)
+        weights = self._filters.weigh(self._machine(values), levels, outlier=self._outlier)
+        normal = self._gains.normal(values, levels, weights)
+        if not all_completed(weights) or not np.isfinite(normal).all():
+            return None
+        plain = slopes.T @ normal[:-1, -1] + self._rows.T @ (self._rows @ (at - self._centre))
+        known = slopes.T @ normal[:-1, :-1] @ slopes + self._beforehand
+        moving = self._moving(at, held)
+        root = np.linalg.cholesky(known[moving])
+        ways = np.zeros_like(known)
+        ways[moving] = np.linalg.inv(root)
+        reach = np.array([min(self._room(at, way), self._room(at, -way), LOOKED) for way in ways])
+        here, beyond, curvature = self._looked(at, ways, reach, ways @ plain, levels, before)
+        way = np.where(reach > LEAST, -(ways @ plain + beyond) / curvature, 0.0) @ ways
+        way *= min(self._room(at, way), 1.0)
+        there = here
+        for _ in range(HALVED):
+            there = float(self.unlikely([at + way], levels)[0])
+            if there <= here:
+                break
+            way /= 2
+        else:
+            way, there = np.zeros_like(at), here
+        back = np.linalg.inv(slopes)
+        known[moving] = (root * np.minimum(curvature[moving[0][:, 0]], 1.0)) @ root.T
+        information = back.T @ _not_below_zero(known - self._beforehand) @ back
+        at = np.clip(at + way, *self.coordinates.bounds)
+        return Step(at, there, here - there, beyond, curvature, information)
+
+    def _looked(
+        self, at: Floats, ways: Floats, reach: Floats, plain: Floats, levels: Levels, before: Step | None
+    ) -> tuple[float, Floats, Floats]:
+        """How unlikely logs are, and along each way the slope beyond the plain one, and the curvature."""
+        last_beyond, last_curvature = np.zeros(len(at)), np.ones(len(at))
+        wanted = reach > LEAST
+        if before is not None:
+            last_beyond, last_curvature = before.beyond, before.curvature
+            wanted &= (np.abs(last_beyond) > NOTHING) | (np.abs(last_curvature - 1) > NOTHING)
+        here, ahead = self._along(at, reach[:, np.newaxis] * ways, wanted, levels)
+        beyond = (ahead - here) / (2 * reach) - reach / 2 - plain
+        wanted &= ~(np.abs(beyond) < NOTHING)
+        _, behind = self._along(at, -reach[:, np.newaxis] * ways, wanted, levels)
+        slope, curvature = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
+        beyond = np.where(np.isfinite(beyond), beyond, last_beyond)
+        beyond = np.where(np.isfinite(slope), slope - plain, beyond)
+        curvature = np.where(np.isfinite(slope), np.maximum(curvature, FLATTEST), last_curvature)
+        return here, beyond, curvature
+
+    def _along(self, at: Floats, ways: Floats, wanted: NDArray[np.bool_], levels: Levels) -> tuple[float, Floats]:
+        """How unlikely logs are at coordinates, and, (p,), at the ends of ways from there; NaN where not wanted."""
+        found = np.full(len(at), np.nan)
+        here, *found[wanted] = self.unlikely([at, *(at + ways[wanted])], levels)
+        return float(here), np.where(np.isinf(found), np.nan, found)
+
+    def _room(self, at: Floats, way: Floats) -> float:
+        """How often a way can be gone before a coordinate leaves its range."""
+        lower, upper = self.coordinates.bounds
+        ends = np.where(way > 0, upper, lower)
+        return float(np.min(np.divide(ends - at, way, out=np.full(len(at), np.inf), where=way != 0)))
+
+    def _moving(self, at: Floats, held: int | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of all coordinates but those that are held, or at an end of their range."""
+        lower, upper = self.coordinates.bounds
+        rows = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != held))
+        return rows[:, np.newaxis], rows[np.newaxis, :]
+
+
+def _not_below_zero(information: Floats) -> Floats:
+    """Information of which there is nothing where it would be less."""
+    size, ways = np.linalg.eigh(information)
+    return (ways * np.maximum(size, 0.0)) @ ways.T
