@@ -148,7 +148,7 @@ class Fitting:
         likelihood = self.likelihood(Coordinates(self.unknowns))
         at, step, settled = likelihood.coordinates.of(values), None, False
         for number in range(STEPS):
-            progress((ROUNDS + number) / (ROUNDS + STEPS))
+            progress((1 + number / (number + 2)) / 2)  # a few steps are usual
             experiment = self.with_values(likelihood.coordinates.values(at))
             if known is None:
                 if number < SCATTERING:
@@ -185,7 +185,7 @@ class Fitting:
         weights, last, before = self._weighed(values, levels), np.zeros(len(values)), np.inf
         information = np.zeros((len(values), len(values)))
         for number in range(ROUNDS):
-            progress(number / (ROUNDS + STEPS))
+            progress(number / (number + 6) / 2)  # some ten rounds are usual
             found, information = self.gains.solved(values, levels, weights, likely if number < ROUGH else anywhere)
             if number == 0:
                 self._check_acting(information)
