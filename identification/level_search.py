@@ -11,7 +11,9 @@ from scipy.optimize import minimize_scalar
 
 from dualwinch.codegen.drivers.prediction import Weights
 from dualwinch.identification.levels import Levels
+from dualwinch.identification.noise import FINEST
 from dualwinch.identification.sections import Filters, all_completed
+from dualwinch.identification.sensed import READINGS
 from dualwinch.identification.unrecorded import described
 from dualwinch.simulation.experiment import Experiment
 
@@ -31,6 +33,9 @@ PART = 10.0
 
 LOST = 1e12
 """What counts for minus the logarithm of the likelihood where a filter goes astray."""
+
+LEAST = np.array([FINEST[name] for name in READINGS]) ** 2
+"""Least variance of each sensor's noise."""
 
 STEPS, ROUGHLY = 8, 0.1
 """Times that noise is corrected by a part of the sections, at most, and the change, as a share, that ends it."""
@@ -121,5 +126,5 @@ def _corrected(levels: Levels, weights: Sequence[Weights]) -> tuple[Levels, floa
     counts = np.sum([each.counts for each in weights], axis=0)
     squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in weights], axis=0)
     noise = np.where(counts > 0, squares / np.maximum(counts, 1), levels.noise)
-    noise = np.clip(noise, levels.noise / 4, levels.noise * 4)
+    noise = np.maximum(np.clip(noise, levels.noise / 4, levels.noise * 4), LEAST)
     return replace(levels, noise=noise), float(np.max(np.abs(np.log(noise / levels.noise)), initial=0.0))

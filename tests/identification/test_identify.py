@@ -167,3 +167,17 @@ def test_a_log_without_load_cells_does_without() -> None:
     )
     assert abs(found.values[0] - 1e4) < 4 * found.deviations[0]
     assert "F1" not in found.noise
+
+
+def test_sensors_without_noise_are_not_taken_for_perfect() -> None:
+    """The model of the filter, too, is right only to the size of its steps."""
+    names = ("position_noise", "position_resolution", "speed_noise", "position_drift", "encoder_counts")
+    silent = {f"sensors.{name}": 0 for name in names}
+    calm = {"disturbance.current_sigma": 0.0, "disturbance.normal_force_sigma": 0.0}
+    right = override(machine(), silent | calm)
+    found = identify([logged(right)], KEYS, override(right, BELIEVED))
+    off = (found.values - truth(right, found.keys)) / found.deviations
+    assert np.abs(off).max() < 4
+    assert found.noise["x"] == pytest.approx(1e-5)
+    assert found.noise["theta_1"] == pytest.approx(1e-6)
+    assert found.noise["F1"] == pytest.approx(10, rel=0.03)
