@@ -36,6 +36,9 @@ ROUGH, LIKELY = 3, 2.0
 """Rounds at first in which nothing but the machine is thought to be at fault, and the standard deviations from what is
 known beforehand that no value leaves in them."""
 
+ROUGHLY = 1e-6
+"""Change of the sum of squares, as a share, that ends least squares with the same gains."""
+
 NEARER, NEAR = 3.0, 0.5
 """Moves, over the standard deviation, from which on values tell how noisy sensors are, and from which on steps by the
 likelihood are worth their time."""
@@ -94,6 +97,7 @@ class Fitting:
         self.filters = Filters(self._predictor, structure, sections, threads)
         columns = [parameter_names(structure).index(key) for key in keys]
         self.gains = GivenGains(self.filters, self.with_values, columns)
+        self._last: tuple[Floats, Levels | None, list[Weights]] = np.zeros(0), None, []
         self._levels = LevelSearch(self.filters, experiment, outlier)
 
     @property
@@ -175,7 +179,7 @@ class Fitting:
 
     def likelihood(self, coordinates: Coordinates) -> Likelihood:
         """The likelihood of the logs in some coordinates of the unknowns."""
-        return Likelihood(self.filters, self.gains, self.with_values, coordinates, self._outlier)
+        return Likelihood(self.filters, self.gains, self.with_values, self._weighed, coordinates, self._outlier)
 
     def _nearby(
         self, values: Floats, levels: Levels, known: bool, progress: Callable[[float], None]
@@ -186,7 +190,8 @@ class Fitting:
         information = np.zeros((len(values), len(values)))
         for number in range(ROUNDS):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
-            found, information = self.gains.solved(values, levels, weights, likely if number < ROUGH else anywhere)
+            within = likely if number < ROUGH else anywhere
+            found, information = self.gains.solved(values, levels, weights, within, ROUGHLY)
             if number == 0:
                 self._check_acting(information)
             deviation = np.sqrt(np.diag(covariance_of(information, self.unknowns)))
@@ -216,7 +221,13 @@ class Fitting:
                 )
 
     def _weighed(self, values: Floats, levels: Levels) -> list[Weights]:
-        return self.filters.weigh(self.with_values(values), levels, outlier=self._outlier)
+        """Gains at some values; those of the last call where it was for the same."""
+        vector = self.filters.vector(self.with_values(values), levels)
+        last_vector, last_levels, weights = self._last
+        if last_levels is not levels or not np.array_equal(vector, last_vector):
+            weights = self.filters.weigh(self.with_values(values), levels, outlier=self._outlier)
+            self._last = vector, levels, weights
+        return weights
 
 
 def damped(move: Floats, last: Floats) -> Floats:

@@ -47,7 +47,7 @@ class GivenGains:
         return self._normal(self._filters.vector(experiment, levels), experiment, levels, weights)
 
     def solved(
-        self, values: Floats, levels: Levels, weights: Sequence[Weights], within: Coordinates
+        self, values: Floats, levels: Levels, weights: Sequence[Weights], within: Coordinates, tolerance: float = 1e-8
     ) -> tuple[Floats, Floats]:
         """Values that fit best, and the information of the logs there, (p, p).
 
@@ -56,6 +56,7 @@ class GivenGains:
             levels: noise and scatter.
             weights: gains of the sections.
             within: gives ranges, and what is known beforehand.
+            tolerance: change of the sum of squares, as a share, that ends the search.
 
         Raises:
             KeyboardInterrupt: interrupted.
@@ -86,8 +87,8 @@ class GivenGains:
             lambda at: squares(at)[1],
             bounds=within.bounds,
             x_scale="jac",
-            ftol=1e-8,
-            xtol=1e-7,
+            ftol=tolerance,
+            xtol=10 * tolerance,
             max_nfev=SOLVING,
         ).x
         return within.values(found), squares(found)[2][:-1, :-1]

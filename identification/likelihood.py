@@ -10,8 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.codegen.drivers.prediction import Weights
 from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.given_gains import GivenGains
 from dualwinch.identification.levels import Levels
@@ -29,7 +30,10 @@ LOOKED, LEAST = 1.0, 0.01
 NOTHING = 0.1
 """What counts as nothing of a slope or curvature along a direction of one standard deviation."""
 
-HALVED = 4
+SMALL = 0.05
+"""Gain in twice the logarithm of the likelihood that need not be seen to be believed."""
+
+HALVED = 2
 """Times that a step is halved where it leads to what is less likely, at most."""
 
 
@@ -64,6 +68,7 @@ class Likelihood:
         filters: Filters,
         gains: GivenGains,
         machine: Callable[[Floats], Experiment],
+        weighed: Callable[[Floats, Levels], list[Weights]],
         coordinates: Coordinates,
         outlier: float,
     ) -> None:
@@ -73,10 +78,12 @@ class Likelihood:
             filters: they go through the logs.
             gains: least squares of the same logs.
             machine: gives the experiment with some values of the unknowns.
+            weighed: gives the filters' gains for some values.
             coordinates: of the unknowns.
             outlier: as of `codegen.drivers.prediction.Predictor.weigh`.
         """
         self._filters, self._gains, self._machine, self._outlier = filters, gains, machine, outlier
+        self._weighed = weighed
         self.coordinates = coordinates
         self._rows, self._centre = coordinates.beforehand()
         self._beforehand = self._rows.T @ self._rows + np.diag(1.0 - coordinates.known)
@@ -89,7 +96,7 @@ class Likelihood:
         """
         ends = self.coordinates.bounds
         machines = [self._machine(self.coordinates.values(np.clip(point, *ends))) for point in points]
-        logs = self._filters.unlikely(machines, levels, outlier=self._outlier)
+        logs = self._filters.unlikely(machines, levels, outlier=self._outlier) if machines else np.zeros(0)
         return logs + np.array([np.sum((self._rows @ (point - self._centre)) ** 2) for point in points])
 
     def step(self, at: Floats, levels: Levels, before: Step | None = None, held: int | None = None) -> Step | None:
@@ -105,7 +112,7 @@ class Likelihood:
             KeyboardInterrupt: interrupted.
         """
         values, slopes = self.coordinates.values(at), self.coordinates.slopes(at)
-        weights = self._filters.weigh(self._machine(values), levels, outlier=self._outlier)
+        weights = self._weighed(values, levels)
         normal = self._gains.normal(values, levels, weights)
         if not all_completed(weights) or not np.isfinite(normal).all():
             return None
@@ -119,19 +126,26 @@ class Likelihood:
         here, beyond, curvature = self._looked(at, ways, reach, ways @ plain, levels, before)
         way = np.where(reach > LEAST, -(ways @ plain + beyond) / curvature, 0.0) @ ways
         way *= min(self._room(at, way), 1.0)
-        there = here
-        for _ in range(HALVED):
-            there = float(self.unlikely([at + way], levels)[0])
-            if there <= here:
-                break
-            way /= 2
-        else:
-            way, there = np.zeros_like(at), here
+        way, there = self._checked(at, way, here, float((ways @ plain + beyond) ** 2 @ (1 / curvature)), levels)
         back = np.linalg.inv(slopes)
         known[moving] = (root * np.minimum(curvature[moving[0][:, 0]], 1.0)) @ root.T
         information = back.T @ _not_below_zero(known - self._beforehand) @ back
         at = np.clip(at + way, *self.coordinates.bounds)
         return Step(at, there, here - there, beyond, curvature, information)
+
+    def _checked(self, at: Floats, way: Floats, here: float, gain: float, levels: Levels) -> tuple[Floats, float]:
+        """A way, shorter where it leads to what is less likely, and how unlikely logs are at its end.
+
+        A gain that is next to nothing is taken for what it is expected to be.
+        """
+        if gain < SMALL:
+            return way, here - gain
+        for _ in range(HALVED):
+            there = float(self.unlikely([at + way], levels)[0])
+            if there <= here:
+                return way, there
+            way = way / 2
+        return np.zeros_like(at), here
 
     def _looked(
         self, at: Floats, ways: Floats, reach: Floats, plain: Floats, levels: Levels, before: Step | None
@@ -142,21 +156,17 @@ class Likelihood:
         if before is not None:
             last_beyond, last_curvature = before.beyond, before.curvature
             wanted &= (np.abs(last_beyond) > NOTHING) | (np.abs(last_curvature - 1) > NOTHING)
-        here, ahead = self._along(at, reach[:, np.newaxis] * ways, wanted, levels)
+        here, *found = self.unlikely([at, *(at + (reach[:, np.newaxis] * ways)[wanted])], levels).tolist()
+        ahead, behind = np.full(len(at), np.nan), np.full(len(at), np.nan)
+        ahead[wanted] = _finite(found)
         beyond = (ahead - here) / (2 * reach) - reach / 2 - plain
         wanted &= ~(np.abs(beyond) < NOTHING)
-        _, behind = self._along(at, -reach[:, np.newaxis] * ways, wanted, levels)
+        behind[wanted] = _finite(self.unlikely([*(at - (reach[:, np.newaxis] * ways)[wanted])], levels))
         slope, curvature = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
         beyond = np.where(np.isfinite(beyond), beyond, last_beyond)
         beyond = np.where(np.isfinite(slope), slope - plain, beyond)
         curvature = np.where(np.isfinite(slope), np.maximum(curvature, FLATTEST), last_curvature)
         return here, beyond, curvature
-
-    def _along(self, at: Floats, ways: Floats, wanted: NDArray[np.bool_], levels: Levels) -> tuple[float, Floats]:
-        """How unlikely logs are at coordinates, and, (p,), at the ends of ways from there; NaN where not wanted."""
-        found = np.full(len(at), np.nan)
-        here, *found[wanted] = self.unlikely([at, *(at + ways[wanted])], levels)
-        return float(here), np.where(np.isinf(found), np.nan, found)
 
     def _room(self, at: Floats, way: Floats) -> float:
         """How often a way can be gone before a coordinate leaves its range."""
@@ -169,6 +179,12 @@ class Likelihood:
         lower, upper = self.coordinates.bounds
         rows = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != held))
         return rows[:, np.newaxis], rows[np.newaxis, :]
+
+
+def _finite(values: ArrayLike) -> Floats:
+    """Values, NaN in the place of what is infinite."""
+    found = np.array(values, float)
+    return np.where(np.isinf(found), np.nan, found)
 
 
 def _not_below_zero(information: Floats) -> Floats:
