@@ -221,11 +221,11 @@ class Fitting:
                 )
 
     def _weighed(self, values: Floats, levels: Levels) -> list[Weights]:
-        """Gains at some values; those of the last call where it was for the same."""
+        """Gains at some values; those of the last call where it was for the same, else in the place of them."""
         vector = self.filters.vector(self.with_values(values), levels)
         last_vector, last_levels, weights = self._last
         if last_levels is not levels or not np.array_equal(vector, last_vector):
-            weights = self.filters.weigh(self.with_values(values), levels, outlier=self._outlier)
+            weights = self.filters.weigh(self.with_values(values), levels, outlier=self._outlier, into=weights)
             self._last = vector, levels, weights
         return weights
 

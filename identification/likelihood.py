@@ -97,7 +97,11 @@ class Likelihood:
         ends = self.coordinates.bounds
         machines = [self._machine(self.coordinates.values(np.clip(point, *ends))) for point in points]
         logs = self._filters.unlikely(machines, levels, outlier=self._outlier) if machines else np.zeros(0)
-        return logs + np.array([np.sum((self._rows @ (point - self._centre)) ** 2) for point in points])
+        return logs + np.array([self._departed(point) for point in points])
+
+    def _departed(self, at: Floats) -> float:
+        """Squares of the distance from what was known beforehand."""
+        return float(np.sum((self._rows @ (at - self._centre)) ** 2))
 
     def step(self, at: Floats, levels: Levels, before: Step | None = None, held: int | None = None) -> Step | None:
         """A step of Newton's method towards what is likelier; None: filters go astray where it would begin.
@@ -123,7 +127,8 @@ class Likelihood:
         ways = np.zeros_like(known)
         ways[moving] = np.linalg.inv(root)
         reach = np.array([min(self._room(at, way), self._room(at, -way), LOOKED) for way in ways])
-        here, beyond, curvature = self._looked(at, ways, reach, ways @ plain, levels, before)
+        here = 2 * sum(each.unlikelihood for each in weights) + self._departed(at)
+        beyond, curvature = self._looked(at, here, ways, reach, ways @ plain, levels, before)
         way = np.where(reach > LEAST, -(ways @ plain + beyond) / curvature, 0.0) @ ways
         way *= min(self._room(at, way), 1.0)
         way, there = self._checked(at, way, here, float((ways @ plain + beyond) ** 2 @ (1 / curvature)), levels)
@@ -148,17 +153,16 @@ class Likelihood:
         return np.zeros_like(at), here
 
     def _looked(
-        self, at: Floats, ways: Floats, reach: Floats, plain: Floats, levels: Levels, before: Step | None
-    ) -> tuple[float, Floats, Floats]:
-        """How unlikely logs are, and along each way the slope beyond the plain one, and the curvature."""
+        self, at: Floats, here: float, ways: Floats, reach: Floats, plain: Floats, levels: Levels, before: Step | None
+    ) -> tuple[Floats, Floats]:
+        """Along each way the slope beyond the plain one, and the curvature."""
         last_beyond, last_curvature = np.zeros(len(at)), np.ones(len(at))
         wanted = reach > LEAST
         if before is not None:
             last_beyond, last_curvature = before.beyond, before.curvature
             wanted &= (np.abs(last_beyond) > NOTHING) | (np.abs(last_curvature - 1) > NOTHING)
-        here, *found = self.unlikely([at, *(at + (reach[:, np.newaxis] * ways)[wanted])], levels).tolist()
         ahead, behind = np.full(len(at), np.nan), np.full(len(at), np.nan)
-        ahead[wanted] = _finite(found)
+        ahead[wanted] = _finite(self.unlikely([*(at + (reach[:, np.newaxis] * ways)[wanted])], levels))
         beyond = (ahead - here) / (2 * reach) - reach / 2 - plain
         wanted &= ~(np.abs(beyond) < NOTHING)
         behind[wanted] = _finite(self.unlikely([*(at - (reach[:, np.newaxis] * ways)[wanted])], levels))
@@ -166,7 +170,7 @@ class Likelihood:
         beyond = np.where(np.isfinite(beyond), beyond, last_beyond)
         beyond = np.where(np.isfinite(slope), slope - plain, beyond)
         curvature = np.where(np.isfinite(slope), np.maximum(curvature, FLATTEST), last_curvature)
-        return here, beyond, curvature
+        return beyond, curvature
 
     def _room(self, at: Floats, way: Floats) -> float:
         """How often a way can be gone before a coordinate leaves its range."""

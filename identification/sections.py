@@ -106,20 +106,23 @@ class Filters:
         rows: bool = False,
         samples: int | None = None,
         watched: int = 0,
+        into: Sequence[Weights] = (),
     ) -> list[Weights]:
-        """Gains in every section; arguments as of `codegen.drivers.prediction.Predictor.weigh`.
+        """Gains in every section; arguments as of `codegen.drivers.prediction.Predictor.weigh`, `into` of all sections.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
         vector = self.vector(experiment, levels)
+        old = dict(zip(map(id, self.sections), into, strict=False))
 
         def weigh(section: Section) -> Weights:
+            before = old.get(id(section))
             section = section.upto(samples) if samples else section
             course, covariance = self.course(experiment, levels, section)
             spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
             return self._predictor.weigh(
-                vector, course, spread, outlier=outlier, gains=gains, rows=rows, watched=watched
+                vector, course, spread, outlier=outlier, gains=gains, rows=rows, watched=watched, into=before
             )
 
         return self._each(weigh)

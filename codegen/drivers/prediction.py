@@ -128,6 +128,7 @@ class Predictor:
         gains: bool = True,
         rows: bool = False,
         watched: int = 0,
+        into: Weights | None = None,
     ) -> Weights:
         """The gains of every sample, by an extended Kalman filter.
 
@@ -139,10 +140,14 @@ class Predictor:
             gains: whether gains and whitening are kept; else their arrays have no samples.
             rows: whether what is expected is kept.
             watched: of how many states, the last ones, rows of the covariance are kept.
+            into: of the same course, and no longer needed: its arrays of gains are written anew.
         """
         samples, states, readings = len(course.inputs), self._sizes["STATES"], self._sizes["READINGS"]
         weighed = samples if gains else 0
-        found_gains, whitening = np.zeros((weighed, readings, states)), np.zeros((weighed, readings, readings))
+        if into is not None and into.gains.shape == (weighed, readings, states):
+            found_gains, whitening = into.gains, into.whitening
+        else:
+            found_gains, whitening = np.zeros((weighed, readings, states)), np.zeros((weighed, readings, readings))
         sums, done = np.empty((readings, 4)), ctypes.c_int64()
         kept = [np.full((samples, states), np.nan) for _ in range(2)] if rows else []
         covariances = np.full((samples, watched, states), np.nan) if watched else None

@@ -52,7 +52,7 @@ def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
 
 
 def test_noise_that_is_known_need_not_be_found_out() -> None:
-    right = machine()
+    right = machine(sensors__speed_noise=5e-4)  # ropes stay taut: where one is slack, likelihoods have steps
     believed = override(right, BELIEVED)
     unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
     start = np.array([unknown.start for unknown in unknowns])
@@ -64,7 +64,7 @@ def test_noise_that_is_known_need_not_be_found_out() -> None:
     assert again.levels is fit.levels
     assert fitting.passes - passes < passes
     deviations = np.sqrt(np.diag(covariance_of(fit.information, unknowns)))
-    np.testing.assert_array_less(np.abs(again.values - fit.values), 0.2 * deviations)
+    np.testing.assert_array_less(np.abs(again.values - fit.values), 0.02 * deviations)
 
 
 def test_several_logs_know_more_than_one() -> None:

@@ -75,6 +75,13 @@ def test_information_is_no_more_than_curvature(fitting: Fitting, likelihood: Lik
 
 def test_where_filters_go_astray_there_is_no_step(fitting: Fitting, likelihood: Likelihood) -> None:
     wild = override(RIGHT, {"plant.rope_1.modulus": 1e15, "plant.rope_2.modulus": 1e15})
-    lost = Likelihood(fitting.filters, fitting.gains, lambda _: wild, likelihood.coordinates, 4.0)
+    lost = Likelihood(
+        fitting.filters,
+        fitting.gains,
+        lambda _: wild,
+        lambda _, levels: fitting.filters.weigh(wild, levels),
+        likelihood.coordinates,
+        4.0,
+    )
     assert lost.step(begin(likelihood), fitting.first_levels()) is None
     assert np.isinf(lost.unlikely([begin(likelihood)], fitting.first_levels())).all()
