@@ -194,7 +194,10 @@ class Fitting:
             found, information = self.gains.solved(values, levels, weights, within, ROUGHLY)
             if number == 0:
                 self._check_acting(information)
-            deviation = np.sqrt(np.diag(covariance_of(information, self.unknowns)))
+            variances = np.diag(covariance_of(information, self.unknowns))
+            if not (variances > 0).all():  # slopes that have grown beyond all measure, as where a rope slackens
+                break
+            deviation = np.sqrt(variances)
             move = (turned_back(found, self.unknowns) - values) / deviation
             moved = float(np.max(np.abs(move), initial=0.0))
             there = values + deviation * damped(move, last)

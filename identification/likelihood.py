@@ -123,7 +123,10 @@ class Likelihood:
         plain = slopes.T @ normal[:-1, -1] + self._rows.T @ (self._rows @ (at - self._centre))
         known = slopes.T @ normal[:-1, :-1] @ slopes + self._beforehand
         moving = self._moving(at, held)
-        root = np.linalg.cholesky(known[moving])
+        try:
+            root = np.linalg.cholesky(known[moving])
+        except np.linalg.LinAlgError:  # slopes that have grown beyond all measure, as where a rope slackens
+            return None
         ways = np.zeros_like(known)
         ways[moving] = np.linalg.inv(root)
         reach = np.array([min(self._room(at, way), self._room(at, -way), LOOKED) for way in ways])
@@ -157,7 +160,7 @@ class Likelihood:
     ) -> tuple[Floats, Floats]:
         """Along each way the slope beyond the plain one, and the curvature."""
         last_beyond, last_curvature = np.zeros(len(at)), np.ones(len(at))
-        wanted = reach > LEAST
+        wanted = (reach > LEAST) & ways.any(axis=1)
         if before is not None:
             last_beyond, last_curvature = before.beyond, before.curvature
             wanted &= (np.abs(last_beyond) > NOTHING) | (np.abs(last_curvature - 1) > NOTHING)
