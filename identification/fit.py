@@ -191,13 +191,13 @@ class Fitting:
         for number in range(ROUNDS):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
             within = likely if number < ROUGH else anywhere
-            found, information = self.gains.solved(values, levels, weights, within, ROUGHLY)
+            found, told = self.gains.solved(values, levels, weights, within, ROUGHLY)
             if number == 0:
-                self._check_acting(information)
-            variances = np.diag(covariance_of(information, self.unknowns))
+                self._check_acting(told)
+            variances = np.diag(covariance_of(told, self.unknowns))
             if not (variances > 0).all():  # slopes that have grown beyond all measure, as where a rope slackens
                 break
-            deviation = np.sqrt(variances)
+            information, deviation = told, np.sqrt(variances)
             move = (turned_back(found, self.unknowns) - values) / deviation
             moved = float(np.max(np.abs(move), initial=0.0))
             there = values + deviation * damped(move, last)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,19 +114,21 @@ class Filters:
         Raises:
             KeyboardInterrupt: interrupted.
         """
-        vector = self.vector(experiment, levels)
         old = dict(zip(map(id, self.sections), into, strict=False))
 
         def weigh(section: Section) -> Weights:
-            before = old.get(id(section))
-            section = section.upto(samples) if samples else section
-            course, covariance = self.course(experiment, levels, section)
-            spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
-            return self._predictor.weigh(
-                vector, course, spread, outlier=outlier, gains=gains, rows=rows, watched=watched, into=before
+            part, before = section.upto(samples) if samples else section, old.get(id(section))
+            return self._weighed(
+                experiment, levels, part, outlier=outlier, gains=gains, rows=rows, watched=watched, into=before
             )
 
         return self._each(weigh)
+
+    def _weighed(self, experiment: Experiment, levels: Levels, section: Section, **how: Any) -> Weights:
+        """Gains in a section; `how` as of `codegen.drivers.prediction.Predictor.weigh`."""
+        course, covariance = self.course(experiment, levels, section)
+        spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
+        return self._predictor.weigh(self.vector(experiment, levels), course, spread, **how)
 
     def unlikely(self, experiments: Sequence[Experiment], levels: Levels, *, outlier: float) -> Floats:
         """How unlikely all sections are for each of some machines: minus twice the logarithm, but for a constant.
@@ -137,16 +140,12 @@ class Filters:
         """
 
         def unlikely(experiment: Experiment, section: Section) -> float:
-            course, covariance = self.course(experiment, levels, section)
-            spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
-            vector = self.vector(experiment, levels)
-            weights = self._predictor.weigh(vector, course, spread, outlier=outlier, gains=False)
+            weights = self._weighed(experiment, levels, section, outlier=outlier, gains=False)
             return 2 * weights.unlikelihood if all_completed([weights]) else np.inf
 
         jobs = [lambda pair=pair: unlikely(*pair) for pair in product(experiments, self.sections)]
-        found = self._all(jobs)
         self.passes += len(experiments)
-        return np.array(found).reshape(len(experiments), -1).sum(axis=1)
+        return np.array(self._all(jobs)).reshape(len(experiments), -1).sum(axis=1)
 
     def predict(
         self, vector: Floats, experiment: Experiment, levels: Levels, weights: Sequence[Weights], *, rows: bool = False

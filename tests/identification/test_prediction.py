@@ -140,6 +140,17 @@ def test_the_smoother_is_the_textbooks() -> None:
     assert spreads[:200, 0].mean() < 0.999 * by_then.mean(), "what comes later says more"
 
 
+def test_gains_written_in_the_place_of_others_are_the_same() -> None:
+    found, levels = filters()
+    off = replace(MACHINE, plant=machine(plant__vehicle__mass=1.03e4).plant)
+    (fresh,), (other,) = found.weigh(MACHINE, levels), found.weigh(off, levels)
+    (again,) = found.weigh(MACHINE, levels, into=[other])
+    assert again.gains is other.gains
+    np.testing.assert_array_equal(again.gains, fresh.gains)
+    np.testing.assert_array_equal(again.whitening, fresh.whitening)
+    assert again.unlikelihood == fresh.unlikelihood
+
+
 def test_with_its_own_gains_a_prediction_is_the_filters() -> None:
     found, levels = filters()
     (weights,) = found.weigh(MACHINE, levels)
