@@ -18,7 +18,7 @@ from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.given_gains import GivenGains
 from dualwinch.identification.level_search import LevelSearch
 from dualwinch.identification.levels import Levels, first_levels
-from dualwinch.identification.likelihood import Likelihood
+from dualwinch.identification.likelihood import MUCH, Likelihood
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
 from dualwinch.identification.sections import Filters, Section, all_completed
 from dualwinch.identification.unknowns import Unknown
@@ -38,6 +38,9 @@ known beforehand that no value leaves in them."""
 
 ROUGHLY = 1e-6
 """Change of the sum of squares, as a share, that ends least squares with the same gains."""
+
+CLOSER = 6
+"""Times that a move is halved where filters go astray at its end, at most."""
 
 NEARER, NEAR = 3.0, 0.5
 """Moves, over the standard deviation, from which on values tell how noisy sensors are, and from which on steps by the
@@ -139,16 +142,16 @@ class Fitting:
             known: noise and scatter, where they need not be found out.
 
         Raises:
-            ConfigurationError: the filter goes astray at the start: the log is of another machine; or a number of which
+            ConfigurationError: the filter goes astray: the log is of another machine; or a number of which
                 nothing is known has no effect at all.
             KeyboardInterrupt: interrupted.
         """
         levels = known or self.first_levels()
+        if known is None and not all_completed(self._weighed(start, levels)):
+            levels = self._levels.wide_enough(self.with_values(start), levels)
         if not all_completed(self._weighed(start, levels)):
-            raise ConfigurationError(
-                f"{self.filters.sections[0].name}: no machine near the one that is believed does what this log says"
-            )
-        values, levels, information = self._nearby(start, levels, known is not None, progress)
+            raise self._astray()
+        values, levels = self._nearby(start, levels, known is not None, progress)
         likelihood = self.likelihood(Coordinates(self.unknowns))
         at, step, settled = likelihood.coordinates.of(values), None, False
         for number in range(STEPS):
@@ -164,18 +167,24 @@ class Fitting:
                 break
             step, at = found, found.at
             if step.better < STILL:
-                settled = True
+                settled = step.expected < MUCH
                 break
+        if step is None:
+            raise self._astray()
         values = turned_back(likelihood.coordinates.values(at), self.unknowns)
         return Fit(
             values=values,
-            information=information if step is None else step.information,
+            information=step.information,
             levels=levels,
             experiment=self.with_values(values),
-            unlikely=np.inf if step is None else step.unlikely,
+            unlikely=step.unlikely,
             passes=self.passes,
             settled=settled,
         )
+
+    def _astray(self) -> ConfigurationError:
+        name = self.filters.sections[0].name
+        return ConfigurationError(f"{name}: no machine near the one that is believed does what this log says")
 
     def likelihood(self, coordinates: Coordinates) -> Likelihood:
         """The likelihood of the logs in some coordinates of the unknowns."""
@@ -183,11 +192,10 @@ class Fitting:
 
     def _nearby(
         self, values: Floats, levels: Levels, known: bool, progress: Callable[[float], None]
-    ) -> tuple[Floats, Levels, Floats]:
-        """Values and levels near the best, and the information there, by least squares with new gains every time."""
+    ) -> tuple[Floats, Levels]:
+        """Values and levels near the best, by least squares with new gains every time."""
         likely, anywhere = Coordinates(self.unknowns, LIKELY), Coordinates(self.unknowns)
         weights, last, before = self._weighed(values, levels), np.zeros(len(values)), np.inf
-        information = np.zeros((len(values), len(values)))
         for number in range(ROUNDS):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
             within = likely if number < ROUGH else anywhere
@@ -197,14 +205,14 @@ class Fitting:
             variances = np.diag(covariance_of(told, self.unknowns))
             if not (variances > 0).all():  # slopes that have grown beyond all measure, as where a rope slackens
                 break
-            information, deviation = told, np.sqrt(variances)
+            deviation = np.sqrt(variances)
             move = (turned_back(found, self.unknowns) - values) / deviation
             moved = float(np.max(np.abs(move), initial=0.0))
             there = values + deviation * damped(move, last)
             if not known and number >= ROUGH:
                 experiment, first = self.with_values(there), number == ROUGH
                 levels = self._levels.scattered(experiment, levels, anywhere=first, roughly=True)
-            weights = self._weighed(there, levels)
+            there, weights = self._within_reach(values, there, levels)
             if not all_completed(weights):
                 break
             values, last = there, move
@@ -213,7 +221,16 @@ class Fitting:
             if moved < NEAR or (before < NEARER and moved > before / 2):
                 break
             before = moved
-        return values, levels, information
+        return values, levels
+
+    def _within_reach(self, here: Floats, there: Floats, levels: Levels) -> tuple[Floats, list[Weights]]:
+        """Values on the way from here to there, as far as filters do not go astray, and the gains for them."""
+        for _ in range(CLOSER):
+            weights = self._weighed(there, levels)
+            if all_completed(weights):
+                break
+            there = (here + there) / 2
+        return there, self._weighed(there, levels)
 
     def _check_acting(self, information: Floats) -> None:
         for unknown, told in zip(self.unknowns, np.diag(information).tolist(), strict=True):

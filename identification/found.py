@@ -46,6 +46,7 @@ class Found:
         profiles: likelihoods of numbers for which they were asked for.
         seconds: wall time.
         forces: on the vehicle, of each log, where they were asked for.
+        excess: what nobody recorded and is more than usual, in words.
     """
 
     experiment: Experiment
@@ -66,6 +67,7 @@ class Found:
     seconds: float
     forces: tuple[Force, ...] = ()
     profiles: tuple[Profile, ...] = ()
+    excess: tuple[str, ...] = ()
 
     @property
     def keys(self) -> tuple[str, ...]:

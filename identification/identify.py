@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualwinch.identification.acting import force_of
 from dualwinch.identification.blind import blind
-from dualwinch.identification.doubts import check_fit, check_log
+from dualwinch.identification.doubts import ANOTHER, check_fit, check_log
 from dualwinch.identification.fit import Fit, Fitting, covariance_of
 from dualwinch.identification.log import Log
 from dualwinch.identification.optima import fits_from, optima_of
@@ -39,6 +39,7 @@ def identify(
     seed: int = 0,
     profiles: Sequence[str] = (),
     forces: bool = False,
+    unrecorded: float = ANOTHER,
     threads: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Identified:
@@ -58,6 +59,7 @@ def identify(
         seed: of these draws.
         profiles: some of what is fitted, whose likelihood is followed away from the best.
         forces: whether it is said what acted on the vehicle and nobody recorded.
+        unrecorded: torque or force that nobody recorded, over the recorded one, from which on a fit is refused.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
@@ -72,6 +74,8 @@ def identify(
         raise ConfigurationError("logs: must be at least one")
     if not 0 <= hold_out < 1:
         raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
+    if not unrecorded > 0:
+        raise ConfigurationError(f"unrecorded = {unrecorded:g}: must be > 0")
     if starts < 1:
         raise ConfigurationError(f"starts = {starts}: must be >= 1")
     for log in logs:
@@ -86,7 +90,7 @@ def identify(
     fitting = Fitting(fitted, experiment, unknowns, threads=threads)
     fits = fits_from(fitting, starts, seed, progress)
     fit = fits[0]
-    check_fit(logs[0].name, fit, fitted, experiment)
+    excess = check_fit(logs[0].name, fit, fitted, experiment, unrecorded)
     filters = fitting.filters
     surprises = _surprises(filters, fit)
     held = _surprises(fitting.others(kept), fit) if kept else []
@@ -110,6 +114,7 @@ def identify(
         seconds=perf_counter() - began,
         profiles=tuple(profile_of(fitting, fit, key) for key in keys_of(profiles, experiment)),
         forces=tuple(force_of(fitting, log, fit) for log in logs) if forces else (),
+        excess=excess,
     )
 
 

@@ -50,6 +50,15 @@ class LevelSearch:
         self._lowest = {name: each.deviation for name, each in described(believed).items()}
         self._samples = round(PART / believed.simulation.sample_time)
 
+    def wide_enough(self, experiment: Experiment, levels: Levels) -> Levels:
+        """Levels with the least scatter with which no filter goes astray; as they were where there is none.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        wider = sorted(self._everywhere(levels), key=lambda each: each.scatter["torque_1"].deviation)
+        return next((each for each in wider if all_completed(self._weighed(experiment, each, None))), levels)
+
     def scattered(
         self, experiment: Experiment, levels: Levels, *, anywhere: bool = False, roughly: bool = False
     ) -> Levels:

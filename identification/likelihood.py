@@ -33,8 +33,11 @@ NOTHING = 0.1
 SMALL = 0.05
 """Gain in twice the logarithm of the likelihood that need not be seen to be believed."""
 
-HALVED = 2
-"""Times that a step is halved where it leads to what is less likely, at most."""
+MUCH = 4.0
+"""Gain in twice the logarithm of the likelihood that is not let go: two standard deviations."""
+
+HALVED, INSISTED = 2, 8
+"""Times that a step is halved where it leads to what is less likely, at most; and where much is to be gained."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Step:
         at: (p,) coordinates where it leads.
         unlikely: minus twice the logarithm of the likelihood there, but for a constant.
         better: by how much that has fallen.
+        expected: by how much it should have.
         beyond: (p,) slopes of half of it along the directions, less what least squares say of them.
         curvature: (p,) likewise second derivatives; 1 is what least squares say.
         information: (p, p) where it begins, of the logs alone, in units of the unknowns, with these curvatures. One
@@ -55,6 +59,7 @@ class Step:
     at: Floats
     unlikely: float
     better: float
+    expected: float
     beyond: Floats
     curvature: Floats
     information: Floats
@@ -134,12 +139,13 @@ class Likelihood:
         beyond, curvature = self._looked(at, here, ways, reach, ways @ plain, levels, before)
         way = np.where(reach > LEAST, -(ways @ plain + beyond) / curvature, 0.0) @ ways
         way *= min(self._room(at, way), 1.0)
-        way, there = self._checked(at, way, here, float((ways @ plain + beyond) ** 2 @ (1 / curvature)), levels)
+        gain = float(np.where(reach > LEAST, (ways @ plain + beyond) ** 2 / curvature, 0.0).sum())
+        way, there = self._checked(at, way, here, gain, levels)
         back = np.linalg.inv(slopes)
         known[moving] = (root * np.minimum(curvature[moving[0][:, 0]], 1.0)) @ root.T
         information = back.T @ _not_below_zero(known - self._beforehand) @ back
         at = np.clip(at + way, *self.coordinates.bounds)
-        return Step(at, there, here - there, beyond, curvature, information)
+        return Step(at, there, here - there, gain, beyond, curvature, information)
 
     def _checked(self, at: Floats, way: Floats, here: float, gain: float, levels: Levels) -> tuple[Floats, float]:
         """A way, shorter where it leads to what is less likely, and how unlikely logs are at its end.
@@ -148,7 +154,7 @@ class Likelihood:
         """
         if gain < SMALL:
             return way, here - gain
-        for _ in range(HALVED):
+        for _ in range(INSISTED if gain > MUCH else HALVED):
             there = float(self.unlikely([at + way], levels)[0])
             if there <= here:
                 return way, there

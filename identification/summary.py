@@ -102,7 +102,7 @@ def left(test: Whiteness) -> str:
 
 def notes(found: Found) -> list[str]:
     """What a reader has to know of the tables."""
-    words = [each.words for each in found.blind]
+    words = [*found.excess, *(each.words for each in found.blind)]
     correlation = found.correlation
     words += [f"{key}: the logs add hardly anything to what was known beforehand" for key in hardly_told(found)]
     for row in range(len(found.keys)):

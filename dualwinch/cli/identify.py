@@ -57,6 +57,13 @@ def identify(
         Path | None,
         Parameter(help="File for what acted on the vehicle, .csv or .parquet; disturbance.force.file takes it."),
     ] = None,
+    unrecorded: Annotated[
+        str,
+        Parameter(
+            help="Torque that nobody recorded, over the recorded one, from which on a log is refused as one of another "
+            "machine."
+        ),
+    ] = "10%",
     plugin: Plugins = None,
     out: Annotated[
         Path | None,
@@ -87,6 +94,7 @@ def identify(
         seed=seed,
         profiles=profile or [],
         disturbance=disturbance,
+        unrecorded=unrecorded,
         out=out,
         plot=plot,
     )

@@ -5,6 +5,7 @@ from os import PathLike
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.identification import identify as fitting
+from dualwinch.identification.doubts import ANOTHER
 from dualwinch.identification.log import Log, log_of
 from dualwinch.identification.log_file import column_map, read_log
 from dualwinch.identification.result import Identified
@@ -30,6 +31,7 @@ def identify(
     seed: int = 0,
     profiles: str | Sequence[str] = (),
     forces: bool = False,
+    unrecorded: float = ANOTHER,
     threads: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Identified:
@@ -53,6 +55,8 @@ def identify(
         profiles: some of what is fitted, whose likelihood is followed away from the best.
         forces: whether to find out as well what acted on the vehicle and nobody recorded: `forces` of what comes back,
             for ``disturbance.force``.
+        unrecorded: torque or force that nobody recorded, over the recorded one, from which on a fit is refused: the log
+            is of another machine, or the model lacks something.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
@@ -78,6 +82,7 @@ def identify(
         seed=seed,
         profiles=[profiles] if isinstance(profiles, str) else profiles,
         forces=forces,
+        unrecorded=unrecorded,
         threads=threads,
         progress=progress,
     )

@@ -42,6 +42,7 @@ def run_identify(
     seed: int,
     profiles: Sequence[str],
     disturbance: Path | None,
+    unrecorded: str,
     out: Path | None,
     plot: Path | None,
 ) -> None:
@@ -51,7 +52,8 @@ def run_identify(
         ConfigurationError: anything wrong with a file, a key, a value or a log.
         KeyboardInterrupt: interrupted; nothing is written.
     """
-    share, known = _share(hold_out), dict(map(prior_from, priors))
+    share, most = _share("--hold-out", hold_out), _share("--unrecorded", unrecorded)
+    known = dict(map(prior_from, priors))
     if out and out.suffix.lower() != ".toml":
         raise ConfigurationError(f"--out {out}: must end in .toml")
     if disturbance:
@@ -72,6 +74,7 @@ def run_identify(
             seed=seed,
             profiles=profiles,
             forces=disturbance is not None,
+            unrecorded=most,
             progress=progress,
         )
     terminal(soft_wrap=True).print(repr(found), highlight=False)
@@ -142,14 +145,14 @@ def write_identified(out: Path, found: Identified, seed: int) -> list[Path]:
     return files
 
 
-def _share(text: str) -> float:
+def _share(option: str, text: str) -> float:
     parts = re.fullmatch(r"\s*([0-9.]+)\s*(%?)\s*", text)
     try:
         value = float(parts[1]) / (100 if parts[2] else 1) if parts else -1.0
     except ValueError:
         value = -1.0
     if not 0 <= value < 1:
-        raise ConfigurationError(f"--hold-out {text}: must be 0% to less than 100%, e.g. 20%")
+        raise ConfigurationError(f"{option} {text}: must be 0% to less than 100%, e.g. 20%")
     return value
 
 

@@ -9,6 +9,7 @@ from dualwinch.config.settings import override
 from dualwinch.identification.doubts import check_log
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
+from dualwinch.identification.summary import notes
 from dualwinch.model.errors import ConfigurationError
 from tests.identification.conftest import logged, machine
 
@@ -71,3 +72,17 @@ def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, 
     log = logged(override(machine(), truth))
     with pytest.raises(ConfigurationError, match=WORDS):
         identify([log], ["plant.vehicle.mass"], machine())
+
+
+def test_a_share_that_is_given_lets_such_a_log_pass_and_says_what_the_model_lacks() -> None:
+    log, gear = (
+        logged(override(machine(), {"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0})),
+        "torques",
+    )
+    with pytest.raises(ConfigurationError, match=r"run: torques of .* \(--unrecorded \d+% takes it for this one\)"):
+        identify([log], ["plant.vehicle.mass"], machine())
+    found = identify([log], ["plant.vehicle.mass"], machine(), unrecorded=0.9)
+    assert any(f"{gear} of" in note and "the model lacks something" in note for note in notes(found))
+    assert "the model lacks something" in repr(found)
+    with pytest.raises(ConfigurationError, match="unrecorded = 0: must be > 0"):
+        identify([log], ["plant.vehicle.mass"], machine(), unrecorded=0)

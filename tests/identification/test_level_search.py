@@ -47,3 +47,11 @@ def test_noise_is_found_from_far_off() -> None:
     found = level.quieted(right, levels, weights)
     assert np.sqrt(found.noise[1]) == pytest.approx(2e-3, rel=0.05)
     np.testing.assert_allclose(np.sqrt(found.noise[2:4]), 10, rtol=0.1)
+
+
+def test_scatter_is_widened_as_far_as_filters_need() -> None:
+    """Where they need none it stays as it is."""
+    right = machine()
+    level, fitting = search(right, right)
+    levels = fitting.first_levels()
+    assert level.wide_enough(right, levels).scatter["torque_1"] == levels.scatter["torque_1"]
