@@ -91,7 +91,7 @@ def test_a_fit_that_should_get_better_and_does_not_is_not_at_rest(
     fitting: Fitting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dualwinch.identification.fit.ROUNDS", 0)
-    start = np.array([unknown.start for unknown in UNKNOWNS]) * [1, 1, 1.2]
+    start = np.array([unknown.start for unknown in UNKNOWNS]) * [1, 1, 3]
     assert fitting.run(start, known=fitting.first_levels()).settled
     monkeypatch.setattr(Likelihood, "_checked", lambda _, at, *given: (np.zeros_like(at), given[1]))
     assert not fitting.run(start, known=fitting.first_levels()).settled
