@@ -132,7 +132,10 @@ def table(folder: Path) -> str:
         ConfigurationError: a log that is missing or none.
     """
     plain, pulsed = (drive(folder / name) for name in LOGS)
-    columns = [column(each, fitted(each, lag=lag)) for each, lag in ((plain, False), (pulsed, False), (pulsed, True))]
+    columns = []
+    for heading, each, lag in zip(HEADINGS[1:], (plain, pulsed, pulsed), (False, False, True), strict=True):
+        print(f"fitting: {heading}", file=sys.stderr)
+        columns.append(column(each, fitted(each, lag=lag)))
     names = [
         "moved mass (kg)", "by the authors' method (kg)", "motor's lag (ms)",
         *(f"friction at {speed:g} m/s, found / by the authors' method (N)" for speed in SPEEDS),
