@@ -16,6 +16,9 @@ from dualwinch.simulation.experiment import Experiment
 ANOTHER = 0.1
 """Unrecorded torque or force over the recorded one, both root mean square, from which on the machine is another."""
 
+BEYOND_DOUBT = 0.9
+"""The same, from which on nobody is told how to have the fit nonetheless."""
+
 NOISIER = 50.0
 """How much noisier than its own jumps a sensor would have to be for a log to be of another machine."""
 
@@ -104,9 +107,8 @@ def check_fit(
     unlike = "it is of another machine, or tau_1 or tau_2 is of another sign, unit or time"
     for what, share in excess.items():
         if share > unrecorded:
-            raise ConfigurationError(
-                f"{name}: {what}: {unlike} (--unrecorded {share + 0.005:.0%} takes it for this one)"
-            )
+            yet = f" (--unrecorded {share + 0.005:.0%} takes it for this one)" if share < BEYOND_DOUBT else ""
+            raise ConfigurationError(f"{name}: {what}: {unlike}{yet}")
     jumps = smallest_noise(readings)
     ratios = np.sqrt(fit.levels.noise) / jumps
     for index, reading in enumerate(READINGS):
