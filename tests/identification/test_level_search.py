@@ -49,8 +49,7 @@ def test_noise_is_found_from_far_off() -> None:
     np.testing.assert_allclose(np.sqrt(found.noise[2:4]), 10, rtol=0.1)
 
 
-def test_scatter_is_widened_as_far_as_filters_need() -> None:
-    """Where they need none it stays as it is."""
+def test_scatter_that_filters_bear_is_not_widened() -> None:
     right = machine()
     level, fitting = search(right, right)
     levels = fitting.first_levels()
