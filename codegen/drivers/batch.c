@@ -9,6 +9,9 @@
 
 #define LOOK_EVERY 64
 
+/* How a run ends beside those of driver.h: what is watched exceeded what it may come to. */
+enum { GIVEN_UP = 3 };
+
 IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, double *restrict for_observe,
                       double *restrict for_move) {
   EACH_CALL {
@@ -51,9 +54,9 @@ typedef struct {
    may be null; those from sample done[l] on mean nothing. outcome and done have LANES elements.
 
    Whether all is finite is looked at every LOOK_EVERY samples. Where it is not, these samples are done again, looking
-   at each. */
+   at each. As often, lanes are given up whose state number `watched` exceeds `most`: what comes of them is of no use. */
 EXPORT void batch(const double *parameters, Fill fill, const void *sources, double *state, int64_t samples, int64_t stride,
-                  double *rows, int64_t kept, int64_t *outcome, int64_t *done) {
+                  double *rows, int64_t kept, int64_t watched, double most, int64_t *outcome, int64_t *done) {
   static const int used[] = USED_PARAMETERS;
   Often often;
   LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES], for_observe[(OBSERVE_DERIVED + 1) * LANES];
@@ -131,6 +134,15 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
         done[l] = k + 1;
         --running;
         for (int i = 0; i < STATES; ++i) state[l * STATES + i] = next[i * LANES + l];
+      }
+    }
+    if (look && k + 1 < samples) {
+      const double *seen = next + watched * LANES;
+      EACH_LANE {
+        if (done[l] < samples || !(seen[l] > most)) continue;
+        outcome[l] = GIVEN_UP;
+        done[l] = k + 1;
+        --running;
       }
     }
     double *last = now;

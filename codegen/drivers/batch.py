@@ -22,6 +22,9 @@ from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 
 Floats = NDArray[np.float64]
 
+GIVEN_UP = 3
+"""Outcome of a run whose watched state exceeded what it may come to, beside those of `codegen.drivers.rollout`."""
+
 EVERY_SAMPLE = ("sample", "one_step")
 """Functions that are called at every sample; they take only the parameters they use, which then lie close together."""
 
@@ -66,7 +69,15 @@ class Batch:
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
-        self, parameters: Floats, signals: Sequence[Signals], state: Floats, samples: int, stride: int = 0
+        self,
+        parameters: Floats,
+        signals: Sequence[Signals],
+        state: Floats,
+        samples: int,
+        stride: int = 0,
+        *,
+        watched: int = 0,
+        most: float = np.inf,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
         """Run one block; Python's lock is released meanwhile.
 
@@ -76,6 +87,8 @@ class Batch:
             state: (LANES, states); overwritten with the final states.
             samples: of the runs.
             stride: every how many samples a row is kept; 0 keeps none.
+            watched: number of a state.
+            most: a run in which that state exceeds this is given up (`GIVEN_UP`); it is looked at now and then.
 
         Returns:
             Outcomes (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.
@@ -95,6 +108,8 @@ class Batch:
             max(stride, 1),
             rows.ctypes.data if stride else None,
             kept,
+            watched,
+            most,
             outcome.ctypes.data,
             done.ctypes.data,
         )
@@ -111,6 +126,7 @@ def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     call = ctypes.CDLL(str(path)).batch
     call.restype = None
     pointer, count = ctypes.c_void_p, ctypes.c_int64
-    call.argtypes = [pointer, pointer, pointer, pointer, count, count, pointer, count, pointer, pointer]
+    call.argtypes = [pointer, pointer, pointer, pointer, count, count, pointer, count, count, ctypes.c_double]
+    call.argtypes += [pointer, pointer]
     read = tuple(_read(hoisted_all(system.functions), "exogenous"))
     return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), call)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
@@ -18,13 +19,20 @@ from dualwinch.simulation.simulate import OUTCOMES
 
 Floats = NDArray[np.float64]
 
+WENT_SLACK = "went_slack"
+"""Outcome of a run that was given up for its slack ropes."""
+
+WORDS = np.array([*OUTCOMES, WENT_SLACK])
+"""What outcomes are called, by their number."""
+
 
 @dataclass(frozen=True)
 class BatchResult:
     """What a batch gave, for every set of parameters (n) in every scenario (m).
 
     Attributes:
-        outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track`` or, after an interrupt, ``not_run``.
+        outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track``, ``went_slack`` where that was asked for or,
+            after an interrupt, ``not_run``.
         end_times: (n, m) in s.
         metrics: name → (n, m), as in `Metrics`, the scenarios' own among them; NaN where a pair was not completed.
         columns: name → (n, m, kept) where rows were asked for, NaN after an early end; else empty.
@@ -44,6 +52,7 @@ def rollout(
     scenarios: Sequence[Experiment | Scenario],
     *,
     stride: int = 0,
+    most_slack: float | None = None,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> BatchResult:
@@ -59,6 +68,8 @@ def rollout(
         scenarios: m experiments, or draws of an ensemble (whose controller believes in the undrawn plant), of one
             structure and length; they give every other value.
         stride: every how many samples a row is kept; 0 keeps none.
+        most_slack: a run is given up once a rope was slack for more than this share of all its samples; default: never.
+            Careful steps through slack take several times as long, and hold up the runs in the lanes beside.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
@@ -69,15 +80,21 @@ def rollout(
         ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go together.
         DualwinchError: no compiler, or no usable cache folder.
     """
+    if most_slack is not None and not 0 <= most_slack <= 1:
+        raise ConfigurationError(f"most_slack = {most_slack:g}: must be a share, 0 to 1")
 
     def run(together: Scenarios, report: Progress) -> BatchResult:
-        return _rollout(Pairs(names, parameters, together), stride, threads, report)
+        return _rollout(Pairs(names, parameters, together), stride, most_slack, threads, report)
 
     return run_in_groups(run, scenarios, progress)
 
 
-def _rollout(pairs: Pairs, stride: int, threads: int | None, progress: Progress) -> BatchResult:
+def _rollout(
+    pairs: Pairs, stride: int, most_slack: float | None, threads: int | None, progress: Progress
+) -> BatchResult:
     loop, samples = pairs.loop, pairs.samples
+    slack = loop.states.index("metrics.slack")
+    most = np.inf if most_slack is None else most_slack * samples
     run = compile_batch(loop)
     shape, kept = pairs.shape, -(-samples // stride) if stride else 0
     outcomes, end_times = np.full(shape, NOT_RUN, dtype="U10"), np.full(shape, np.nan)
@@ -90,13 +107,15 @@ def _rollout(pairs: Pairs, stride: int, threads: int | None, progress: Progress)
         filled = np.resize(chosen, (LANES, 2))  # idle lanes repeat the block's pairs
         vectors = pairs.vectors(filled)
         state = pairs.starts(vectors)
-        outcome, done, rows = run(vectors, pairs.sources(filled[:, 1].tolist()), state, samples, stride)
+        outcome, done, rows = run(
+            vectors, pairs.sources(filled[:, 1].tolist()), state, samples, stride, watched=slack, most=most
+        )
         busy, (sets, scenes) = slice(len(chosen)), chosen.T
         final[:, sets, scenes] = state[busy, summed].T
         for index, name in enumerate(columns):
             columns[name][sets, scenes] = rows[busy, :, index]
         end_times[sets, scenes] = done[busy] * pairs.sample_time
-        outcomes[sets, scenes] = np.array(OUTCOMES)[outcome[busy]]
+        outcomes[sets, scenes] = WORDS[outcome[busy]]
 
     blocks = [pairs.indices[first : first + LANES] for first in range(0, len(pairs.indices), LANES)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)

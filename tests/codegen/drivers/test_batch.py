@@ -1,10 +1,10 @@
-"""Signals that rollouts in lanes draw while they run: those of `Signals.fill`, bit for bit."""
+"""Rollouts in lanes: signals drawn while they run are those of `Signals.fill`, bit for bit; lanes may be given up."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers.batch import LANES, Batch, compile_batch
+from dualwinch.codegen.drivers.batch import GIVEN_UP, LANES, Batch, compile_batch
 from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED
 from dualwinch.codegen.drivers.signals.kinds import OutageSignal, RandomSignal, UniformSignal
 from dualwinch.codegen.drivers.signals.signals import Signals
@@ -85,6 +85,22 @@ def test_samples_that_are_done_again_receive_the_same(recorder: Batch, distinct:
     assert 64 < done[5] < 128
     for lane in set(range(LANES)) - {5}:
         assert rows[lane].tobytes() == filled(seeds[lane]).tobytes()
+
+
+def test_a_lane_is_given_up_at_the_next_look_and_leaves_the_others_alone(recorder: Batch) -> None:
+    """What is watched is 1 before the first sample and grows by the lane's factor at each."""
+    sources, factors = [source(seed) for seed in range(LANES)], np.full(LANES, 1.0)
+    factors[[2, 7, 11]] = 1.1, 1.02, 10 ** (1 / (SAMPLES - 5))  # beyond 10 after 25, 117 and, too late, 205 samples
+    state = np.tile([1.0, 0.0], (LANES, 1))
+    outcome, done, rows = recorder(factors[:, np.newaxis], sources, state, SAMPLES, 1, watched=0, most=10.0)
+    assert {lane: (outcome[lane], done[lane]) for lane in (2, 7)} == {2: (GIVEN_UP, 64), 7: (GIVEN_UP, 128)}
+    others = np.delete(np.arange(LANES), [2, 7])
+    assert (outcome[others] == COMPLETED).all()
+    assert (done[others] == SAMPLES).all()
+    for lane in others:
+        assert rows[lane].tobytes() == filled(int(lane)).tobytes()
+    assert np.isfinite(rows[7][:128]).all()
+    assert np.isnan(rows[7][128:]).all()
 
 
 def test_a_scenario_in_some_lanes_receives_the_same_in_each(recorder: Batch) -> None:

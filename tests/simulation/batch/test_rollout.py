@@ -70,6 +70,28 @@ def test_a_lane_that_ends_early_leaves_the_others_alone() -> None:
         assert np.array_equal(np.delete(table, 4), np.delete(usual.metrics[name], 4), equal_nan=True)
 
 
+def test_runs_with_slack_ropes_are_given_up_where_that_is_asked_for() -> None:
+    name, stiff = "controller.winch_1.kp", np.array([[0.001], [0.2], [0.01], [0.5]])  # the stiff ones go slack
+    usual = rollout([name], stiff, [scenario(4)], stride=10)
+    assert (usual.outcomes == "completed").all()
+    assert usual.metrics["slack_share"][:, 0] == pytest.approx([0, 0.1, 0, 0.1], abs=0.03)
+    result = rollout([name], stiff, [scenario(4)], stride=10, most_slack=0.02)
+    assert result.outcomes[:, 0].tolist() == ["completed", "went_slack", "completed", "went_slack"]
+    assert (result.end_times[[1, 3]] < 1).all()
+    assert all(np.isnan(table[[1, 3]]).all() for table in result.metrics.values())
+    for ours, theirs in ((result.metrics, usual.metrics), (result.columns, usual.columns)):
+        assert all(np.array_equal(ours[key][::2], theirs[key][::2], equal_nan=True) for key in ours), (
+            "the others, bit for bit"
+        )
+    assert same(usual, rollout([name], stiff, [scenario(4)], stride=10, most_slack=0.5), lambda table: table)
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.5, np.nan])
+def test_how_much_slack_there_may_be_is_a_share(share: float) -> None:
+    with pytest.raises(ConfigurationError, match=r"most_slack = .*: must be a share, 0 to 1"):
+        rollout(NAMES, GAINS, [scenario(4)], most_slack=share)
+
+
 def test_a_draw_of_an_ensemble_keeps_the_plant_its_controller_believes_in() -> None:
     sea = load_ensemble("sea")
     short = replace(sea, experiment=override(sea.experiment, {"simulation.duration": 2.0}))
