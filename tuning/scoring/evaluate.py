@@ -16,7 +16,7 @@ from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import survey
 from dualwinch.tuning.scoring.ranking import best_first, promising_first
-from dualwinch.tuning.scoring.runs import over, run_pairs
+from dualwinch.tuning.scoring.runs import LEAST_TENSION, over, run_pairs
 
 Margins = dict[str, WorstMargin]
 """Kind of a stability margin → the worst of some machines."""
@@ -32,6 +32,9 @@ FEW = 4
 
 LEADERS = 2
 """Candidates of a call, the best of it, that have to hold in the stress scenarios as well."""
+
+MOST_SLACK = 0.01
+"""Share of a run with a slack rope beyond which the run is given up, where no rope may be slack at all."""
 
 EXEMPT = ("paper", "start")
 """Origins of candidates that are never given up early: others are compared with them."""
@@ -59,6 +62,7 @@ class Evaluator:
         self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
         self._threads, problem = threads, prepared.problem
         self._units = problem.units
+        self._most_slack = MOST_SLACK if _keeps_tight(prepared.constraints) else None
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
     @property
@@ -78,9 +82,9 @@ class Evaluator:
         judged, whole, margins = self._tried(candidates, scenarios)
         leaders = [index for index in best_first(judged)[:LEADERS] if judged[index].feasible]
         if leaders and stress:
-            more = self.run([candidates[index] for index in leaders], stress)
+            more = self.run([candidates[index] for index in leaders], stress, to_the_end=False)
             for row, index in enumerate(leaders):
-                result = _joined(whole[index], more, row)
+                result = joined(whole[index], more, row)
                 met = [*scenarios, *stress]
                 judged[index] = self.judged(candidates[index], result, met, tuning=True, margins=margins[index])
         return judged
@@ -136,19 +140,31 @@ class Evaluator:
             self.margin_seconds += clock.now() - began
         return found
 
-    def run(self, candidates: Sequence[Candidate] | None, scenarios: Sequence[Experiment | Scenario]) -> BatchResult:
+    def run(
+        self,
+        candidates: Sequence[Candidate] | None,
+        scenarios: Sequence[Experiment | Scenario],
+        *,
+        to_the_end: bool = True,
+    ) -> BatchResult:
         """The rollouts of candidates, a row each, in some scenarios; without candidates, those of the scenarios' own.
+
+        Args:
+            candidates: whose gains.
+            scenarios: what is run.
+            to_the_end: also where a rope is slack for long (`MOST_SLACK`), though the constraints forbid that.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
         space = self.prepared.problem.space
+        most_slack = None if to_the_end else self._most_slack
         began = clock.now()
         if candidates is None:
             result = run_pairs([], [[]], scenarios, self._threads)
         else:
             points = [space.parameters(candidate.point) for candidate in candidates]
-            result = run_pairs(space.keys, points, scenarios, self._threads)
+            result = run_pairs(space.keys, points, scenarios, self._threads, most_slack)
         self.seconds += clock.now() - began
         self.rollouts += result.outcomes.size
         return result
@@ -195,9 +211,10 @@ class Evaluator:
         self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
     ) -> tuple[list[Evaluation], dict[int, BatchResult], list[Margins | None]]:
         """Evaluations, hopeless candidates given up after the first scenarios; results and margins of the others."""
+        exempt = any(candidate.origin in EXEMPT for candidate in candidates)
         if len(candidates) <= FEW:
-            result = self.run(candidates, scenarios)
-            whole = {row: _row(result, row) for row in range(len(candidates))}
+            result = self.run(candidates, scenarios, to_the_end=exempt)
+            whole = {row: row_of(result, row) for row in range(len(candidates))}
             margins = self._margins_of(candidates, whole)
             judged = [
                 self.judged(candidate, whole[row], scenarios, tuning=True, margins=margins[row])
@@ -205,7 +222,7 @@ class Evaluator:
             ]
             return judged, whole, margins
         first = scenarios[: self._first]
-        early = self.run(candidates, first)
+        early = self.run(candidates, first, to_the_end=exempt)
         judged = [
             self.judged(candidate, early, first, row, tuning=True, pruned=True)
             for row, candidate in enumerate(candidates)
@@ -213,8 +230,8 @@ class Evaluator:
         order = promising_first(judged)
         kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
         kept |= {index for index, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
-        late = self.run([candidates[index] for index in sorted(kept)], scenarios[self._first :])
-        whole = {index: _joined(_row(early, index), late, row) for row, index in enumerate(sorted(kept))}
+        late = self.run([candidates[index] for index in sorted(kept)], scenarios[self._first :], to_the_end=exempt)
+        whole = {index: joined(row_of(early, index), late, row) for row, index in enumerate(sorted(kept))}
         margins = self._margins_of(candidates, whole)
         for index, result in whole.items():
             judged[index] = self.judged(candidates[index], result, scenarios, tuning=True, margins=margins[index])
@@ -228,15 +245,23 @@ class Evaluator:
         return self.margins(candidates, self.prepared.margins, completed)
 
 
-def _row(result: BatchResult, row: int) -> BatchResult:
+def _keeps_tight(constraints: Sequence[Constraint]) -> bool:
+    """Whether constraints forbid slack ropes."""
+    return any(
+        constraint.statistic.name == LEAST_TENSION and constraint.at_least and constraint.bound > 0
+        for constraint in constraints
+    )
+
+
+def row_of(result: BatchResult, row: int) -> BatchResult:
     """One candidate's results as a result of one row."""
     metrics = {name: table[row : row + 1] for name, table in result.metrics.items()}
     return BatchResult(result.outcomes[row : row + 1], result.end_times[row : row + 1], metrics, {})
 
 
-def _joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
+def joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
     """One candidate's results in the first scenarios, and a row of those in others, as one result of one row."""
-    more = _row(late, row)
+    more = row_of(late, row)
     metrics = {name: np.hstack([early.metrics[name], more.metrics[name]]) for name in early.metrics}
     return BatchResult(
         outcomes=np.hstack([early.outcomes, more.outcomes]),

@@ -11,24 +11,30 @@ class Plan:
     """Numbers of the final choice and of the score.
 
     Attributes:
-        finalists: of the first round, beside the start.
+        finalists: of a ladder of the first round.
+        sieved: rollouts after which no further ladder is begun.
         draws, vertices: of the ensemble, in which they meet.
+        hard, looked_at: further draws in which they meet, the hardest of so many.
         last: finalists of the second round, beside the start.
         last_draws: further draws, in which they meet.
         held_out: scenarios that score the best, the start and the paper's gains.
     """
 
     finalists: int = 16
+    sieved: int = 4000
     draws: int = 96
     vertices: int = 32
+    hard: int = 8
+    looked_at: int = 400
     last: int = 4
     last_draws: int = 192
     held_out: int = 200
 
     @property
     def rollouts(self) -> int:
-        """Rollouts that it takes, with those of the start and of the paper's gains."""
-        first = (self.finalists + 2) * (self.draws + self.vertices)
+        """Rollouts that it takes, nearly, with those of the start and of the paper's gains."""
+        scenarios = self.draws + self.vertices + self.hard
+        first = max(self.sieved, self.finalists * scenarios // 2) + 2 * scenarios
         return first + (self.last + 2) * self.last_draws + 3 * self.held_out
 
     def scaled(self, share: float) -> "Plan":
@@ -40,16 +46,16 @@ class Plan:
 FULL = Plan()
 """What is made where nobody is in a hurry."""
 
-LEAST = Plan(finalists=4, draws=8, vertices=4, last=2, last_draws=8, held_out=32)
+LEAST = Plan(finalists=16, sieved=0, draws=8, vertices=4, hard=1, looked_at=25, last=2, last_draws=8, held_out=32)
 """The fewest that are worth anything."""
 
 STEPS = 20
 """Shares of a plan that are looked at."""
 
-BESIDE_SHARE, BESIDE_SECONDS = 0.15, 3.0
+BESIDE_SHARE, BESIDE_SECONDS = 0.3, 3.0
 """What everything beside a search of some time may take: a share of it, or the time in s if that is longer."""
 
-LEFT_SHARE, LEFT_SECONDS = 0.1, 1.0
+LEFT_SHARE, LEFT_SECONDS = 0.2, 1.0
 """What choosing and scoring may take where preparing has taken what there was, as when much had to be compiled: a share
 of the search, or the time in s if that is longer. What is presented rests on it."""
 

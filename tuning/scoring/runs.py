@@ -2,11 +2,14 @@
 
 from collections.abc import Sequence
 
-from dualwinch.simulation.batch.rollout import BatchResult, rollout
+from dualwinch.simulation.batch.rollout import WENT_SLACK, BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.scoring.measured import measured
+
+LEAST_TENSION = "worst.min_tension"
+"""The statistic by which ropes are kept from being slack."""
 
 
 def run_pairs(
@@ -14,13 +17,14 @@ def run_pairs(
     parameters: Sequence[Sequence[float]],
     scenarios: Sequence[Experiment | Scenario],
     threads: int | None = None,
+    most_slack: float | None = None,
 ) -> BatchResult:
-    """`rollout`, but an interrupt is raised, for half a batch is of no use here.
+    """`rollout`, but an interrupt is raised, for half a batch is of no use here; arguments as there.
 
     Raises:
         KeyboardInterrupt: it was interrupted, even if every rollout was under way by then and is finished.
     """
-    result = rollout(keys, parameters, scenarios, threads=threads)
+    result = rollout(keys, parameters, scenarios, threads=threads, most_slack=most_slack)
     if result.interrupted:
         raise KeyboardInterrupt
     return result
@@ -32,6 +36,11 @@ def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
 
 
 def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
-    """A statistic of a row of a result, over the scenarios that count and ran to their end; finite."""
+    """A statistic of a row of a result, over the scenarios that count and ran to their end; finite.
+
+    A run that was given up because a rope was slack had a tension of zero, whatever else came of it.
+    """
+    if statistic.name == LEAST_TENSION and (result.outcomes[row] == WENT_SLACK).any():
+        return 0.0
     counted = [counts(statistic, scenario) for scenario in scenarios]
     return measured(statistic, result.metrics[statistic.metric][row, (result.outcomes[row] == "completed") & counted])

@@ -17,15 +17,19 @@ from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.finalists import rungs, those_that_hold
 from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, soundest_first
-from dualwinch.tuning.scoring.scenarios import choosable, drawn, vertices
+from dualwinch.tuning.scoring.scenarios import choosable, demanding, drawn, overwhelming, vertices
+from dualwinch.tuning.scoring.sieve import Sieve
 from dualwinch.tuning.scoring.verdict import Verdict
 
-RUNG, GROWTH = 0.02, 1.17
-"""How much larger, as a share, the objective of the second finalist is than that of the first, where they were tuned;
-and by which factor that grows from each to the next. The best are told apart; the last is three times the first."""
+RANGE = 3.0
+"""How many times the objective of the best, where tuned, one may have that holds where motors are overwhelmed, too.
+
+That is how far finalists reach. Where none of these holds, the best is chosen without such scenarios.
+"""
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 NOT_HELD_OUT = "{trials} better than the start where chosen, but not in the held-out scenarios"
@@ -99,16 +103,51 @@ def _finals(
 ) -> list[tuple[Evaluation, Evaluation]]:
     """The trials that are better than the start, the best first: as tuned, and what each came to in the last round.
 
-    The very best where tuned are often the ones that only just hold: so the finalists are a ladder from the best to
-    ever more cautious ones. The soundest of these among other draws and vertices of the ensemble, which are good and
-    keep off their bounds (`soundest_first`), meet once more, in draws; the start is there both times. Behind them
-    come the others, by the first round.
+    The soundest of those that hold among other draws and vertices of the ensemble, which are good and keep off their
+    bounds (`soundest_first`), meet once more, in draws; the start is there both times. Behind them come the others, by
+    the first round. Those that hold in overwhelming vertices as well are preferred, unless that costs too much.
     """
-    finalists = [trial for trial in _finalists(evaluator.prepared.problem, trials, plan) if trial.point != start.point]
-    first, last = _scenarios(evaluator.prepared.problem, plan)
-    ranking = _ranked(evaluator, finalists, start, first)
+    first, last, beyond = _scenarios(evaluator.prepared.problem, plan)
+    others = [trial for trial in trials if trial.point != start.point]
+    ranking = _first_round(evaluator, others, start, [*beyond, *first], plan)
+    if beyond and _given_away(others, ranking):
+        ranking = _first_round(evaluator, others, start, first, plan)
     again = [trial for trial, _ in ranking[: plan.last]]
     return _ranked(evaluator, again, start, last) + ranking[plan.last :]
+
+
+def _given_away(trials: Sequence[Evaluation], ranking: Sequence[tuple[Evaluation, Evaluation]]) -> bool:
+    """Whether all that hold are far behind the best where tuned (`RANGE`): too much was asked of a short search."""
+    best = trials[best_first(trials)[0]].objectives[0] if trials else 0.0
+    return all(trial.objectives[0] > RANGE * best for trial, _ in ranking)
+
+
+def _first_round(
+    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, scenarios: Sequence[Scenario], plan: Plan
+) -> list[tuple[Evaluation, Evaluation]]:
+    """Trials that are better than the start in some scenarios, the best first, and what each came to there.
+
+    Those that hold there; where none does, the finalist that fails the least is the best.
+    """
+    problem = evaluator.prepared.problem
+    ordered = [trials[index] for index in best_first(trials) if not trials[index].pruned]
+    if not ordered:
+        return []
+    if len(problem.objectives) == 1:
+        first = [ordered[index] for index in rungs(ordered, plan.finalists)]
+    else:
+        front = [trials[index] for index in pareto_front(trials)] or ordered
+        first = front[:: -(-len(front) // plan.finalists)]
+    sieve, before = Sieve(evaluator, scenarios), evaluator.rollouts
+    if len(problem.objectives) == 1:
+        met = those_that_hold(ordered, first, sieve.held, lambda: evaluator.rollouts - before < plan.sieved)
+    else:
+        met = sieve.held(first)
+    if not met:
+        return _ranked(evaluator, first, start, scenarios)
+    (reference,) = evaluator.over([start.candidate], scenarios, constraints=sieve.constraints)
+    found = [result for _, result in met]
+    return [met[index] for index in soundest_first(found, MARGIN) if beats(found[index], reference)]
 
 
 def _ranked(
@@ -123,45 +162,19 @@ def _ranked(
     return [(trials[index], met[index]) for index in soundest_first(met, MARGIN) if beats(met[index], reference)]
 
 
-def _finalists(problem: Problem, trials: Sequence[Evaluation], plan: Plan) -> list[Evaluation]:
-    whole = [trials[index] for index in best_first(trials) if not trials[index].pruned]
-    if len(problem.objectives) == 1:
-        return [whole[index] for index in rungs(whole, plan.finalists)]
-    front = [trials[index] for index in pareto_front(trials)] or whole
-    return front[:: -(-len(front) // plan.finalists)]
+def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scenario], list[Scenario]]:
+    """Scenarios to choose in, of both rounds, and overwhelming ones.
 
-
-def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scenario]]:
-    """Scenarios to choose in, of both rounds: draws (`choosable`), to the first of which vertices come."""
+    Draws (`choosable`), to the first of which hard ones and vertices come.
+    """
     if problem.ensemble is None:
         raise ValueError("only an ensemble has scenarios to choose in")
     ensemble = replace(problem.ensemble, experiment=problem.experiment)
-    seed = problem.seed + SELECTION
-    picks = vertices(ensemble, plan.vertices, seed)
-    draws = list(ensemble.scenarios(plan.draws + plan.last_draws, seed))
-    first = [*choosable(draws[: plan.draws]), *drawn(picks, ensemble, seed)]
-    return first, choosable(draws[plan.draws :])
-
-
-def rungs(ordered: Sequence[Evaluation], most: int) -> list[int]:
-    """Indices of trials: the best, then of each further rung the one that keeps furthest from its bounds.
-
-    A rung holds the trials whose objective is a share larger than that of its first one, ever more of them (`RUNG`).
-
-    Args:
-        ordered: trials, the best first.
-        most: number of indices, at most.
-    """
-    starts = [0]
-    for index, trial in enumerate(ordered):
-        above, width = ordered[starts[-1]], 1 + RUNG * GROWTH ** (len(starts) - 1)
-        if trial.feasible != above.feasible or trial.objectives[0] > width * above.objectives[0]:
-            starts.append(index)
-    ends = [*starts[1:], len(ordered)]
-    further = [
-        max(range(start, end), key=lambda index: ordered[index].reserve)
-        for start, end in zip(starts[1:most], ends[1:most], strict=True)
-    ]
-    found = [0, *further]
-    rest = [index for index in range(len(ordered)) if index not in found]
-    return sorted(found + rest[: most - len(found)])
+    seed, drawn_before = problem.seed + SELECTION, plan.draws + plan.last_draws
+    corners = vertices(ensemble, plan.vertices, seed)
+    further = range(drawn_before, drawn_before + plan.looked_at)
+    picks = [*demanding(ensemble, plan.hard, further, seed), *corners]
+    draws = list(ensemble.scenarios(drawn_before, seed))
+    first = [*drawn(picks, ensemble, seed), *choosable(draws[: plan.draws])]
+    beyond = drawn(overwhelming(ensemble, seed, corners), ensemble, seed)
+    return first, choosable(draws[plan.draws :]), beyond

@@ -11,6 +11,7 @@ from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.paired_run import paper_controller
 from dualwinch.tuning.optimisers import linearise as lineariser
 from dualwinch.tuning.prepared import STRESS, Prepared, prepare
+from dualwinch.tuning.problem import MARGIN
 from dualwinch.tuning.scoring import runs
 from dualwinch.tuning.scoring.evaluate import FAILED, LEADERS, Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
@@ -106,6 +107,32 @@ def test_hopeless_candidates_stop_after_the_first_scenarios_and_the_paper_never(
     assert not any(trial.pruned for trial in whole)
     for early, late in zip(found, whole, strict=True):
         assert early.scenarios != 4 or early.statistics == late.statistics  # bit for bit: common scenarios
+
+
+def test_candidates_with_slack_ropes_are_given_up_where_no_rope_may_be_slack(make_problem: MakeProblem) -> None:
+    kp = "controller.winch_1.kp"
+    tight, free = (
+        Evaluator(
+            prepare(
+                make_problem(
+                    settings=["simulation.duration=1"], space=[f"{kp}=1e-4:10:log"], scenarios=2, constraints=bounds
+                )
+            )
+        )
+        for bounds in (["worst.min_tension>=10"], ["mean.chatter<=100*paper"])
+    )
+    stiff, start = Candidate({kp: 0.5}, "method"), Candidate({kp: 0.5}, "start")
+    (ours,) = tight.evaluate([stiff])
+    assert ours.outcomes["went_slack"] > 0
+    assert ours.statistics["worst.min_tension"] == 0
+    assert ours.violations["worst.min_tension >= 10 N"] == pytest.approx(1 + MARGIN)
+    assert ours.violations[FAILED] > 0
+    (theirs,) = free.evaluate([stiff])
+    assert set(theirs.outcomes) == {"completed"}, "where ropes may be slack nobody is given up for it"
+    assert theirs.statistics["worst.min_tension"] == 0
+    (first,) = tight.evaluate([start])
+    assert set(first.outcomes) == {"completed"}, "what others are compared with runs to its end"
+    assert set(tight.over([stiff], tight.prepared.scenarios)[0].outcomes) == {"completed"}
 
 
 def test_diverged_candidates_are_infeasible_finite_and_survive_storage(make_problem: MakeProblem) -> None:

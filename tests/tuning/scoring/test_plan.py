@@ -1,6 +1,6 @@
 """How much is made of choice and score: all of it without hurry, less beside a short search, never nothing."""
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import pytest
 from hypothesis import given
@@ -28,7 +28,7 @@ def test_what_is_affordable_takes_no_more_time_than_there_is_or_is_the_least(sec
 
 
 def test_more_time_buys_more_scenarios_until_there_are_all() -> None:
-    plans = [affordable(FULL, seconds, 1e-3) for seconds in (0.0, 1.0, 2.0, 4.0, 60.0)]
+    plans = [affordable(FULL, seconds, 1e-3) for seconds in (0.0, 2.0, 4.0, 8.0, 60.0)]
     assert [plan.held_out for plan in plans] == sorted({plan.held_out for plan in plans})
     assert (plans[0], plans[-1]) == (LEAST, FULL)
 
@@ -40,7 +40,7 @@ def test_fewer_than_the_least_are_kept_where_they_are_asked_for() -> None:
 @pytest.mark.parametrize(
     ("search", "spent", "left"),
     [
-        (20, 0.5, BESIDE_SECONDS - 0.5),
+        (5, 0.5, BESIDE_SECONDS - 0.5),
         (20, 9, 20 * LEFT_SHARE),
         (3, 9, LEFT_SECONDS),
         (600, 5, 600 * BESIDE_SHARE - 5),
@@ -51,5 +51,6 @@ def test_what_is_beside_a_search_is_limited(search: float, spent: float, left: f
 
 
 def test_rollouts_are_those_of_both_rounds_with_start_and_paper_and_of_three_scores() -> None:
-    plan = Plan(finalists=2, draws=3, vertices=4, last=1, last_draws=5, held_out=6)
-    assert plan.rollouts == 4 * 7 + 3 * 5 + 3 * 6
+    plan = Plan(finalists=4, sieved=20, draws=3, vertices=4, hard=2, last=1, last_draws=5, held_out=6)
+    assert plan.rollouts == 20 + 2 * 9 + 3 * 5 + 3 * 6
+    assert replace(plan, sieved=10).rollouts == plan.rollouts - 2, "half of the first ladder holds"

@@ -1,5 +1,6 @@
 """Which scenarios are tuned and chosen in: typical ones for the means, hard ones for what is the worst."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,7 +8,17 @@ import numpy as np
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.analysis.required_force import demand, required_force, within_authority
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.tuning.scoring.scenarios import FURTHEST, LOOKED_AT, choosable, drawn, pick, vertices
+from dualwinch.tuning.scoring.scenarios import (
+    BEHIND,
+    FURTHEST,
+    LOOKED_AT,
+    choosable,
+    demanding,
+    drawn,
+    overwhelming,
+    pick,
+    vertices,
+)
 
 SEA = load_ensemble("sea")
 
@@ -19,6 +30,7 @@ def share(scenario: Scenario) -> float:
 
 def test_typical_and_hard_scenarios_take_turns() -> None:
     picks, more = pick(SEA, 12, 3, 3)
+    assert all(picked.index < LOOKED_AT for picked in (*picks, *more))
     assert [picked.hard for picked in picks] == [False, True] * 6
     assert [picked.vertex for picked in picks if picked.hard] == [False, True] * 3
     assert len(more) == 3
@@ -49,6 +61,40 @@ def test_the_motors_can_hold_vertices() -> None:
     found = drawn(vertices(SEA, 12, 0), SEA, 0)
     assert all(scenario.vertex and scenario.hard and within_authority(scenario.experiment) for scenario in found)
     assert len({scenario.index for scenario in found}) == 12
+
+
+def test_one_vertex_overwhelms_the_motors_and_further_ones_do_among_the_further_scenarios() -> None:
+    picks, more = pick(SEA, 12, 16, 3)
+    beyond = [picked for picked in picks if demand(drawn([picked], SEA, 3)[0].experiment).shortfall > FURTHEST]
+    assert beyond == [picks[-1]]
+    assert [each.index for each in overwhelming(SEA, 3, ())] == [picks[-1].index, *(each.index for each in more[-2:])]
+    assert all(picked.vertex and picked.hard for picked in (picks[-1], *more[-2:]))
+    behind = [demand(each.experiment).shortfall for each in SEA.chosen(range(LOOKED_AT), 3, vertex=True)]
+    assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
+    assert all(behind[each.index] > FURTHEST for each in more[-2:])
+
+
+def test_what_the_motors_can_always_hold_is_overwhelmed_by_nothing() -> None:
+    calm = replace(SEA, distributions={})
+    assert overwhelming(calm, 3, ()) == []
+    picks, more = pick(calm, 12, 3, 3)
+    assert (len(picks), len(more)) == (12, 3)
+    assert sum(picked.vertex for picked in picks) == 3
+
+
+def test_overwhelming_vertices_are_others_than_those_that_are_taken() -> None:
+    (first, *_) = overwhelming(SEA, 3, ())
+    others = overwhelming(SEA, 3, [first])
+    assert len(others) == len(BEHIND)
+    assert first not in others
+
+
+def test_the_most_demanding_of_some_draws_are_known_by_their_own_numbers() -> None:
+    among = range(500, 560)
+    found = drawn(demanding(SEA, 5, among, 3), SEA, 3)
+    assert all(scenario.index in among and scenario.hard for scenario in found)
+    bearable = [each for each in SEA.chosen(among, 3) if demand(each.experiment).shortfall <= FURTHEST]
+    assert [each.index for each in found] == [each.index for each in sorted(bearable, key=share, reverse=True)[:5]]
 
 
 def test_few_scenarios_are_some_of_each() -> None:

@@ -1,7 +1,6 @@
 """The choice of the best: in scenarios of their own, never worse than the start, scored in others never seen."""
 
-from collections.abc import Iterable
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Sequence
 
 import pytest
 
@@ -14,13 +13,15 @@ from dualwinch.tuning.scoring import selection
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.plan import Plan
-from dualwinch.tuning.scoring.selection import NOT_CHOSEN, RUNG, judge, rungs
+from dualwinch.tuning.scoring.scenarios import Pick
+from dualwinch.tuning.scoring.selection import NOT_CHOSEN, RANGE, judge
+from dualwinch.tuning.scoring.sieve import Sieve
 from dualwinch.tuning.storage.memory import Memory
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
 
-SMALL = Plan(finalists=6, draws=5, vertices=3, last=2, last_draws=7, held_out=10)
+SMALL = Plan(finalists=6, sieved=100, draws=5, vertices=3, hard=2, looked_at=20, last=2, last_draws=7, held_out=20)
 
 BETA = "controller.nftsm.beta"
 
@@ -53,14 +54,14 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
         seeds((*prepared.scenarios, *prepared.stress)),
         seeds(problem.ensemble.scenarios(12, problem.seed + SELECTION)),
     ]
-    ours.append(seeds(problem.drawn(10, problem.seed + HELD_OUT)))
+    ours.append(seeds(problem.drawn(20, problem.seed + HELD_OUT)))
     assert len(set.union(*ours)) == sum(map(len, ours))
     assert verdict.improved
     assert verdict.selection is not None
     assert verdict.selection.scenarios == SMALL.last_draws
     assert verdict.held_out
     assert {name: score.evaluation.scenarios for name, score in verdict.scores.items()} == dict.fromkeys(
-        ("best", "start", "paper"), 10
+        ("best", "start", "paper"), 20
     )
     assert verdict.shown == ("best", "start", "paper")
     assert verdict.improvement("mean.mse") > 1
@@ -137,24 +138,26 @@ def test_the_start_and_the_papers_gains_are_one_where_they_do_the_same(make_prob
     assert verdict.shown == ("best", "paper")
 
 
-def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
-    ordered = [Evaluation(Candidate({}, ""), (1.01**number,), {}, {}, {}, 1) for number in range(400)]
-    found = rungs(ordered, 16)
-    values = [ordered[index].objectives[0] for index in found]
-    assert len(found) == 16
-    assert found[0] == 0
-    assert all(after / before > 1 + RUNG for before, after in pairwise(values))
-    assert 2.5 < values[-1] / values[0] < 4
+def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evaluator = Evaluator(prepare(make_problem(scenarios=2)))
+    trials = studied(evaluator, 32)
+    usual = judge(evaluator, trials, SMALL).best  # in 0.1 s nothing overwhelms the motors
+    beyond, held = Pick(10_000, vertex=True, hard=True), Sieve.held
+    monkeypatch.setattr(selection, "overwhelming", lambda *_: [beyond])
 
+    def best_where(holds: Callable[[Evaluation], bool]) -> Evaluation:
+        """The best where some trials alone hold against the overwhelming vertex."""
 
-def test_of_a_rung_the_most_cautious_is_taken() -> None:
-    caution = [0.0, 0.5, 0.1, 0.3, 0.2]
-    ordered = [
-        Evaluation(
-            Candidate({}, ""), (1.001**number,), {"worst.peak_tension <= 6000 N": -caution[number % 5]}, {}, {}, 1
-        )
-        for number in range(4000)
-    ]
-    found = rungs(ordered, 16)
-    assert found[0] == 0, "the best is always there"
-    assert {ordered[index].reserve for index in found[1:]} == {0.5}
+        def those(sieve: Sieve, given: Sequence[Evaluation]) -> list[tuple[Evaluation, Evaluation]]:
+            overwhelmed = any(scenario.vertex and scenario.index == beyond.index for scenario in sieve.scenarios)
+            return [(trial, met) for trial, met in held(sieve, given) if not overwhelmed or holds(trial)]
+
+        monkeypatch.setattr(Sieve, "held", those)
+        return judge(evaluator, trials, SMALL).best
+
+    least = min(trial.objectives[0] for trial in trials if trial.feasible)
+    assert best_where(lambda _: False).point == usual.point
+    assert best_where(lambda trial: trial.objectives[0] > RANGE * least).point == usual.point
+    assert best_where(lambda trial: trial.point != usual.point).point != usual.point

@@ -1,0 +1,71 @@
+"""The sieve: it drops only what does not hold, where most have failed, and gives the others whole."""
+
+from dataclasses import replace
+
+import pytest
+
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.problem import SELECTION, Problem
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.sieve import FIRST, Sieve
+from tests.tuning.conftest import MakeProblem
+
+PRELOAD = "controller.coordination.preload"
+SHARES = (0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4)
+
+
+def others(problem: Problem) -> list[Scenario]:
+    """Scenarios that nothing was tuned in."""
+    assert problem.ensemble
+    return list(replace(problem.ensemble, experiment=problem.experiment).scenarios(30, problem.seed + SELECTION))
+
+
+def trials(evaluator: Evaluator) -> list[Evaluation]:
+    """Trials that differ in preload: the more, the higher the peaks."""
+    start = evaluator.prepared.problem.start
+    points = [start | {PRELOAD: share * float(start[PRELOAD])} for share in SHARES]
+    return [
+        replace(each, number=number)
+        for number, each in enumerate(evaluator.evaluate([Candidate(point, "x") for point in points]))
+    ]
+
+
+@pytest.fixture
+def evaluator(make_problem: MakeProblem) -> Evaluator:
+    """Of a problem whose peaks are bounded where half of the trials exceed the bound in some scenario."""
+    free = Evaluator(prepare(make_problem()), prune=False)
+    peaks = [
+        each.statistics["worst.peak_tension"]
+        for each in free.over([trial.candidate for trial in trials(free)], others(free.prepared.problem))
+    ]
+    bound = sum(sorted(peaks)[3:5]) / 2
+    return Evaluator(prepare(make_problem(constraints=[f"worst.peak_tension<={bound}"])), prune=False)
+
+
+def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_is_dropped(evaluator: Evaluator) -> None:
+    given, scenarios = trials(evaluator), others(evaluator.prepared.problem)
+    whole = evaluator.over([trial.candidate for trial in given], scenarios)
+    held = Sieve(evaluator, scenarios).held(given)
+    assert [trial.number for trial, _ in held] == [number for number, each in enumerate(whole) if each.feasible]
+    assert 0 < len(held) < len(given)
+    for trial, met in held:
+        assert met.scenarios == len(scenarios)
+        assert met.statistics == pytest.approx(whole[trial.number].statistics, rel=1e-12)
+
+
+def test_trials_meet_first_where_most_have_failed(evaluator: Evaluator) -> None:
+    given, scenarios = trials(evaluator), others(evaluator.prepared.problem)
+    sieve = Sieve(evaluator, scenarios)
+    sieve.meet(given)
+    before = evaluator.rollouts
+    failing = [trial for trial in given if trial not in [one for one, _ in sieve.held(given)]]
+    assert failing
+    before = evaluator.rollouts
+    assert sieve.meet(failing) == [None] * len(failing)
+    assert evaluator.rollouts - before == FIRST * len(failing)
+
+
+def test_nobody_meets_nowhere(evaluator: Evaluator) -> None:
+    assert Sieve(evaluator, others(evaluator.prepared.problem)).held([]) == []
