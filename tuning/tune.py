@@ -5,7 +5,7 @@ from dataclasses import replace
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning import clock
 from dualwinch.tuning.finished import Cost
-from dualwinch.tuning.optimisers import check_method, default_method, optimiser
+from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.progress import SEARCHING, SILENT, Progress, Watch
@@ -17,6 +17,9 @@ from dualwinch.tuning.storage.opening import quiet
 from dualwinch.tuning.storage.store import Budget, Store
 from dualwinch.tuning.study import search
 from dualwinch.tuning.tuned import Tuned
+
+WORTH_COMPILING = 20.0
+"""Time in s of a search from which on all that it may call is compiled before, and takes nothing of that time."""
 
 
 def tune(
@@ -70,6 +73,8 @@ def tune(
     quiet()
     began = clock.now()
     prepared = prepare(problem, threads, watch)
+    if seconds is not None and seconds >= WORTH_COMPILING:
+        compile_ahead(method, prepared)
     store = store or Memory()
     evaluator = Evaluator(prepared, threads=threads)
     proposer = optimiser(method, prepared, problem.seed + store.count())

@@ -1,6 +1,7 @@
 """A rollout with its exact sensitivities in compiled C: the run once, its slopes and their products in lanes."""
 
 import ctypes
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -27,6 +28,10 @@ PRODUCTS = "SAMPLE_PRODUCT", "ONE_STEP_PRODUCT", "OBSERVE_PRODUCT"
 """Macros of sensitivity.c, in the order in which it takes what their slopes need."""
 
 
+MOST_DIRECTIONS = 2 * LANES
+"""Directions that one call takes at most: tangents of all the state along more would leave the nearest cache."""
+
+
 @dataclass(frozen=True)
 class Varied:
     """What runs are differentiated by, and which of their columns.
@@ -43,8 +48,10 @@ class Varied:
 
     @property
     def directions(self) -> int:
-        """How many directions one call takes: half the lanes are enough for few numbers."""
-        return LANES // 2 if len(self.parameters) + len(self.signals) <= LANES // 2 else LANES
+        """How many directions one call takes: half lanes enough for all, or for an even share of them."""
+        half, numbers = LANES // 2, len(self.parameters) + len(self.signals)
+        calls = math.ceil(numbers / MOST_DIRECTIONS) or 1
+        return half * math.ceil(max(numbers, 1) / (half * calls))
 
 
 def _along(move: ca.Function, varied: Varied) -> ca.Function:

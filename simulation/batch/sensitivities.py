@@ -110,16 +110,25 @@ def sensitivities(
     return run_in_groups(run, scenarios, progress)
 
 
-def _sensitivities(
-    seeds: TangentSeeds, columns: tuple[str, ...], stride: int, threads: int | None, progress: Progress
-) -> Sensitivities:
+def compile_ahead(names: Sequence[str], values: Sequence[float], scenario: Experiment | Scenario) -> None:
+    """Compile what `sensitivities` will run in scenarios like one, so that its first call takes no longer than others.
+
+    Args:
+        names: keys of the numbers.
+        values: one for each.
+        scenario: one of those to come.
+
+    Raises:
+        ConfigurationError, DualwinchError: as `sensitivities`.
+    """
+    _compiled(TangentSeeds(names, [values], [scenario]), ())
+
+
+def _compiled(seeds: TangentSeeds, columns: tuple[str, ...]) -> Sensitivity:
+    """The compiled run of some numbers, with the tangents of some columns."""
     pairs = seeds.pairs
-    for column in columns:
-        if column not in pairs.loop.columns:
-            near = nearest(column, pairs.loop.columns)
-            raise ConfigurationError(f"columns: unknown column '{column}'; did you mean '{near}'?")
     smooth = closed_loop(pairs.structure, pairs.zeros | steps(pairs.structure))
-    run = compile_sensitivity(
+    return compile_sensitivity(
         pairs.loop,
         smooth,
         Varied(
@@ -128,6 +137,17 @@ def _sensitivities(
             columns=tuple(pairs.loop.columns.index(column) for column in columns),
         ),
     )
+
+
+def _sensitivities(
+    seeds: TangentSeeds, columns: tuple[str, ...], stride: int, threads: int | None, progress: Progress
+) -> Sensitivities:
+    pairs = seeds.pairs
+    for column in columns:
+        if column not in pairs.loop.columns:
+            near = nearest(column, pairs.loop.columns)
+            raise ConfigurationError(f"columns: unknown column '{column}'; did you mean '{near}'?")
+    run = _compiled(seeds, columns)
     shape, p = pairs.shape, len(seeds.names)
     kept = -(-pairs.samples // stride) if stride else 0
     merits = describe(metrics_with(pairs.structure.metrics))

@@ -99,7 +99,8 @@ def test_what_is_found_after_the_first_minimum_is_kept(gentle: Problem) -> None:
 
 def test_the_slopes_of_a_chaotic_run_are_no_guide(gentle: Problem) -> None:
     chaotic: Point = {"controller.nftsm.beta": 2.1, "controller.observer.l0": 90.0, "controller.observer.kf": 40.0}
-    model = linearise(prepare(gentle), chaotic)
+    prepared = prepare(gentle)
+    model = linearise(prepared, prepared.scenarios, chaotic)
     assert np.abs(model.slope).max() < 1e6
     assert np.abs(linear_step(model, gentle.space.encoded(chaotic), 0.1)).max() <= 0.1
 

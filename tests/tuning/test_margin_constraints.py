@@ -19,6 +19,7 @@ from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.constraint import Constraint, constraints_from
 from dualwinch.tuning.objective import objectives_from
+from dualwinch.tuning.optimisers.deciding import deciding
 from dualwinch.tuning.optimisers.linearise import linearise
 from dualwinch.tuning.optimisers.margin_slopes import margin_slopes
 from dualwinch.tuning.prepared import prepare
@@ -107,7 +108,7 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(b
 
 def test_who_is_given_up_or_fails_is_not_looked_at(bounded: Problem) -> None:
     prepared = prepare(bounded)
-    candidates = [Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 7)]
+    candidates = [Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 13)]
     found = Evaluator(prepared).evaluate(candidates)
     assert {trial.pruned for trial in found} == {False, True}
     for trial in found:
@@ -134,7 +135,7 @@ def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: Pro
         rows = [bounded.space.parameters(point) for point in apart]
         above, below = (worst["delay"].value for worst in prepared.margins.worst(rows, ["delay"]))
         assert slopes[index] == pytest.approx((above - below) / 2e-4, rel=2e-2)
-    model = linearise(prepared, bounded.start)
+    model = linearise(prepared, deciding(prepared, bounded.start), bounded.start)
     assert model.violations.max() == pytest.approx(
         max(prepared.constraints[0].violation(value, MARGIN), model.violations.max())
     )

@@ -8,6 +8,7 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.tuning import clock
+from dualwinch.tuning import tune as tuning
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, importances, parallel_coordinates
@@ -199,6 +200,17 @@ def test_every_figure_says_what_it_shows(tuned: Tuned) -> None:
         assert figure.texts[0].get_text()
         assert all(axes.lines or axes.patches for axes in figure.axes)
     assert sum(importances(problem, trials).values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(("worth", "ahead"), [(0.01, ["hybrid"]), (10.0, [])])
+def test_a_search_that_is_worth_it_has_all_compiled_before(
+    worth: float, ahead: list[str], make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled: list[str] = []
+    monkeypatch.setattr(tuning, "WORTH_COMPILING", worth)
+    monkeypatch.setattr(tuning, "compile_ahead", lambda method, _: compiled.append(method))
+    tune(make_problem(), seconds=0.1, held_out=6)
+    assert compiled == ahead
 
 
 def test_a_problem_runs_nothing(make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Protocol
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.optimisers import linearise
 from dualwinch.tuning.optimisers.cma import Cma
 from dualwinch.tuning.optimisers.gradient import Gradient
 from dualwinch.tuning.optimisers.hybrid import Hybrid
@@ -55,6 +56,9 @@ METHODS: dict[str, Method] = {
 ONE_OBJECTIVE = ("cmaes", "gradient", "hybrid")
 """Methods for a single objective."""
 
+WITH_GRADIENTS = ("gradient", "hybrid")
+"""Methods that take exact gradients."""
+
 
 def default_method(objectives: int) -> str:
     """The method where nobody asks for one."""
@@ -71,6 +75,16 @@ def check_method(method: str, objectives: int) -> None:
         raise ConfigurationError(f"--method {method}: must be one of {', '.join(METHODS)}")
     if method in ONE_OBJECTIVE and objectives > 1:
         raise ConfigurationError(f"--method {method}: has one objective; use nsga2, nsga3 or tpe for several")
+
+
+def compile_ahead(method: str, prepared: Prepared) -> None:
+    """Compile what a method will call beside rollouts; else it does so when it comes to that.
+
+    Raises:
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+    if method in WITH_GRADIENTS:
+        linearise.compile_ahead(prepared)
 
 
 def optimiser(method: str, prepared: Prepared, seed: int) -> Optimiser:

@@ -7,13 +7,17 @@ the next one starts elsewhere, at the best of some random candidates.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import promising_first
 from dualwinch.tuning.space import Point
+
+Floats = NDArray[np.float64]
 
 FIRST_SIGMA = 0.2
 """First standard deviation, in shares of each range."""
@@ -27,8 +31,22 @@ EDGE = 0.02
 SCOUTS = 64
 """Random candidates, the best of which is where the next strategy starts."""
 
-PATIENCE, GAIN = 25, 0.02
-"""Generations in which a strategy has to get better by this share; else the next one starts."""
+
+@dataclass(frozen=True)
+class Patience:
+    """How long a strategy may take.
+
+    Attributes:
+        generations: in which it has to get better.
+        gain: by which share.
+    """
+
+    generations: int
+    gain: float
+
+
+ALONE = Patience(25, 0.02)
+"""Of a search that has nothing else to turn to."""
 
 
 class Cma:
@@ -36,27 +54,36 @@ class Cma:
 
     Attributes:
         finished: how many times it got no further.
+        leader: the best of what the last strategy that got no further has brought.
         rollouts: none of its own.
     """
 
     rollouts = 0
 
-    def __init__(self, prepared: Prepared, seed: int) -> None:
+    def __init__(self, prepared: Prepared, seed: int, patience: Patience = ALONE) -> None:
         """The strategy of a problem; the same seed gives the same candidates."""
+        self._first = patience
         self._space = prepared.problem.space
         self._random = np.random.default_rng(seed)
         self._waiting: list[Evaluation] = []
         self.finished = 0
+        self.leader: Evaluation | None = None
         self._scouts: list[Evaluation] | None = None
         self._begin(prepared.problem.start)
 
-    def _begin(self, start: Point) -> None:
+    def near(self, point: Point, covariance: Floats, patience: Patience) -> None:
+        """Go on around a point, with candidates of a covariance (d, d) in shares of the ranges."""
+        self._begin(point, covariance, patience)
+
+    def _begin(self, start: Point, covariance: Floats | None = None, patience: Patience | None = None) -> None:
         import cmaes
 
+        self._patience = patience or self._first
         dimensions = len(self._space.dimensions)
         self._strategy = cmaes.CMA(
             mean=np.clip(self._space.encoded(start), EDGE, 1 - EDGE),
-            sigma=FIRST_SIGMA,
+            sigma=FIRST_SIGMA if covariance is None else 1.0,
+            cov=covariance,
             bounds=np.tile([0.0, 1.0], (dimensions, 1)),
             seed=int(self._random.integers(2**31)),
             population_size=max(SMALLEST, 4 + int(3 * np.log(dimensions))),
@@ -93,15 +120,17 @@ class Cma:
         self._strategy.tell([(point, float(rank)) for rank, point in enumerate(points)])
         self._leaders.append(generation[order[0]])
         if self._strategy.should_stop() or self._stands_still():
+            self.leader = self._leaders[promising_first(self._leaders)[0]]
             self._scouts, self.finished = [], self.finished + 1
 
     def _stands_still(self) -> bool:
         """Whether the last generations got hardly any further than those before."""
-        if len(self._leaders) <= PATIENCE:
+        lately, gain = self._patience.generations, self._patience.gain
+        if len(self._leaders) <= lately:
             return False
-        before, lately = (
-            leaders[promising_first(leaders)[0]] for leaders in (self._leaders[:-PATIENCE], self._leaders[-PATIENCE:])
+        then, now = (
+            leaders[promising_first(leaders)[0]] for leaders in (self._leaders[:-lately], self._leaders[-lately:])
         )
-        if before.feasible and lately.feasible and len(before.objectives) == 1:
-            return lately.objectives[0] > before.objectives[0] - GAIN * abs(before.objectives[0])
-        return promising_first([before, lately])[0] == 0
+        if then.feasible and now.feasible and len(then.objectives) == 1:
+            return now.objectives[0] > then.objectives[0] - gain * abs(then.objectives[0])
+        return promising_first([then, now])[0] == 0

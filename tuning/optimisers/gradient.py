@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.tuning.optimisers.deciding import deciding
 from dualwinch.tuning.optimisers.linearise import linearise
-from dualwinch.tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step
+from dualwinch.tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step, surroundings
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.space import Interval, Point
@@ -25,7 +26,7 @@ Floats = NDArray[np.float64]
 SCOUTS = 16
 """Points spread over the space, at the best of which the next search begins."""
 
-SIDE_BY_SIDE = 4
+SIDE_BY_SIDE = 8
 """Steps tried at once where there are many scenarios: in a single one each costs as much as the gradient is worth."""
 
 FIRST, LARGEST = 0.15, 0.5
@@ -44,6 +45,10 @@ KEPT = 5e-4
 BENT, BENT_AT_MOST = 0.75, 0.1
 """Share of the curvature seen that constraints are taken for bent by, and the most a step allows for."""
 
+RISE, WIDTH = 0.2, (0.005, 0.15)
+"""What the objective rises by around a point where the search goes on, as a share; and how wide that is, at the least
+and at most, in shares of the ranges: beyond, the objective is no parabola."""
+
 STEPS = {"linear": linear_step, "quadratic": quadratic_step}
 
 ATTEMPTS = [("linear", 1.0)] + [(kind, 0.5**n) for n in range(1, 20) for kind in ("linear", "quadratic")]
@@ -55,9 +60,10 @@ class Gradient:
 
     Attributes:
         gradients: how many gradients it took.
+        gain: by how much the last step that was taken lowered the merit; infinite before the first.
         minima: where steps got no further, in their order; there is more than one.
-        rollouts: what the gradients took: in every scenario as many as differences would have taken, which is about
-            what exact derivatives cost.
+        rollouts: what the gradients took: in every scenario that decides as many as differences would have taken,
+            which is about what exact derivatives cost, and in all of them one to see which these are.
     """
 
     def __init__(self, prepared: Prepared, seed: int) -> None:
@@ -75,12 +81,15 @@ class Gradient:
         self._abreast = SIDE_BY_SIDE if problem.ensemble else 1
         self._centre: Evaluation | None = None
         self._scouting: list[Evaluation] | None = None
+        self._curvature: Floats | None = None
+        self.gain = np.inf
         self._begin(None)
 
     def _begin(self, centre: Evaluation | None, size: float = FIRST, penalty: float = PENALTY) -> None:
-        """Go on from another point."""
+        """Go on from another point, or from the same once more."""
+        if centre is not self._centre or centre is None:
+            self._model: Model | None = None
         self._centre, self._size, self._penalty = centre, size, penalty
-        self._model: Model | None = None
         self._bend = np.zeros(len(self._prepared.constraints))
         self._attempt, self._asked = 0, list[Point]()
 
@@ -90,12 +99,26 @@ class Gradient:
 
     @property
     def converged(self) -> bool:
-        """Whether no step that is still tried makes anything better."""
+        """Whether no step that is still tried makes anything better, from the first box on."""
         return self._box < self._smallest
+
+    @property
+    def centre(self) -> Evaluation | None:
+        """The best point since steps began at another, from which they are taken."""
+        return self._centre
+
+    @property
+    def surroundings(self) -> Floats:
+        """The covariance (d, d) of points around the centre, in shares of the ranges (`local_model.surroundings`)."""
+        covariance = np.eye(len(self._space.dimensions)) * WIDTH[1] ** 2
+        if self._curvature is not None:
+            covariance[np.ix_(self._smooth, self._smooth)] = surroundings(self._curvature, RISE, WIDTH)
+        return covariance
 
     def restart(self, centre: Evaluation) -> None:
         """Try large steps from a point; from the best of some scouts where it failed, for such a point has no slope."""
         self._begin(centre)
+        self.gain = np.inf
         self._scouting = None if np.isfinite(self._merit(centre)) else []
 
     def ask(self, count: int) -> list[Point]:
@@ -108,10 +131,12 @@ class Gradient:
         if self._centre is None:
             return [self._prepared.problem.start]
         if self._model is None:
-            self._model = linearise(self._prepared, self._centre.point)
+            scenarios = deciding(self._prepared, self._centre.point)
+            self._model = linearise(self._prepared, scenarios, self._centre.point)
+            self._curvature = self._model.curvature
             self.gradients += 1
-            runs = len(self._prepared.scenarios) + len(self._prepared.stress)
-            self.rollouts += runs * (1 + len(self._smooth))
+            self.rollouts += len(self._prepared.scenarios) + len(self._prepared.stress)
+            self.rollouts += len(scenarios) * (1 + len(self._smooth))
         attempts = ATTEMPTS[self._attempt : self._attempt + min(count, self._abreast)]
         points = [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]
         self._asked += points
@@ -139,7 +164,9 @@ class Gradient:
             self.restart(leader)
             return
         self._learn_bend(evaluations)
-        if self._merit(leader) < self._merit(self._centre) - self._enough:
+        gain = self._merit(self._centre) - self._merit(leader)
+        if gain > self._enough:
+            self.gain = gain
             moved = np.abs(self._encoded(leader) - self._encoded(self._centre)).max(initial=0.0)
             bend = self._bend
             self._begin(leader, float(np.clip(2 * moved, 10 * self._smallest, LARGEST)), self._penalty)

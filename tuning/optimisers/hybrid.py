@@ -2,26 +2,35 @@
 
 from collections.abc import Sequence
 
-from dualwinch.tuning.optimisers.cma import Cma
+from dualwinch.tuning.optimisers.cma import Cma, Patience
 from dualwinch.tuning.optimisers.gradient import Gradient
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import promising_first
 from dualwinch.tuning.space import Point
 
+FIRST, AROUND = Patience(6, 0.3), Patience(8, 0.1)
+"""How long the search may take at first, and around what steps have led to: where it gains less, steps gain more."""
+
+WORTHWHILE = 0.1
+"""What a step has to lower the merit by in many scenarios, where a gradient costs as much as two generations."""
+
 
 class Hybrid:
-    """CMA-ES until it gets no further, gradient steps from the best until they get no further, and so on.
+    """CMA-ES until it gets hardly further, gradient steps from the best of it while they gain much, and so on.
 
-    In a single scenario gradient steps come first: few of them lead to a minimum. CMA-ES learns from every evaluation,
-    whoever asked for it.
+    Then the search goes on around where the steps have led to, wide where the objective is flat: the curvature of the
+    last gradient is its first covariance, which it would have to learn otherwise. Where it finds nothing better there,
+    it starts elsewhere. In a single scenario gradient steps come first, down to a minimum: there they cost little.
+    CMA-ES learns from every evaluation, whoever asked for it.
     """
 
     def __init__(self, prepared: Prepared, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
-        self._search, self._polish = Cma(prepared, seed), Gradient(prepared, seed)
-        self._best: Evaluation | None = None
+        self._search, self._polish = Cma(prepared, seed, FIRST), Gradient(prepared, seed)
+        self._least = WORTHWHILE if prepared.problem.ensemble else 0.0
         self._searched, self._polishing = 0, prepared.problem.ensemble is None
+        self._polished: Evaluation | None = None
 
     @property
     def rollouts(self) -> int:
@@ -33,18 +42,23 @@ class Hybrid:
         return (self._polish if self._polishing else self._search).ask(count)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn from evaluations, and pass the turn on where they bring nothing better."""
+        """Learn from evaluations, and pass the turn on where they bring little."""
         if not evaluations:
             return
         self._search.tell(evaluations)
         if self._polishing:
             self._polish.tell(evaluations)
-        leader = evaluations[promising_first(evaluations)[0]]
-        if self._best is None or promising_first([self._best, leader])[0]:
-            self._best = leader
-        if self._polishing:
-            self._polishing = not self._polish.converged
+            centre = self._polish.centre
+            if centre and (self._polish.converged or self._polish.gain < self._least):
+                self._polishing, self._polished = False, centre
+                self._search.near(centre.point, self._polish.surroundings, AROUND)
         elif self._search.finished > self._searched:
-            self._polishing = True
-            self._polish.restart(self._best)
+            self._pass_on()
         self._searched = self._search.finished
+
+    def _pass_on(self) -> None:
+        """Polish what the search has brought, unless it is no better than what it began at."""
+        brought, began_at, self._polished = self._search.leader, self._polished, None
+        if brought and (began_at is None or promising_first([began_at, brought])[0]):
+            self._polishing = True
+            self._polish.restart(brought)

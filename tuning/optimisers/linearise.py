@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
+from dualwinch.simulation.batch.sensitivities import compile_ahead as sensitivities_ahead
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
@@ -28,22 +29,37 @@ STEEPEST = 1e6
 """Slope of a logarithm over a gain's range beyond which it is no guide: that of an unstable or chaotic run grows on."""
 
 
-def linearise(prepared: Prepared, point: Point) -> Model:
+def compile_ahead(prepared: Prepared) -> None:
+    """Compile what `linearise` calls; else its first call does.
+
+    Raises:
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+    keys, values = _smooth_keys(prepared.problem, prepared.problem.start)
+    sensitivities_ahead(keys, values, prepared.scenarios[0])
+
+
+def linearise(prepared: Prepared, scenarios: Sequence[Experiment | Scenario], point: Point) -> Model:
     """The model at a point of the space, over its dimensions that are intervals.
+
+    Args:
+        prepared: gives objective and constraints.
+        scenarios: those of the problem that count (`tuning.optimisers.deciding`).
+        point: of the space.
 
     Raises:
         KeyboardInterrupt: interrupted.
     """
     problem = prepared.problem
-    dimensions = [dimension for dimension in problem.space.dimensions if isinstance(dimension, Interval)]
-    keys = [key for dimension in dimensions for key in dimension.keys]
-    values = dict(zip(problem.space.keys, problem.space.parameters(point), strict=True))
+    dimensions = _smooth(problem)
+    keys, numbers = _smooth_keys(problem, point)
+    values = dict(zip(keys, numbers, strict=True))
     scales = np.zeros((len(keys), len(dimensions)))
     for column, dimension in enumerate(dimensions):
         for key in dimension.keys:
             scales[keys.index(key), column] = _scale(dimension, values[key])
-    scenarios = [_with(scenario, problem, point) for scenario in (*prepared.scenarios, *prepared.stress)]
-    run = sensitivities(keys, [[values[key] for key in keys]], scenarios, stride=STRIDE)
+    moved = [_with(scenario, problem, point) for scenario in scenarios]
+    run = sensitivities(keys, [numbers], moved, stride=STRIDE)
     if run.interrupted:
         raise KeyboardInterrupt
 
@@ -77,6 +93,18 @@ def linearise(prepared: Prepared, point: Point) -> Model:
         slopes=slopes.reshape(-1, len(dimensions)),
         belongs=belongs,
     )
+
+
+def _smooth(problem: Problem) -> list[Interval]:
+    """The dimensions of a problem that have a derivative."""
+    return [dimension for dimension in problem.space.dimensions if isinstance(dimension, Interval)]
+
+
+def _smooth_keys(problem: Problem, point: Point) -> tuple[list[str], list[float]]:
+    """The keys of these, and their values at a point."""
+    keys = [key for dimension in _smooth(problem) for key in dimension.keys]
+    values = dict(zip(problem.space.keys, problem.space.parameters(point), strict=True))
+    return keys, [values[key] for key in keys]
 
 
 def _bounded(

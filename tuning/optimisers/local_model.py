@@ -123,5 +123,20 @@ def quadratic_step(model: Model, centre: Floats, size: float) -> Floats:
     return np.clip(found.x[:-1], lower, upper)
 
 
+def surroundings(curvature: Floats, rise: float, ends: tuple[float, float]) -> Floats:
+    """The covariance (d, d) of points around a minimum where the objective is higher by a share, in the mean.
+
+    Each principal axis of the curvature has an even part in that: the flatter the objective, the wider.
+
+    Args:
+        curvature: (d, d) of the objective as a share of its value (`Model`).
+        rise: the share.
+        ends: the least and the largest standard deviation along an axis.
+    """
+    bends, axes = np.linalg.eigh(curvature)
+    deviations = np.sqrt(2 * rise / len(bends) / np.maximum(bends, np.finfo(float).tiny)).clip(*ends)
+    return (axes * deviations**2) @ axes.T
+
+
 def _box(centre: Floats, size: float) -> tuple[Floats, Floats]:
     return np.maximum(-size, -centre), np.minimum(size, 1 - centre)

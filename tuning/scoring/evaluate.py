@@ -27,7 +27,7 @@ FAILED = "scenarios not completed <= 0"
 FIRST_SHARE, KEPT_SHARE = 0.5, 0.5
 """Share of the scenarios that all candidates see, and share of the candidates that see the rest."""
 
-FEW = 4
+FEW = 8
 """So many candidates are not worth pruning: their scenarios fill few vector lanes."""
 
 LEADERS = 2

@@ -82,6 +82,13 @@ def test_more_gains_take_more_directions() -> None:
     assert Varied(tuple(range(8))).directions == 8
     assert Varied(tuple(range(6)), signals=(0, 1)).directions == 8
     assert Varied(tuple(range(8)), signals=(0,)).directions == LANES
+    assert Varied(tuple(range(17))).directions == 24
+    assert Varied(tuple(range(32))).directions == 32
+
+
+def test_numbers_beyond_what_a_call_takes_are_spread_evenly_over_calls() -> None:
+    assert Varied(tuple(range(33))).directions == 24
+    assert Varied(tuple(range(60))).directions == 32
 
 
 def test_a_tangent_may_overflow_and_the_run_goes_on() -> None:

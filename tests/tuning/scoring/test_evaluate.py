@@ -169,7 +169,7 @@ def test_an_interrupt_is_raised_even_where_every_rollout_is_finished(
     start = prepared.problem.start
     for module, name, call in (
         (runs, "rollout", lambda: Evaluator(prepared).evaluate([Candidate(start, "")])),
-        (lineariser, "sensitivities", lambda: lineariser.linearise(prepared, start)),
+        (lineariser, "sensitivities", lambda: lineariser.linearise(prepared, prepared.scenarios, start)),
     ):
         whole = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *a, whole=whole, **b: replace(whole(*a, **b), interrupted=True))

@@ -1,0 +1,58 @@
+"""Search and steps in turns."""
+
+import numpy as np
+import pytest
+
+from dualwinch.tuning.optimisers import gradient as steps
+from dualwinch.tuning.optimisers.gradient import SIDE_BY_SIDE, Gradient
+from dualwinch.tuning.optimisers.hybrid import Hybrid
+from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.space import Point
+from tests.tuning.conftest import MakeProblem
+
+BATCH = 16
+"""What is asked for: a search proposes as many, steps fewer."""
+
+
+def test_steps_go_on_from_the_search_and_the_search_around_where_they_led(make_problem: MakeProblem) -> None:
+    prepared = prepare(make_problem())
+    space, method, evaluator = prepared.problem.space, Hybrid(prepared, 1), Evaluator(prepared)
+    trials, turns = list[Evaluation](), list[tuple[int, float]]()
+    bests, points = list[Evaluation](), list[Point]()
+    while len(turns) < 3:
+        points = method.ask(BATCH)
+        if not turns or turns[-1][0] != len(points):
+            spread = np.std([space.encoded(point) for point in points], axis=0).mean()
+            turns.append((len(points), float(spread)))
+            bests = [trials[index] for index in best_first(trials)[:1]]
+        found = evaluator.evaluate([Candidate(point, "") for point in points])
+        method.tell(found)
+        trials += found
+        assert len(trials) < 1000
+    assert [count for count, _ in turns] == [BATCH, SIDE_BY_SIDE, BATCH]
+    assert method.rollouts > 0
+    assert turns[2][1] < 0.1, "a small step of the search, around the best"
+    (best,) = bests
+    around = np.mean([space.encoded(point) for point in points], axis=0)
+    assert np.abs(around - space.encoded(best.point)).max() < 0.1
+
+
+def test_a_gradient_is_taken_once_at_a_point(make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps begin again at the point where they got no further: larger ones, by the model that is there."""
+    prepared = prepare(make_problem())
+    method, evaluator, points = Gradient(prepared, 1), Evaluator(prepared), list[Point]()
+    whole = steps.linearise
+    monkeypatch.setattr(
+        steps, "linearise", lambda prepared, among, point: points.append(point) or whole(prepared, among, point)
+    )
+    asked = 0
+    while not method.minima:
+        found = evaluator.evaluate([Candidate(point, "") for point in method.ask(BATCH)])
+        method.tell(found)
+        asked += len(found)
+        assert asked < 1000
+    assert len(points) == len({tuple(point.items()) for point in points}) == method.gradients
+    assert method.minima[0].point == points[-1]
