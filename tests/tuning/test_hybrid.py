@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.tuning.optimisers import compile_ahead
 from dualwinch.tuning.optimisers import gradient as steps
 from dualwinch.tuning.optimisers.gradient import SIDE_BY_SIDE, Gradient
 from dualwinch.tuning.optimisers.hybrid import Hybrid
@@ -56,3 +58,15 @@ def test_a_gradient_is_taken_once_at_a_point(make_problem: MakeProblem, monkeypa
         assert asked < 1000
     assert len(points) == len({tuple(point.items()) for point in points}) == method.gradients
     assert method.minima[0].point == points[-1]
+
+
+@pytest.mark.parametrize("ensemble", ["sea", None])
+def test_a_space_without_derivatives_is_searched_without_steps(ensemble: str | None, make_problem: MakeProblem) -> None:
+    prepared = prepare(make_problem(ensemble=ensemble, space=["controller.nftsm.p/q"]))
+    compile_ahead("hybrid", prepared)
+    method, evaluator = Hybrid(prepared, 1), Evaluator(prepared)
+    for _ in range(10):
+        method.tell(evaluator.evaluate([Candidate(point, "") for point in method.ask(BATCH)]))
+    assert method.rollouts == 0
+    with pytest.raises(ConfigurationError, match="--method gradient: --space must have a gain that is a continuous"):
+        Gradient(prepared, 1)

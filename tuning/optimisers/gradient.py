@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers.deciding import deciding
-from dualwinch.tuning.optimisers.linearise import linearise
+from dualwinch.tuning.optimisers.linearise import linearise, smooth
 from dualwinch.tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step, surroundings
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
@@ -67,10 +68,16 @@ class Gradient:
     """
 
     def __init__(self, prepared: Prepared, seed: int) -> None:
-        """The optimiser of a problem; the same seed gives the same candidates."""
+        """The optimiser of a problem; the same seed gives the same candidates.
+
+        Raises:
+            ConfigurationError: the space has no dimension with a derivative.
+        """
         from scipy.stats import qmc
 
         problem = prepared.problem
+        if not smooth(problem):
+            raise ConfigurationError("--method gradient: --space must have a gain that is a continuous number")
         self._scouts = qmc.Sobol(len(problem.space.dimensions), rng=seed)
         self._prepared, self._space = prepared, problem.space
         self._smooth = [

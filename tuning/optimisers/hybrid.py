@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from dualwinch.tuning.optimisers.cma import Cma, Patience
 from dualwinch.tuning.optimisers.gradient import Gradient
+from dualwinch.tuning.optimisers.linearise import smooth
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import promising_first
@@ -22,43 +23,44 @@ class Hybrid:
     Then the search goes on around where the steps have led to, wide where the objective is flat: the curvature of the
     last gradient is its first covariance, which it would have to learn otherwise. Where it finds nothing better there,
     it starts elsewhere. In a single scenario gradient steps come first, down to a minimum: there they cost little.
-    CMA-ES learns from every evaluation, whoever asked for it.
+    CMA-ES learns from every evaluation, whoever asked for it; where no gain has a derivative it is alone.
     """
 
     def __init__(self, prepared: Prepared, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
-        self._search, self._polish = Cma(prepared, seed, FIRST), Gradient(prepared, seed)
-        self._least = WORTHWHILE if prepared.problem.ensemble else 0.0
-        self._searched, self._polishing = 0, prepared.problem.ensemble is None
+        problem = prepared.problem
+        self._search, self._least = Cma(prepared, seed, FIRST), WORTHWHILE if problem.ensemble else 0.0
+        self._polish = Gradient(prepared, seed) if smooth(problem) else None
+        self._searched, self._polishing = 0, problem.ensemble is None and self._polish is not None
         self._polished: Evaluation | None = None
 
     @property
     def rollouts(self) -> int:
         """What the gradients took."""
-        return self._polish.rollouts
+        return self._polish.rollouts if self._polish else 0
 
     def ask(self, count: int) -> list[Point]:
         """Candidates of the optimiser whose turn it is."""
-        return (self._polish if self._polishing else self._search).ask(count)
+        return (self._polish if self._polish and self._polishing else self._search).ask(count)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
         """Learn from evaluations, and pass the turn on where they bring little."""
         if not evaluations:
             return
         self._search.tell(evaluations)
-        if self._polishing:
+        if self._polish and self._polishing:
             self._polish.tell(evaluations)
             centre = self._polish.centre
             if centre and (self._polish.converged or self._polish.gain < self._least):
                 self._polishing, self._polished = False, centre
                 self._search.near(centre.point, self._polish.surroundings, AROUND)
-        elif self._search.finished > self._searched:
-            self._pass_on()
+        elif self._polish and self._search.finished > self._searched:
+            self._pass_on(self._polish)
         self._searched = self._search.finished
 
-    def _pass_on(self) -> None:
+    def _pass_on(self, polish: Gradient) -> None:
         """Polish what the search has brought, unless it is no better than what it began at."""
         brought, began_at, self._polished = self._search.leader, self._polished, None
         if brought and (began_at is None or promising_first([began_at, brought])[0]):
             self._polishing = True
-            self._polish.restart(brought)
+            polish.restart(brought)

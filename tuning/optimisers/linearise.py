@@ -30,13 +30,14 @@ STEEPEST = 1e6
 
 
 def compile_ahead(prepared: Prepared) -> None:
-    """Compile what `linearise` calls; else its first call does.
+    """Compile what `linearise` calls; else its first call does. Nothing where no dimension has a derivative.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
     """
     keys, values = _smooth_keys(prepared.problem, prepared.problem.start)
-    sensitivities_ahead(keys, values, prepared.scenarios[0])
+    if keys:
+        sensitivities_ahead(keys, values, prepared.scenarios[0])
 
 
 def linearise(prepared: Prepared, scenarios: Sequence[Experiment | Scenario], point: Point) -> Model:
@@ -51,7 +52,7 @@ def linearise(prepared: Prepared, scenarios: Sequence[Experiment | Scenario], po
         KeyboardInterrupt: interrupted.
     """
     problem = prepared.problem
-    dimensions = _smooth(problem)
+    dimensions = smooth(problem)
     keys, numbers = _smooth_keys(problem, point)
     values = dict(zip(keys, numbers, strict=True))
     scales = np.zeros((len(keys), len(dimensions)))
@@ -95,14 +96,14 @@ def linearise(prepared: Prepared, scenarios: Sequence[Experiment | Scenario], po
     )
 
 
-def _smooth(problem: Problem) -> list[Interval]:
+def smooth(problem: Problem) -> list[Interval]:
     """The dimensions of a problem that have a derivative."""
     return [dimension for dimension in problem.space.dimensions if isinstance(dimension, Interval)]
 
 
 def _smooth_keys(problem: Problem, point: Point) -> tuple[list[str], list[float]]:
     """The keys of these, and their values at a point."""
-    keys = [key for dimension in _smooth(problem) for key in dimension.keys]
+    keys = [key for dimension in smooth(problem) for key in dimension.keys]
     values = dict(zip(problem.space.keys, problem.space.parameters(point), strict=True))
     return keys, [values[key] for key in keys]
 

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning import clock
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.prepared import Prepared
+from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.machines import survey
 from dualwinch.tuning.scoring.ranking import best_first, promising_first
@@ -119,6 +121,12 @@ class Evaluator:
     ) -> MarginSurvey | None:
         """The machines of some scenarios beside the nominal one (`tuning.scoring.machines.survey`)."""
         return survey(self.prepared.problem, scenarios, self._threads, experiment=experiment)
+
+    def bounds(self, scenarios: Sequence[Scenario]) -> tuple[Constraint, ...]:
+        """The constraints in other scenarios; the paper's controller, which bounds may refer to, is run there."""
+        base = self.prepared.problem.paper_experiment
+        with_paper = [replace(scenario, base=base) for scenario in scenarios]
+        return bounds_in(self.prepared, self.run(None, with_paper), with_paper)
 
     def margins(
         self, candidates: Sequence[Candidate], machines: MarginSurvey | None, looked_at: Sequence[bool] | None = None

@@ -14,7 +14,6 @@ from dualwinch.simulation.batch.family import experiment_of
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION, Problem
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
-from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.finalists import rungs, those_that_hold
@@ -117,7 +116,12 @@ def _finals(
 
 
 def _given_away(trials: Sequence[Evaluation], ranking: Sequence[tuple[Evaluation, Evaluation]]) -> bool:
-    """Whether all that hold are far behind the best where tuned (`RANGE`): too much was asked of a short search."""
+    """Whether all that hold are far behind the best where tuned (`RANGE`): too much was asked of a short search.
+
+    Several objectives have no best one: there it is whether none holds.
+    """
+    if trials and len(trials[0].objectives) > 1:
+        return not ranking
     best = trials[best_first(trials)[0]].objectives[0] if trials else 0.0
     return all(trial.objectives[0] > RANGE * best for trial, _ in ranking)
 
@@ -133,15 +137,13 @@ def _first_round(
     ordered = [trials[index] for index in best_first(trials) if not trials[index].pruned]
     if not ordered:
         return []
+    sieve, before = Sieve(evaluator, scenarios), evaluator.rollouts
     if len(problem.objectives) == 1:
         first = [ordered[index] for index in rungs(ordered, plan.finalists)]
+        met = those_that_hold(ordered, first, sieve.held, lambda: evaluator.rollouts - before < plan.sieved)
     else:
         front = [trials[index] for index in pareto_front(trials)] or ordered
         first = front[:: -(-len(front) // plan.finalists)]
-    sieve, before = Sieve(evaluator, scenarios), evaluator.rollouts
-    if len(problem.objectives) == 1:
-        met = those_that_hold(ordered, first, sieve.held, lambda: evaluator.rollouts - before < plan.sieved)
-    else:
         met = sieve.held(first)
     if not met:
         return _ranked(evaluator, first, start, scenarios)
@@ -154,11 +156,8 @@ def _ranked(
     evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, scenarios: Sequence[Scenario]
 ) -> list[tuple[Evaluation, Evaluation]]:
     """Trials that are better than the start in some scenarios, the best first, and what each came to there."""
-    base = evaluator.prepared.problem.paper_experiment
-    with_paper = [replace(scenario, base=base) for scenario in scenarios]
-    constraints = bounds_in(evaluator.prepared, evaluator.run(None, with_paper), with_paper)
     candidates = [trial.candidate for trial in (*trials, start)]
-    *met, reference = evaluator.over(candidates, scenarios, constraints=constraints)
+    *met, reference = evaluator.over(candidates, scenarios, constraints=evaluator.bounds(scenarios))
     return [(trials[index], met[index]) for index in soundest_first(met, MARGIN) if beats(met[index], reference)]
 
 

@@ -5,7 +5,6 @@ only those that hold there meet in the rest.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic
-from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluate import Evaluator, joined, row_of
 from dualwinch.tuning.scoring.evaluation import Evaluation
 
@@ -31,10 +29,7 @@ class Sieve:
 
     def __init__(self, evaluator: Evaluator, scenarios: Sequence[Scenario]) -> None:
         """Run the paper's controller, which bounds may refer to."""
-        base = evaluator.prepared.problem.paper_experiment
-        with_paper = [replace(scenario, base=base) for scenario in scenarios]
-        self.scenarios = list(scenarios)
-        self.constraints = bounds_in(evaluator.prepared, evaluator.run(None, with_paper), with_paper)
+        self.scenarios, self.constraints = list(scenarios), evaluator.bounds(scenarios)
         self._evaluator, self._machines = evaluator, evaluator.survey(scenarios)
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
