@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers.deciding import deciding
-from dualwinch.tuning.optimisers.linearise import linearise, smooth
+from dualwinch.tuning.optimisers.linearise import linearise
 from dualwinch.tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step, surroundings
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Evaluation
@@ -76,13 +76,13 @@ class Gradient:
         from scipy.stats import qmc
 
         problem = prepared.problem
-        if not smooth(problem):
-            raise ConfigurationError("--method gradient: --space must have a gain that is a continuous number")
         self._scouts = qmc.Sobol(len(problem.space.dimensions), rng=seed)
         self._prepared, self._space = prepared, problem.space
         self._smooth = [
             index for index, dimension in enumerate(self._space.dimensions) if isinstance(dimension, Interval)
         ]
+        if not self._smooth:
+            raise ConfigurationError("--method gradient: --space must have a gain that is a continuous number")
         self.gradients, self.rollouts, self.minima = 0, 0, list[Evaluation]()
         self._smallest, self._enough = EVEN if problem.ensemble is None else UNEVEN
         self._abreast = SIDE_BY_SIDE if problem.ensemble else 1
@@ -106,7 +106,7 @@ class Gradient:
 
     @property
     def converged(self) -> bool:
-        """Whether no step that is still tried makes anything better, from the first box on."""
+        """Whether no step that is still tried makes anything better."""
         return self._box < self._smallest
 
     @property

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from dualwinch.tuning.optimisers.cma import Cma, Patience
+from dualwinch.tuning.optimisers.cma import ALONE, Cma, Patience
 from dualwinch.tuning.optimisers.gradient import Gradient
 from dualwinch.tuning.optimisers.linearise import smooth
 from dualwinch.tuning.prepared import Prepared
@@ -29,8 +29,9 @@ class Hybrid:
     def __init__(self, prepared: Prepared, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
         problem = prepared.problem
-        self._search, self._least = Cma(prepared, seed, FIRST), WORTHWHILE if problem.ensemble else 0.0
         self._polish = Gradient(prepared, seed) if smooth(problem) else None
+        self._search = Cma(prepared, seed, FIRST if self._polish else ALONE)
+        self._least = WORTHWHILE if problem.ensemble else 0.0
         self._searched, self._polishing = 0, problem.ensemble is None and self._polish is not None
         self._polished: Evaluation | None = None
 
