@@ -11,7 +11,7 @@ radius a turn beyond the nominal one, the share by which the rope is softer, and
 is not quite round or sits beside its axis. All are constants, or nearly, and enter linearly: regularised least squares
 (`controllers.estimators.least_squares`) learns them from the readings of the position sensor. What is learnt is used as
 far as it is more than the sensor's noise (`controllers.estimators.shrinkage`), so that a drum that is as its data sheet
-says stays so. The excess is exempt: no rope's modulus is known that well.
+says stays so, and a zero as rest has set it. The excess is exempt: no rope's modulus is known that well.
 
 Neither side is believed blindly. A reading far from what is expected of it teaches nothing. If the readings stay away
 from what the encoder says, beyond what a reading may be wrong by, the encoder is doubted: its variance as a position
@@ -27,7 +27,6 @@ import annotated_types as at
 
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 from dualwinch.controllers.estimators.shrinkage import shrunk
-from dualwinch.model.quantities.arrays import vector
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
 from dualwinch.model.winding import TURN
@@ -131,6 +130,7 @@ class EncoderKnowledge:
     """What is known of one encoder, its drum and its rope."""
 
     errors: Knowledge = field(default_factory=lambda: ignorance(len(NAMES)))
+    tare: Annotated[Scalar, Quantity("m", "zero that rest in a known position has set, in m of rope")] = 0.0
     residual: Annotated[Scalar, Quantity("1", "mean of what readings were off by, over their deviation")] = 0.0
 
 
@@ -237,7 +237,7 @@ def calibrate(
     """
     deviation = reading.deviation
     row = regressors(drum, gains, deviation)
-    says = drum.wound - drum.stretch
+    says = drum.wound - drum.stretch - known.tare
     before = believed(known.errors, row)
     counts = reading.alive * drum.taut
     # judged by what was known before: the doubt of the last sample
@@ -255,7 +255,8 @@ def calibrate(
     errors = learnt(known.errors, row, expectation, clip(surprise, -opened, opened), weight, fade)
     after = believed(errors, row)
     share = where(counts, sample_time / trusting.doubt_time, 0.0)
-    following = EncoderKnowledge(errors, known.residual + share * (limited - known.residual))
+    residual = known.residual + share * (limited - known.residual)
+    following = replace(known, errors=errors, residual=residual)
     position = EncoderPosition(
         x=drum.direction * (says - after * deviation),
         shift=-drum.direction * (after - before) * deviation,
@@ -274,8 +275,9 @@ def believed(errors: Knowledge, row: Sequence[Scalar]) -> Scalar:
 def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
     """What is known of an encoder, its zero set where the vehicle is known to rest.
 
-    The sample that follows makes it certain, as far as `DrumGains.tare` says: the position sensor may have another
-    opinion of where the vehicle rests.
+    What is learnt of the zero from then on is by how much that was wrong. The sample that follows makes it certain, as
+    far as `DrumGains.tare` says: the position sensor may have another opinion of where the vehicle rests. A zero that
+    this, or a rope somewhat softer than the nominal one, may explain is none.
 
     Args:
         known: what was known.
@@ -284,16 +286,16 @@ def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, rest
         gains: what is believed before.
         resting: whether it does.
     """
-    zero = (drum.wound - drum.stretch - drum.direction * x) / gains.zero
-    before = [known.errors.estimate[i] for i in range(len(NAMES))]
-    estimate = [where(resting, zero, old) if name == "zero" else old for name, old in zip(NAMES, before, strict=True)]
-    return replace(known, errors=replace(known.errors, estimate=vector(estimate)))
+    zero = drum.wound - drum.stretch - drum.direction * x
+    none = gains.tare + 2 * gains.compliance * drum.stretch
+    return replace(known, tare=where(resting, where(absolute(zero) > none, zero, 0.0), known.tare))
 
 
 def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> tuple[tuple[Scalar, Scalar], ...]:
     """Estimate and standard deviation of each of an encoder's errors, in the order of `NAMES`."""
     spread = variances(known.errors, len(NAMES))
+    found = zip(NAMES, deviations(gains), spread, strict=True)
     return tuple(
-        (size * known.errors.estimate[i], size * sqrt(variance))
-        for i, (size, variance) in enumerate(zip(deviations(gains), spread, strict=True))
+        ((known.tare if name == "zero" else 0.0) + size * known.errors.estimate[i], size * sqrt(variance))
+        for i, (name, size, variance) in enumerate(found)
     )

@@ -16,6 +16,7 @@ from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.hardness import Hardness
 from dualwinch.tuning.scoring.machines import survey
 from dualwinch.tuning.scoring.ranking import best_first, promising_first
 from dualwinch.tuning.scoring.runs import LEAST_TENSION, over, run_pairs
@@ -63,7 +64,7 @@ class Evaluator:
         self.prepared = prepared
         self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
         self._threads, problem = threads, prepared.problem
-        self._units = problem.units
+        self._units, self._hardness = problem.units, Hardness(prepared)
         self._most_slack = MOST_SLACK if _keeps_tight(prepared.constraints) else None
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
@@ -78,17 +79,18 @@ class Evaluator:
         Raises:
             KeyboardInterrupt: interrupted; nothing of this batch is kept.
         """
-        scenarios, stress = self.prepared.scenarios, self.prepared.stress
         if not self._first:
-            return self.over(candidates, scenarios, tuning=True)
+            return self.over(candidates, self.prepared.scenarios, tuning=True)
+        scenarios, stress = self._hardness.everyones, self._hardness.further
         judged, whole, margins = self._tried(candidates, scenarios)
         leaders = [index for index in best_first(judged)[:LEADERS] if judged[index].feasible]
         if leaders and stress:
             more = self.run([candidates[index] for index in leaders], stress, to_the_end=False)
-            for row, index in enumerate(leaders):
-                result = joined(whole[index], more, row)
-                met = [*scenarios, *stress]
+            results = [joined(whole[index], more, row) for row, index in enumerate(leaders)]
+            met = [*scenarios, *stress]
+            for index, result in zip(leaders, results, strict=True):
                 judged[index] = self.judged(candidates[index], result, met, tuning=True, margins=margins[index])
+            self._hardness.learn(results)
         return judged
 
     def start(self) -> Evaluation:

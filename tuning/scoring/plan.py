@@ -59,9 +59,6 @@ LEFT_SHARE, LEFT_SECONDS = 0.2, 1.0
 """What choosing and scoring may take where preparing has taken what there was, as when much had to be compiled: a share
 of the search, or the time in s if that is longer. What is presented rests on it."""
 
-DEARER = 1.5
-"""What a rollout costs here beside one of the search, where many candidates share a scenario that is drawn once."""
-
 
 def time_for(search: float, spent: float) -> float:
     """Time in s for choosing and scoring.
@@ -84,6 +81,6 @@ def affordable(full: Plan, seconds: float, pace: float) -> Plan:
     """
     for step in range(STEPS, 0, -1):
         plan = full.scaled(step / STEPS)
-        if DEARER * pace * plan.rollouts <= seconds:
+        if pace * plan.rollouts <= seconds:
             return plan
     return full.scaled(0.0)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.tuning.scoring.evaluate import Evaluator, joined, row_of
 from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.hardness import worst_of
 
 FIRST = 12
 """Scenarios in which trials meet first."""
@@ -69,10 +69,4 @@ class Sieve:
 
     def _failed(self, result: BatchResult) -> NDArray[np.bool_]:
         """Which runs did not end, or exceed a bound on what is the worst, (candidates, scenarios)."""
-        failed = result.outcomes != "completed"
-        for constraint in self.constraints:
-            statistic = constraint.statistic
-            if isinstance(statistic, Statistic) and statistic.kind == "worst":
-                values = result.metrics[statistic.metric]
-                failed |= values < constraint.bound if constraint.at_least else values > constraint.bound
-        return failed
+        return worst_of(result, self.constraints) > 0

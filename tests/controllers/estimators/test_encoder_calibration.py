@@ -74,7 +74,28 @@ def test_the_start_sets_the_zero() -> None:
     known = tared(EncoderKnowledge(), drum(0.0, 1.0, 3e-3, errors), 0.0, GAINS, 1.0)
     values = dict(zip(NAMES, learnt_errors(known, GAINS), strict=True))
     assert values["zero"] == (pytest.approx(0.1), pytest.approx(GAINS.zero))
-    assert tared(known, drum(0.0, 1.0, 3e-3, errors | {"zero": 0.2}), 0.0, GAINS, 0.0).errors.estimate[2] == 50
+    assert tared(known, drum(0.0, 1.0, 3e-3, errors | {"zero": 0.2}), 0.0, GAINS, 0.0) == known
+
+
+def test_a_zero_that_position_and_rope_at_the_start_may_explain_is_none() -> None:
+    stretch, none = 3e-3, dict.fromkeys(NAMES, 0.0)
+    explained = GAINS.tare + 2 * GAINS.compliance * stretch
+    for share, set_to in ((0.99, 0.0), (1.01, 1.01 * explained)):
+        for sign in (-1, 1):
+            errors = none | {"zero": sign * share * explained}
+            known = tared(EncoderKnowledge(), drum(0.0, 1.0, stretch, errors), 0.0, GAINS, 1.0)
+            assert known.tare == pytest.approx(sign * set_to)
+
+
+@pytest.mark.parametrize("zero", [-1e-3, 1e-2])
+def test_how_far_off_the_start_found_the_zero_is_no_reason_to_believe_the_noise(zero: float) -> None:
+    """Of a drum without other errors no more is believed than of one whose zero is right, noise for noise."""
+    none, noise = dict.fromkeys(NAMES, 0.0), np.random.default_rng(2).standard_normal(2000)
+    positions = np.linspace(0, 2, 2000)
+    right, wrong = (
+        after(positions + SIGMA * noise, positions, 1.0, none | {"zero": offset})[1].x for offset in (0.0, zero)
+    )
+    assert wrong == pytest.approx(right, abs=1e-9)
 
 
 def test_an_outlier_teaches_nothing_and_a_silent_sensor_takes_no_knowledge_away() -> None:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from dualwinch.tuning.scoring.plan import (
     BESIDE_SECONDS,
     BESIDE_SHARE,
-    DEARER,
     FULL,
     LEAST,
     LEFT_SECONDS,
@@ -24,11 +23,11 @@ from dualwinch.tuning.scoring.plan import (
 def test_what_is_affordable_takes_no_more_time_than_there_is_or_is_the_least(seconds: float, pace: float) -> None:
     plan = affordable(FULL, seconds, pace)
     assert all(least <= count <= full for least, count, full in zip(*map(astuple, (LEAST, plan, FULL)), strict=True))
-    assert plan == LEAST or DEARER * pace * plan.rollouts <= seconds
+    assert plan == LEAST or pace * plan.rollouts <= seconds
 
 
 def test_more_time_buys_more_scenarios_until_there_are_all() -> None:
-    plans = [affordable(FULL, seconds, 1e-3) for seconds in (0.0, 2.0, 4.0, 8.0, 60.0)]
+    plans = [affordable(FULL, seconds, 1e-3) for seconds in (0.0, 2.0, 4.0, 60.0)]
     assert [plan.held_out for plan in plans] == sorted({plan.held_out for plan in plans})
     assert (plans[0], plans[-1]) == (LEAST, FULL)
 

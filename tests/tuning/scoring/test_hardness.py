@@ -1,0 +1,112 @@
+"""Hardness: what the best fail in comes first and is for everyone, the typical scenarios stay, old failures fade."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.prepared import STRESS, Prepared, prepare
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Candidate
+from dualwinch.tuning.scoring.hardness import Hardness, worst_of
+from tests.tuning.conftest import MakeProblem
+
+BOUND, CALM, HIGH = 5000.0, 3000.0, 6000.0
+PEAK = f"worst.peak_tension<={BOUND:g}"
+
+
+def peaks(values: Sequence[float], outcomes: Sequence[str] = ()) -> BatchResult:
+    """A row of runs with these peaks."""
+    table = np.array([values])
+    ended = np.array([list(outcomes) or ["completed"] * len(values)])
+    return BatchResult(ended, np.zeros_like(table), {"peak_tension": table}, {})
+
+
+@pytest.fixture
+def prepared(make_problem: MakeProblem) -> Prepared:
+    return prepare(make_problem(constraints=[PEAK]))
+
+
+def test_it_begins_with_the_scenarios_as_they_were_prepared(prepared: Prepared) -> None:
+    hardness = Hardness(prepared)
+    assert hardness.everyones == prepared.scenarios
+    assert hardness.further == prepared.stress
+    hardness.learn([])
+    assert hardness.everyones == prepared.scenarios
+
+
+def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(prepared: Prepared) -> None:
+    hardness, failing = Hardness(prepared), prepared.stress[5]
+    every = [*hardness.everyones, *hardness.further]
+    hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
+    typical, hard = prepared.scenarios[::2], prepared.scenarios[1::2]
+    assert hardness.everyones == (typical[0], failing, typical[1], hard[0])
+    assert hardness.further[0] is hard[1]
+    assert len(hardness.further) == STRESS
+    assert set(map(id, [*hardness.everyones, *hardness.further])) == set(map(id, every))
+
+
+def test_failures_are_read_in_the_order_of_the_scenarios_and_fade(prepared: Prepared) -> None:
+    hardness, first, then = Hardness(prepared), prepared.stress[5], prepared.stress[9]
+
+    def fail(failing: Experiment | Scenario) -> None:
+        every = [*hardness.everyones, *hardness.further]
+        hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
+
+    fail(first)
+    fail(first)
+    assert hardness.everyones[1] is first
+    for _ in range(4):
+        fail(then)
+    assert (hardness.everyones[1], hardness.everyones[3]) == (then, first)
+
+
+def test_the_best_of_a_call_count_by_their_mean(prepared: Prepared) -> None:
+    hardness, count = Hardness(prepared), len(prepared.scenarios) + STRESS
+    both, once = [CALM] * count, [CALM] * count
+    both[10] = once[10] = 1.02 * BOUND
+    once[12] = 1.03 * BOUND
+    every = [*hardness.everyones, *hardness.further]
+    hardness.learn([peaks(both), peaks(once)])
+    assert hardness.everyones[1] is every[10]
+    assert hardness.everyones[3] is every[12]
+
+
+def test_worst_is_the_largest_excess_of_bounds_on_what_is_worst_and_infinite_where_a_run_did_not_end(
+    prepared: Prepared,
+) -> None:
+    result = peaks([0.9 * BOUND, 1.1 * BOUND, np.nan], ["completed", "completed", "diverged"])
+    assert worst_of(result, prepared.constraints) == pytest.approx(np.array([[-0.1, 0.1, np.inf]]))
+    assert worst_of(result, ()) == pytest.approx(np.array([[-np.inf, -np.inf, np.inf]]))
+
+
+def test_candidates_meet_what_the_best_before_them_failed_in(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = prepare(make_problem()).problem.start
+    candidates = [Candidate(start | {"controller.observer.l0": float(gain)}, "x") for gain in range(5, 15)]
+    free = Evaluator(prepare(make_problem()))
+    common, further = (
+        free.run(candidates, chosen).metrics["peak_tension"].max(axis=0)
+        for chosen in (free.prepared.scenarios, free.prepared.stress)
+    )
+    assert further.max() > 1.03 * common.max(), "else there is nothing to learn"
+    evaluator = Evaluator(prepare(make_problem(constraints=[f"worst.peak_tension<={0.99 * further.max()}"])))
+    hardest = evaluator.prepared.stress[int(further.argmax())]
+    met, run = list[Sequence[Experiment | Scenario]](), evaluator.run
+
+    def noted(
+        candidates: Sequence[Candidate] | None, scenarios: Sequence[Experiment | Scenario], *, to_the_end: bool = True
+    ) -> BatchResult:
+        met.append(scenarios)
+        return run(candidates, scenarios, to_the_end=to_the_end)
+
+    monkeypatch.setattr(evaluator, "run", noted)
+    evaluator.evaluate(candidates)
+    assert hardest not in met[0]
+    met.clear()
+    evaluator.evaluate(candidates)
+    assert hardest in met[0]

@@ -1,0 +1,78 @@
+"""Which hard scenarios every candidate meets: those in which the best have lately come off worst.
+
+Gains that do not hold mostly fail in the same few scenarios, but as the search goes on these become others. Were every
+candidate tried in the same ones, the search would follow those that keep to their bounds just there.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.constraint import Constraint
+from dualwinch.tuning.prepared import Prepared
+
+Floats = NDArray[np.float64]
+
+KEPT = 0.7
+"""What remains of what is known of a scenario whenever some of the best have been tried in it again."""
+
+WITHIN, BEYOND = -0.02, 0.1
+"""Within and beyond its bound, as shares of it, one value is like another: neither near, or both failed."""
+
+
+class Hardness:
+    """The scenarios of a problem in the order in which they are worth trying.
+
+    The typical ones and as many hard ones as there are in `Prepared.scenarios` are for every candidate. The others are
+    for the best.
+    """
+
+    def __init__(self, prepared: Prepared) -> None:
+        """Start with the scenarios as they were prepared."""
+        self._all = [*prepared.scenarios, *prepared.stress]
+        self._order = np.arange(len(self._all))
+        self._common = len(prepared.scenarios)
+        self._constraints = prepared.constraints
+        self._hard = np.array([isinstance(scenario, Scenario) and scenario.hard for scenario in self._all])
+        self._worst = np.full(len(self._all), WITHIN)
+
+    @property
+    def everyones(self) -> tuple[Experiment | Scenario, ...]:
+        """What every candidate is tried in, typical and hard ones in turns."""
+        return tuple(self._all[index] for index in self._order[: self._common])
+
+    @property
+    def further(self) -> tuple[Experiment | Scenario, ...]:
+        """The other hard ones."""
+        return tuple(self._all[index] for index in self._order[self._common :])
+
+    def learn(self, results: Sequence[BatchResult]) -> None:
+        """Learn from results, a row each, in everyone's scenarios and the further ones, in their order."""
+        if not results:
+            return
+        values = np.array([worst_of(result, self._constraints)[0] for result in results]).clip(WITHIN, BEYOND)
+        self._worst[self._order] = KEPT * self._worst[self._order] + (1 - KEPT) * values.mean(axis=0)
+        places = self._hard[self._order]
+        hard = self._order[places]
+        self._order[places] = hard[np.argsort(-self._worst[hard], kind="stable")]
+
+
+def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> Floats:
+    """By how much each run exceeds the bound that it exceeds the most, as a share; infinite where it did not end.
+
+    Args:
+        result: of (candidates, scenarios).
+        constraints: of which those on what is the worst count; <= 0 where all of them are kept to.
+    """
+    worst = np.full(result.outcomes.shape, -np.inf)
+    for constraint in constraints:
+        statistic = constraint.statistic
+        if isinstance(statistic, Statistic) and statistic.kind == "worst":
+            beyond = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
+            worst = np.maximum(worst, beyond)
+    return np.where(result.outcomes == "completed", worst, np.inf)
