@@ -133,9 +133,9 @@ def _solved(
         moved = unknown & counted & slope_state[:, rows].any(axis=1)
         kept, last = change.ravel()[counted], residual
         residual = float(np.max(np.abs(kept) / np.maximum(np.abs(state[counted]), 1.0)))
-        if not np.isfinite(residual):
-            break
         matrix = np.column_stack([slope_state[np.ix_(counted, moved)], slope_reference[counted, index]])
+        if not (np.isfinite(residual) and np.isfinite(matrix).all()):
+            break
         step = _least_step(matrix, kept)
         left = float(np.max(np.abs(step) / np.maximum(np.abs([*state[moved], exogenous[index]]), 1.0)))
         if last < RESIDUAL and residual >= last / 2 and left < STEP:

@@ -16,7 +16,7 @@ from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.progress import PHASES, SEARCHING, Progress
 from dualwinch.tuning.scoring import evaluate
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.plan import BESIDE_SECONDS, FULL
+from dualwinch.tuning.scoring.plan import FULL, time_for
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
 from dualwinch.tuning.summary import advice, comparison, headings, headline, times, where, worth
@@ -114,7 +114,7 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     tuned = tune(problem, seconds=seconds)
     batch = pace * (BATCH * len(tuned.prepared.scenarios) + 2 * len(tuned.prepared.stress))
     assert seconds <= tuned.cost.searching <= seconds + batch
-    assert tuned.cost.judging <= BESIDE_SECONDS
+    assert tuned.cost.judging <= time_for(seconds, spent=0.0)
     assert tuned.cost.judging == pytest.approx(pace * (tuned.cost.rollouts - tuned.progress.rollouts))
     assert 16 < tuned.verdict.scored.scenarios == tuned.verdict.plan.held_out < FULL.held_out
     assert where(tuned) == f"in {tuned.verdict.plan.held_out} held-out scenarios (200 with more time)"
