@@ -48,7 +48,7 @@ HEADINGS = (
 
 
 def controllers(ensemble: str) -> Iterator[tuple[str, Controller]]:
-    """What is compared, by name: tuned for a minute each, and two of them with other preloads."""
+    """What is compared, by name: tuned alike, and two of them with other preloads."""
     usual = [NO_SLACK, NO_PEAK, CHATTER[ensemble]]
     bounded = [*usual, NO_HEAVIER]
     sys.stderr.write(f"{ensemble}: three searches\n")

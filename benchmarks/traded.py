@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from benchmarks.document import put
-from benchmarks.scored import HELD_OUT_SEED, SCENARIOS, SECONDS, SEED, Score, scored, searched
+from benchmarks.scored import HELD_OUT_SEED, ROLLOUTS, SCENARIOS, SEED, Score, scored, searched
 from dualwinch import tuning_problem
 from dualwinch.controllers.controller import Controller
 from dualwinch.simulation.plots import save
@@ -27,7 +27,7 @@ ALLOWED = (0.05, 0.1, 0.15, 0.25, 0.4)
 def front(score: Score) -> Figure:
     """Mean square error against chatter."""
     paper, ours = score.paper, score.tuned
-    words = f"{SCENARIOS} held-out scenarios of 'sea' (seed {HELD_OUT_SEED}), searches of {SECONDS:g} s"
+    words = f"{SCENARIOS} held-out scenarios of 'sea' (seed {HELD_OUT_SEED}), searches of {ROLLOUTS} rollouts"
     with house_style():
         figure = new_figure(3.8, "What less chatter costs", words)
         axes = figure.subplots()
