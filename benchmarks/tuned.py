@@ -1,6 +1,6 @@
 """What a short and a long search are worth in the sea, in scenarios that nobody tuned on.
 
-``python -m benchmarks.tuned`` prints the table (six minutes on two cores); ``--write FILE`` puts it between the two marks,
+``python -m benchmarks.tuned`` prints the table (six minutes); ``--write FILE`` puts it between the file's two marks,
 ``--plot FILE`` draws what the longer search traded.
 """
 
@@ -34,8 +34,9 @@ def table(studies: Sequence[Tuned]) -> str:
     for seed in HELD_OUT_SEEDS:
         rows += [[str(seed), *row] for row in scored(controllers, seed).rows()]
         sys.stderr.write(f"seed {seed} scored\n")
-    trials = ", ".join(f"{study.progress.rollouts} rollouts ({len(study.trials)} trials)" for study in studies)
-    return f"{markdown(['seed', 'rollouts of the search', *HEADINGS], rows)}\n\n*Searches with seed {SEED}: {trials}.*"
+    trials = " and ".join(str(len(study.trials)) for study in studies)
+    found = markdown(["seed", "rollouts of the search", *HEADINGS], rows)
+    return f"{found}\n\n*Searches with seed {SEED}: {trials} trials.*"
 
 
 def main() -> None:
