@@ -27,7 +27,7 @@ def test_what_is_affordable_takes_no_more_time_than_there_is_or_is_the_least(sec
 
 
 def test_more_time_buys_more_scenarios_until_there_are_all() -> None:
-    plans = [affordable(FULL, seconds, 1e-3) for seconds in (0.0, 2.0, 4.0, 60.0)]
+    plans = [affordable(FULL, seconds, 1e-3) for seconds in (0.0, 2.0, 4.0, 5.0, 60.0)]
     assert [plan.held_out for plan in plans] == sorted({plan.held_out for plan in plans})
     assert (plans[0], plans[-1]) == (LEAST, FULL)
 
