@@ -94,6 +94,7 @@ from .simulation.batch.sensitivities import Sensitivities as Sensitivities
 from .simulation.batch.sensitivities import sensitivities as sensitivities
 from .simulation.ensembles.distributions import Choice as Choice
 from .simulation.ensembles.distributions import Distribution as Distribution
+from .simulation.ensembles.distributions import LogUniform as LogUniform
 from .simulation.ensembles.distributions import Normal as Normal
 from .simulation.ensembles.distributions import Uniform as Uniform
 from .simulation.ensembles.ensemble import Drawn as Drawn

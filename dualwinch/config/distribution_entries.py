@@ -19,7 +19,14 @@ from dualwinch.model.quantities.numbers import numbers_of
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.quantities.validation import shown, validated
-from dualwinch.simulation.ensembles.distributions import DISTRIBUTIONS, Choice, Distribution, Normal, Uniform
+from dualwinch.simulation.ensembles.distributions import (
+    DISTRIBUTIONS,
+    Choice,
+    Distribution,
+    LogUniform,
+    Normal,
+    Uniform,
+)
 from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.simulation.experiment import Experiment
 
@@ -56,7 +63,7 @@ def drawn_from(key: str, entry: Any, experiment: Experiment) -> Drawn:
     numbers = all(type(end) in {int, float} for end in drawn.distribution.ends)
     if drawn.relative and not numbers:
         raise ConfigurationError(f'{key}: of = "nominal": must stand beside numbers')
-    if leaf.kind is not float and (drawn.relative or isinstance(distribution, (Uniform, Normal))):
+    if leaf.kind is not float and (drawn.relative or isinstance(distribution, (Uniform, LogUniform, Normal))):
         raise ConfigurationError(f"{key}: is no decimal number, must be a choice, e.g. {{ choice = [...] }}")
     check_range(key, drawn, experiment)
     return drawn

@@ -7,6 +7,7 @@ SciPy's frozen distributions (``scipy.stats.truncnorm(...).ppf``) give the same 
 times as long for each of them, and a second to import.
 """
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, TypeAlias
@@ -53,6 +54,27 @@ class Uniform(Distribution):
     def quantile(self, share: float) -> float:
         """The value that a `share` (0 to 1) of all draws do not exceed."""
         return self.low + share * (self.high - self.low)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both bounds."""
+        return self.low, self.high
+
+
+@dataclass(frozen=True)
+class LogUniform(Distribution):
+    """From `low` to `high`, each octave as likely as any other: for what is known by its order of magnitude only."""
+
+    low: Annotated[float, at.Gt(0), Quantity("", "least value")]
+    high: Annotated[float, at.Gt(0), Quantity("", "largest value")]
+
+    kind: ClassVar = "log-uniform"
+    rules: ClassVar = (Rule(("low", "high"), lambda drawn: drawn.low < drawn.high, _must_be_below("high")),)
+
+    def quantile(self, share: float) -> float:
+        """The value that a `share` (0 to 1) of all draws do not exceed."""
+        value = self.low * math.exp(share * math.log(self.high / self.low))
+        return min(max(value, self.low), self.high)
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -111,5 +133,5 @@ class Choice(Distribution):
         return self.values
 
 
-DISTRIBUTIONS: Registry[Distribution] = Registry("distribution", Uniform, Normal, Choice)
+DISTRIBUTIONS: Registry[Distribution] = Registry("distribution", Uniform, LogUniform, Normal, Choice)
 """Every distribution by its kind."""

@@ -37,7 +37,7 @@ def test_motors_that_lag_are_quiet_by_themselves() -> None:
 def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None:
     (reserve,) = [found for found in tuning_problem(ensemble="rig").space.dimensions if found.name == RESERVE]
     assert isinstance(reserve, Interval)
-    assert (reserve.lower, reserve.upper) == pytest.approx((0, 2 * (0.02 * 6000 + 30)))
+    assert (reserve.lower, reserve.upper) == pytest.approx((0, 1.5 * (0.02 * 6000 + 30)))
     assert RESERVE not in tuning_problem(ensemble="sea").space.names
     assert RESERVE not in tuning_problem(ensemble="rig", space=["controller.nftsm.beta"]).space.names
 

@@ -120,7 +120,7 @@ def test_a_distribution_that_is_not_registered_is_drawn_and_not_saved() -> None:
         ensemble_to_toml(ensemble)
     assert str(caught.value) == (
         "plant.vehicle.mass: a distribution of type Triangular cannot stand in a file, it is not registered; "
-        "must be one of uniform, normal, choice"
+        "must be one of uniform, log-uniform, normal, choice"
     )
 
 
@@ -187,6 +187,14 @@ def test_relative_distributions_follow_the_nominal_value_and_others_refuse_it() 
         ("plant.vehicle.mass = { uniform = [1] }", "must be two finite numbers"),
         ("plant.vehicle.mass = { uniform = [1, inf] }", "must be two finite numbers"),
         ("plant.vehicle.mass = { uniform = 3 }", "must be two finite numbers"),
+        (
+            'plant.vehicle.mass = { kind = "log-uniform", low = 0, high = 2 }',
+            "plant.vehicle.mass: low = 0: must be a finite number > 0",
+        ),
+        (
+            'plant.vehicle.mass = { kind = "log-uniform", low = 3, high = 2 }',
+            "plant.vehicle.mass: low = 3: must be < high = 2",
+        ),
         (
             "plant.vehicle.mass = { uniform = [-1, 2] }",
             "reaches a value that is not allowed: plant.vehicle.mass = -1.0",

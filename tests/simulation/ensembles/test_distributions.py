@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dualwinch.simulation.ensembles.distributions import Choice, Distribution, Normal, Uniform
+from dualwinch.simulation.ensembles.distributions import Choice, Distribution, LogUniform, Normal, Uniform
 
 SHARES = (np.arange(20_000) + 0.5) / 20_000
 """As evenly spread as draws between 0 and 1 can be, so that moments are those of the distribution."""
@@ -17,6 +17,15 @@ def test_uniform_has_its_moments_and_bounds() -> None:
     assert drawn.mean() == pytest.approx(0.2)
     assert drawn.std() == pytest.approx(0.04 / np.sqrt(12), rel=1e-6)
     assert 0.18 < drawn.min() < drawn.max() < 0.22
+
+
+def test_log_uniform_has_the_moments_of_scipys_and_stays_within_its_bounds() -> None:
+    drawn, scipys = LogUniform(2e-4, 8e-3), stats.loguniform(2e-4, 8e-3)
+    found = values(drawn)
+    assert found.mean() == pytest.approx(scipys.mean(), rel=1e-6)
+    assert found.std() == pytest.approx(scipys.std(), rel=1e-6)
+    assert drawn.quantile(0.0) == 2e-4
+    assert max(drawn.quantile(share) for share in (0.99, 1 - 2**-53, 1.0)) <= 8e-3
 
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 3.0), (1.9, 5.0), (-50.0, 50.0)])
