@@ -30,7 +30,7 @@ import numpy as np
 
 from dualwinch.model.matrix import Matrix, factorised, solved
 from dualwinch.model.quantities.arrays import vector
-from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar
 
 
@@ -38,8 +38,8 @@ from dualwinch.model.scalar import Scalar
 class Knowledge:
     """What is known of n constants, over the deviations believed before."""
 
-    estimate: Annotated[Any, Quantity("1", "estimates over the deviations believed before")]
-    information: Annotated[Any, Quantity("1", "information of the samples, lower triangle by rows")]
+    estimate: Annotated[Any, Quantity("1", "estimates over the deviations believed before"), Mark.LEARNT]
+    information: Annotated[Any, Quantity("1", "information of the samples, lower triangle by rows"), Mark.LEARNT]
 
 
 def ignorance(n: int) -> Knowledge:

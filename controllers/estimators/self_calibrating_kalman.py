@@ -55,7 +55,7 @@ class SensorWatch:
 
     reading: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
     repeats: Annotated[Scalar, Quantity("1", "samples since it last changed"), Mark.BOOKKEEPING] = 0.0
-    started: Annotated[Scalar, Quantity("1", "1 after the first sample"), Mark.BOOKKEEPING] = 0.0
+    started: Annotated[Scalar, Quantity("1", "1 after the first sample")] = 0.0
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,9 @@ class SelfCalibratingEstimate(KalmanEstimate):
     doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 to 1: left out")] = 0.0
     position_used: Annotated[Scalar, Quantity("1", "1 where the position sensor is believed")] = 1.0
 
+
+FIRST = 0.5
+"""`SensorWatch.started` is 0 at the first sample and 1 then; whatever solves for a steady state may leave round-off."""
 
 LEAST_INFORMATION = 1e-6
 """Share of the position sensor's information that stands for none, where neither it nor an encoder says anything."""
@@ -208,7 +211,7 @@ class SelfCalibratingKalman(Estimator):
         x = state.motion.x
         watch, alive = watched(state.watch, measurement.x, x, self.trust.frozen_after)
         reading = Reading(watch.reading, alive, gains.position_noise)
-        drums, resting = _drums(measurement, x, context), 1 - state.watch.started
+        drums, resting = _drums(measurement, x, context), state.watch.started < FIRST
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, sample_time)
         told = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)

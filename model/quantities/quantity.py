@@ -107,6 +107,7 @@ class Mark(Enum):
     SPEED = "a state that is the vehicle's speed in a steady cruise"
     HELD = "a signal that keeps its value from one sample to the next"
     BOOKKEEPING = "a state that moves nothing while sensors are perfect and no vortices shed"
+    LEARNT = "a state that says what has been learnt of a machine's constants, in thousands of samples"
 
 
 AHEAD = frozenset({Mark.DRAWN_AHEAD, Mark.FILE, Mark.DIGEST})

@@ -4,6 +4,7 @@ The same conditions in the same units. What leaves the cuts of the open sample i
 derivatives that are left at the end are those of the loop cut open there.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.linear.operating_point import cruise_law
 from dualwinch.model.quantities.quantity import Mark
-from dualwinch.simulation.analysis.loop_cruise import BOUNDLESS, LIMITS, PRESSED, RESIDUAL, STEP
+from dualwinch.simulation.analysis.loop_cruise import BELIEVING, LIMITS, PRESSED, RESIDUAL, ROUNDS, STEP, UNLIMITED
 from dualwinch.simulation.analysis.open_sample import OpenSample, open_sample
 from dualwinch.simulation.loop.start import start_function
 from dualwinch.simulation.loop.structure import Structure
@@ -69,7 +70,7 @@ def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats, near
         if not len(again):
             break
         begun = start[again] if limited else _without_limits(sample, start[again])
-        retried = _solved(sample, begun, PATIENT_ITERATIONS, patient=True)
+        retried = _in_turns(sample, begun, PATIENT_ITERATIONS, patient=True)
         for name, values in vars(found).items():
             values[again] = getattr(retried, name)
     force, left, *pulls = found.facts.T
@@ -85,13 +86,24 @@ def _learnt(sample: OpenSample) -> Flags:
 def _without_limits(sample: OpenSample, start: "_Start") -> "_Start":
     """A start whose law and estimator are where they come to without limits of the tensions.
 
-    A law whose integrals are far off starts at its limits, where it has no slope.
+    A law whose integrals are far off starts at its limits, where it has no slope. An estimator that judges what it
+    reads believes everything there; with such a one, the start is where all comes to with limits then.
     """
-    free = start.parameters.copy()
-    for name, value in (("tension_min", -BOUNDLESS), ("tension_max", BOUNDLESS)):
-        free[:, sample.loop.parameters.index(LIMITS + name)] = value
-    loose = _solved(sample, replace(start, parameters=free), LOOSE_ITERATIONS).state
-    return replace(start, state=np.where(_learnt(sample) & np.isfinite(loose), loose, start.state))
+    names = sample.loop.parameters
+    loose = _in_turns(sample, _with(sample, start, UNLIMITED | BELIEVING), LOOSE_ITERATIONS).state
+    begun = replace(start, state=np.where(_learnt(sample) & np.isfinite(loose), loose, start.state))
+    if BELIEVING.keys().isdisjoint(names):
+        return begun
+    found = _in_turns(sample, _with(sample, begun, BELIEVING), PATIENT_ITERATIONS, patient=True)
+    return replace(begun, state=found.state, outside=found.outside, cut=found.cut)
+
+
+def _with(sample: OpenSample, start: "_Start", values: Mapping[str, float]) -> "_Start":
+    """A start with other values of those parameters that there are."""
+    names, parameters = sample.loop.parameters, start.parameters.copy()
+    for name in values.keys() & set(names):
+        parameters[:, names.index(name)] = values[name]
+    return replace(start, parameters=parameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +119,24 @@ class _Start:
     def __getitem__(self, chosen: NDArray[np.intp]) -> "_Start":
         return _Start(*(values[chosen] for values in vars(self).values()))
 
+    @property
+    def given(self) -> tuple[Floats, ...]:
+        """What the sample takes."""
+        return self.state, self.outside, self.parameters, self.cut
+
+    def carried(self, sample: OpenSample) -> Floats:
+        """(s,) how far in m the vehicle moves in a sample."""
+        return self.v * self.parameters[:, sample.loop.parameters.index("simulation.sample_time")]
+
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Where Newton's method ended: whether everything repeats there, the states, facts and slopes."""
+    """Where Newton's method ended: whether everything repeats there, where that is, facts and slopes."""
 
     repeats: Flags
     state: Floats
+    outside: Floats
+    cut: Floats
     facts: Floats
     slopes: Floats
 
@@ -157,16 +180,60 @@ def _first_guesses(
     return _Start(parameters, state, outside, cut, v)
 
 
-def _solved(sample: OpenSample, start: _Start, iterations: int, *, patient: bool = False) -> _Solution:
+def _in_turns(sample: OpenSample, start: _Start, iterations: int, *, patient: bool = False) -> _Solution:
+    """Newton's method, first for all but what has been learnt of the machine, which follows from it.
+
+    An estimate is far from linear in the information that it rests on, and that grows for thousands of samples.
+    """
+    learnt = sample.loop.marked(Mark.LEARNT)[sample.kept]
+    if not learnt.any():
+        return _solved(sample, start, iterations, patient=patient)
+    start, *_ = _learning(sample, start, learnt)
+    rounds = 0
+    while True:
+        found, rounds = _solved(sample, start, iterations, patient=patient, held=learnt), rounds + 1
+        there = replace(start, state=found.state, outside=found.outside, cut=found.cut)
+        start, change, step = _learning(sample, there, learnt)
+        found = replace(found, repeats=found.repeats & (change < REPEATS) & (step < SETTLED))
+        if found.repeats.all() or rounds == ROUNDS:
+            return found
+
+
+def _learning(sample: OpenSample, start: _Start, learnt: Flags) -> tuple[_Start, Floats, Floats]:
+    """A start with what is learnt of the machine there; (s,) how that changed before, and the step to it (`_solved`).
+
+    First comes what depends on nothing else that is learnt, then what does.
+    """
+    n, sizes = len(learnt), np.maximum(np.abs(start.state[:, sample.kept]), 1.0)
+    moved, changed = np.zeros_like(sizes), np.zeros(len(sizes))
+    for alone in (True, False):
+        following, returned, _, change, slopes = sample.evaluate(*start.given)
+        rest = np.hstack([following, returned]) - np.hstack([start.state[:, sample.kept], start.cut])
+        matrix, _, unknown = _equations(sample, rest, change, slopes, start.carried(sample))
+        changed = np.maximum(changed, (np.abs(rest[:, :n]) / sizes)[:, learnt].max(axis=1))
+        others = ((matrix[:, :n, :n] != 0) & learnt & ~np.eye(n, dtype=bool)).any(axis=2)
+        unknown[:, :n] &= learnt & ~(others & alone)
+        unknown[:, n:] = False
+        step = _step(matrix, rest, unknown, patient=False)[:, :n]
+        state = start.state.copy()
+        state[:, sample.kept] += np.where(np.isfinite(step), step, 0.0)
+        moved, start = moved + step, replace(start, state=state)
+    return start, changed, (np.abs(moved) / sizes).max(axis=1)
+
+
+def _solved(
+    sample: OpenSample, start: _Start, iterations: int, *, patient: bool = False, held: Flags | None = None
+) -> _Solution:
     """Newton's method at all points; one that has come to its end is left alone.
 
-    Patient, it takes the shortest step where there are many, as at rest with a law that leaves something free.
+    Patient, it takes the shortest step where there are many, as at rest with a law that leaves something free. Held
+    states stay as they are.
     """
     parameters, state, outside, cut = start.parameters, start.state.copy(), start.outside.copy(), start.cut.copy()
     count, n = len(state), len(sample.kept)
     facts, slopes = np.full((count, 4), np.nan), np.full((count, n + 5, n + 4), np.nan)
     residual, left = np.full(count, np.inf), np.full(count, np.inf)
-    carried = start.v * parameters[:, sample.loop.parameters.index("simulation.sample_time")]
+    carried = start.carried(sample)
     active = np.arange(count)
     for _ in range(iterations):
         given = state[active], outside[active], parameters[active], cut[active]
@@ -174,8 +241,12 @@ def _solved(sample: OpenSample, start: _Start, iterations: int, *, patient: bool
         values = np.hstack([state[np.ix_(active, sample.kept)], cut[active]])
         rest = np.hstack([following, returned]) - values
         matrix, counted, unknown = _equations(sample, rest, change, slopes[active], carried[active])
+        if held is not None:
+            counted[:, :n] &= ~held
+            unknown[:, :n] &= ~held
         last, sizes = residual[active], np.maximum(np.abs(values), 1.0)
         residual[active] = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
+        residual[active[~np.isfinite(matrix).all(axis=(1, 2))]] = np.inf
         going = np.isfinite(residual[active])
         going &= ~((last < REPEATS) & (residual[active] >= last / 2) & (left[active] < SETTLED))
         active = active[going]
@@ -189,7 +260,7 @@ def _solved(sample: OpenSample, start: _Start, iterations: int, *, patient: bool
         step[:, sample.x] = 0.0
         state[np.ix_(active, sample.kept)] += step[:, :n]
         cut[active] += step[:, n:]
-    return _Solution((residual < REPEATS) & (left < SETTLED), state, facts, slopes)
+    return _Solution((residual < REPEATS) & (left < SETTLED), state, outside, cut, facts, slopes)
 
 
 def _equations(

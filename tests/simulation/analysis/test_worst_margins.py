@@ -1,6 +1,7 @@
 """The least margins of machines against margins of one loop after the other, and against loops that are late."""
 
 import math
+import sys
 from dataclasses import replace
 from typing import Any
 
@@ -70,6 +71,26 @@ def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> 
     first = machines[0]
     knowing = one_after_the_other(first.experiment)["delay"]
     assert knowing != pytest.approx(found[0]["delay"].value, rel=1e-3)
+
+
+def test_a_filter_that_learns_the_machine_has_margins_on_a_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it learns follows from where the machine is: nominal or drawn, the margins are those of `linearise`."""
+    points = [(2.5, -1.8), (25.0, 0.0), (47.5, 1.8)]
+    for module in (worst_margins, sys.modules[__name__]):
+        monkeypatch.setattr(module, "cruise_points", lambda _: points)
+    rig = load_ensemble("rig")
+    changes = {"controller.kind": "adrc", "controller.estimator": "self-calibrating-kalman"}
+    rig = replace(rig, experiment=override(rig.experiment, changes))
+    machines = [rig.experiment, *(rig.scenario(index, 7) for index in range(2))]
+    (found,) = MarginSurvey(machines, cuts=("u",)).each([[]], ["delay", "disk"])
+    for machine, worst in zip(machines, found, strict=True):
+        experiment, nominal = (
+            (machine.experiment, machine.nominal) if isinstance(machine, Scenario) else (machine, None)
+        )
+        wanted = [margins(linear_broken_loop(experiment, *point, "u", nominal)) for point in points]
+        assert all(each.stable for each in wanted)
+        for kind, of in worst.items():
+            assert of.value == pytest.approx(min(getattr(each, kind) for each in wanted), rel=1e-6)
 
 
 def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> None:
