@@ -30,6 +30,10 @@ RANGE = 3.0
 That is how far finalists reach. Where none of these holds, the best is chosen without such scenarios.
 """
 
+KEPT = MARGIN / 2
+"""Distance from a bound, as a share, up to which more of it makes up for a larger objective: half of what is asked for
+where gains are tuned, for here the worst is that of many more scenarios."""
+
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 NOT_HELD_OUT = "{trials} better than the start where chosen, but not in the held-out scenarios"
 """Why the start is kept."""
@@ -149,7 +153,7 @@ def _first_round(
         return _ranked(evaluator, first, start, scenarios)
     (reference,) = evaluator.over([start.candidate], scenarios, constraints=sieve.constraints)
     found = [result for _, result in met]
-    return [met[index] for index in soundest_first(found, MARGIN) if beats(found[index], reference)]
+    return [met[index] for index in soundest_first(found, KEPT) if beats(found[index], reference)]
 
 
 def _ranked(
@@ -158,7 +162,7 @@ def _ranked(
     """Trials that are better than the start in some scenarios, the best first, and what each came to there."""
     candidates = [trial.candidate for trial in (*trials, start)]
     *met, reference = evaluator.over(candidates, scenarios, constraints=evaluator.bounds(scenarios))
-    return [(trials[index], met[index]) for index in soundest_first(met, MARGIN) if beats(met[index], reference)]
+    return [(trials[index], met[index]) for index in soundest_first(met, KEPT) if beats(met[index], reference)]
 
 
 def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scenario], list[Scenario]]:
