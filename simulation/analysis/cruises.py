@@ -70,9 +70,7 @@ def cruises(structure: Structure, parameters: Floats, x: Floats, v: Floats, near
         if not len(again):
             break
         begun = start[again] if limited else _without_limits(sample, start[again])
-        retried = _in_turns(sample, begun, PATIENT_ITERATIONS, patient=True)
-        for name, values in vars(found).items():
-            values[again] = getattr(retried, name)
+        found[again] = _in_turns(sample, begun, PATIENT_ITERATIONS, patient=True)
     force, left, *pulls = found.facts.T
     steady = found.repeats & (force == left) & (np.min(pulls, axis=0) > 0)
     return Cruises(steady, np.where(steady[:, None], found.state, np.nan), found.slopes)
@@ -116,8 +114,12 @@ class _Start:
     cut: Floats
     v: Floats
 
-    def __getitem__(self, chosen: NDArray[np.intp]) -> "_Start":
-        return _Start(*(values[chosen] for values in vars(self).values()))
+    def __getitem__(self, points: NDArray[np.intp]) -> "_Start":
+        return _Start(*(values[points] for values in vars(self).values()))
+
+    def __setitem__(self, points: NDArray[np.intp], other: "_Start") -> None:
+        for name, values in vars(self).items():
+            values[points] = getattr(other, name)
 
     @property
     def given(self) -> tuple[Floats, ...]:
@@ -139,6 +141,10 @@ class _Solution:
     cut: Floats
     facts: Floats
     slopes: Floats
+
+    def __setitem__(self, points: NDArray[np.intp], other: "_Solution") -> None:
+        for name, values in vars(self).items():
+            values[points] = getattr(other, name)
 
 
 def _first_guesses(
@@ -183,20 +189,28 @@ def _first_guesses(
 def _in_turns(sample: OpenSample, start: _Start, iterations: int, *, patient: bool = False) -> _Solution:
     """Newton's method, first for all but what has been learnt of the machine, which follows from it.
 
-    An estimate is far from linear in the information that it rests on, and that grows for thousands of samples.
+    An estimate is far from linear in the information that it rests on, and that grows for thousands of samples. Where
+    nothing else repeats, taking turns goes nowhere.
     """
     learnt = sample.loop.marked(Mark.LEARNT)[sample.kept]
     if not learnt.any():
         return _solved(sample, start, iterations, patient=patient)
-    start, *_ = _learning(sample, start, learnt)
-    rounds = 0
-    while True:
-        found, rounds = _solved(sample, start, iterations, patient=patient, held=learnt), rounds + 1
+
+    def turn(start: _Start) -> tuple[_Solution, _Start, Flags]:
+        found = _solved(sample, start, iterations, patient=patient, held=learnt)
         there = replace(start, state=found.state, outside=found.outside, cut=found.cut)
-        start, change, step = _learning(sample, there, learnt)
-        found = replace(found, repeats=found.repeats & (change < REPEATS) & (step < SETTLED))
-        if found.repeats.all() or rounds == ROUNDS:
-            return found
+        following, change, step = _learning(sample, there, learnt)
+        settled = found.repeats & (change < REPEATS) & (step < SETTLED)
+        return replace(found, repeats=settled), following, found.repeats & ~settled
+
+    found, start, worth = turn(_learning(sample, start, learnt)[0])
+    going = np.flatnonzero(worth)
+    for _ in range(ROUNDS - 1):
+        if not len(going):
+            break
+        found[going], start[going], worth = turn(start[going])
+        going = going[worth]
+    return found
 
 
 def _learning(sample: OpenSample, start: _Start, learnt: Flags) -> tuple[_Start, Floats, Floats]:

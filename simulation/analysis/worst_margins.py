@@ -1,11 +1,14 @@
 """The least stability margins of machines, wherever they are on the track, cut wherever the loop can be cut."""
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from dualwinch.model.reference import setpoint
 from dualwinch.simulation.analysis.complementary import BOTH, complementary
@@ -19,6 +22,8 @@ from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 
 Floats = NDArray[np.float64]
+Item = TypeVar("Item")
+Outcome = TypeVar("Outcome")
 
 SHARES = (0.05, 0.5, 0.95)
 """Positions as shares of the track: ropes are stiff where they are short, and alike in the middle."""
@@ -142,24 +147,20 @@ class MarginSurvey:
         given, kinds = np.atleast_2d(np.asarray(values, float)), tuple(kinds)
         chosen = range(len(self.machines)) if machines is None else machines
         pairs = [(row, machine) for row in range(len(given)) for machine in chosen]
-        chunks = [pairs[first : first + TOGETHER] for first in range(0, len(pairs), TOGETHER)]
-        found: list[list[dict[str, WorstMargin]]] = [[] for _ in chunks]
-
-        def work(index: int) -> None:
-            found[index] = self._of_pairs(given, chunks[index], kinds)
-
-        if not run_all([lambda index=index: work(index) for index in range(len(chunks))], self._threads):
-            raise KeyboardInterrupt
-        each = [worst for chunk in found for worst in chunk]
+        each = _in_chunks(lambda chunk: self._of_pairs(given, chunk, kinds), pairs, self._threads)
         return [each[first : first + len(chosen)] for first in range(0, len(each), len(chosen))]
 
     def _look_near(self) -> None:
         """Find the cruises with the machines' own gains, near which those with others begin to be looked for."""
         if not self._near:
-            counts = [len(each) for each in self._points]
-            x, v = np.concatenate(self._points).T
-            state = cruises(self._structure, np.repeat(self._parameters, counts, axis=0), x, v).state
-            self._near = np.split(state, np.cumsum(counts)[:-1])
+            self._near = _in_chunks(self._cruises, range(len(self.machines)), self._threads)
+
+    def _cruises(self, machines: Sequence[int]) -> list[Floats]:
+        """The states of machines with their own gains at all their points."""
+        counts = [len(self._points[machine]) for machine in machines]
+        x, v = np.concatenate([self._points[machine] for machine in machines]).T
+        state = cruises(self._structure, np.repeat(self._parameters[list(machines)], counts, axis=0), x, v).state
+        return np.split(state, np.cumsum(counts)[:-1])
 
     def _of_pairs(
         self, values: Floats, pairs: Sequence[tuple[int, int]], kinds: Sequence[str]
@@ -198,3 +199,23 @@ class MarginSurvey:
                 words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency)
             found.append(words)
         return found
+
+
+def _in_chunks(
+    work: Callable[[Sequence[Item]], list[Outcome]], items: Sequence[Item], threads: int | None
+) -> list[Outcome]:
+    """What some work makes of items, `TOGETHER` of them at a time, on threads; those of a linear algebra stay out.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    chunks = [items[first : first + TOGETHER] for first in range(0, len(items), TOGETHER)]
+    found: list[list[Outcome]] = [[] for _ in chunks]
+
+    def one(index: int) -> None:
+        found[index] = work(chunks[index])
+
+    with threadpool_limits(1, user_api="blas"):
+        if not run_all([partial(one, index) for index in range(len(chunks))], threads):
+            raise KeyboardInterrupt
+    return [each for chunk in found for each in chunk]
