@@ -34,7 +34,10 @@ class Sieve:
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
     def meet(self, trials: Sequence[Evaluation]) -> list[Evaluation | None]:
-        """What trials come to in all scenarios; ``None`` for those that do not hold where most have failed."""
+        """What trials come to in all scenarios; ``None`` for those that do not hold where most have failed.
+
+        Stability margins are looked at where all else holds.
+        """
         if not trials:
             return []
         order = np.argsort(-self._failures, kind="stable")
@@ -48,10 +51,13 @@ class Sieve:
         if not kept:
             return found
         going_on = [candidates[row] for row in kept]
-        late = self._evaluator.run(going_on, self._chosen(rest), to_the_end=False) if len(rest) else None
-        if late:
-            self._failures[rest] += self._failed(late).sum(axis=0)
-        margins, met = self._evaluator.margins(going_on, self._machines), self._chosen(order)
+        late, hold = None, [True] * len(kept)
+        if len(rest):
+            late = self._evaluator.run(going_on, self._chosen(rest), to_the_end=False)
+            failed = self._failed(late)
+            self._failures[rest] += failed.sum(axis=0)
+            hold = (~failed.any(axis=1)).tolist()
+        margins, met = self._evaluator.margins(going_on, self._machines, hold), self._chosen(order)
         for number, row in enumerate(kept):
             whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
             found[row] = self._evaluator.judged(

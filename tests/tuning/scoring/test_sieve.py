@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dualwinch.simulation.ensembles.ensemble import Scenario
@@ -65,6 +66,20 @@ def test_trials_meet_first_where_most_have_failed(evaluator: Evaluator) -> None:
     before = evaluator.rollouts
     assert sieve.meet(failing) == [None] * len(failing)
     assert evaluator.rollouts - before == FIRST * len(failing)
+
+
+def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem: MakeProblem) -> None:
+    free = Evaluator(prepare(make_problem()), prune=False)
+    scenarios = others(free.prepared.problem)
+    peaks = free.run([trials(free)[SHARES.index(1.0)].candidate], scenarios).metrics["peak_tension"][0]
+    bound = np.sort(peaks)[-2:].mean()
+    problem = make_problem(constraints=[f"worst.peak_tension<={bound}", "worst.delay_margin>=1ms"])
+    bounded = Evaluator(prepare(problem), prune=False)
+    hardest_last = [scenarios[index] for index in np.argsort(peaks)]
+    met = Sieve(bounded, hardest_last).meet(trials(bounded))
+    held, exceeding = met[0], met[SHARES.index(1.0)]
+    assert held and held.feasible and "worst.delay_margin" in held.statistics
+    assert exceeding and not exceeding.feasible and "worst.delay_margin" not in exceeding.statistics
 
 
 def test_nobody_meets_nowhere(evaluator: Evaluator) -> None:
