@@ -78,8 +78,11 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
     hardest_last = [scenarios[index] for index in np.argsort(peaks)]
     met = Sieve(bounded, hardest_last).meet(trials(bounded))
     held, exceeding = met[0], met[SHARES.index(1.0)]
-    assert held and held.feasible and "worst.delay_margin" in held.statistics
-    assert exceeding and not exceeding.feasible and "worst.delay_margin" not in exceeding.statistics
+    assert held is not None
+    assert exceeding is not None
+    assert (held.feasible, exceeding.feasible) == (True, False)
+    assert "worst.delay_margin" in held.statistics
+    assert "worst.delay_margin" not in exceeding.statistics
 
 
 def test_nobody_meets_nowhere(evaluator: Evaluator) -> None:
