@@ -19,6 +19,9 @@ from dualwinch.tuning.bound_units import in_si
 from dualwinch.tuning.margin_statistic import MarginStatistic, margin_statistic
 from dualwinch.tuning.scoring.measured import UNMEASURED
 
+NONE = "none"
+"""What is said for no constraint."""
+
 NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
 NO_PEAK = "worst.peak_tension<=controller.coordination.tension_max"
 QUIET = "mean.chatter<=0.25*paper"
@@ -101,6 +104,26 @@ def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Cons
         if side in [(other.statistic, other.at_least) for other in found[:index]]:
             raise ConfigurationError(f"--constraint {constraint.text}: {constraint.statistic.name} is bounded twice")
     return tuple(found)
+
+
+def constraints_with(
+    texts: Sequence[str] | None, defaults: Sequence[str], experiment: Experiment
+) -> tuple[Constraint, ...]:
+    """The constraints that are meant by some texts; as of `constraints_from` beside those.
+
+    Stability margins say nothing of runs. So where nothing else is bounded, the default constraints hold beside them.
+
+    Args:
+        texts: `NONE` among them leaves the default ones out; ``None``: these alone.
+        defaults: the default ones.
+        experiment: as of `constraints_from`.
+    """
+    if texts is None:
+        return constraints_from(defaults, experiment)
+    named = [text for text in texts if text != NONE]
+    found = constraints_from(named, experiment)
+    margins = bool(found) and all(isinstance(constraint.statistic, MarginStatistic) for constraint in found)
+    return constraints_from([*defaults, *named], experiment) if margins and NONE not in texts else found
 
 
 def _constraint(text: str, experiment: Experiment) -> Constraint:

@@ -88,7 +88,7 @@ def race(
         scenarios=scenarios,
         held_out=held_out,
         settings=set_ or [],
-        constraints=None if constraint is None else [text for text in constraint if text != "none"],
+        constraints=constraint,
         method=method,
         seed=seed,
         stress=stress,

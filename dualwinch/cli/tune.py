@@ -56,7 +56,7 @@ def tune(
         Parameter(
             help="e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper, worst.delay_margin>=5ms (gain, phase, disk "
             "likewise); may be repeated; none: no constraint. "
-            "Default: no slack, no peak near tension_max, chatter below the paper's.",
+            "Default, also beside stability margins: no slack, no peak beyond tension_max, little chatter.",
             negative="",
         ),
     ] = None,
@@ -122,7 +122,7 @@ def tune(
             ensemble=ensemble,
             space=space or [],
             objectives=objective or [],
-            constraints=None if constraint is None else [text for text in constraint if text != "none"],
+            constraints=constraint,
             scenarios=scenarios,
             seed=seed,
         )

@@ -15,7 +15,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.by_ensemble import first_estimator, further_gains
-from dualwinch.tuning.constraint import constraints_from, default_constraints
+from dualwinch.tuning.constraint import constraints_from, constraints_with, default_constraints
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space_entries import entry_from, space_of
@@ -57,7 +57,8 @@ def tuning_problem(
             of your own as it is, with the experiment's controller; ``None``: the experiment is the only scenario.
         space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
         objectives: statistics to minimise; default: ``mean.mse``.
-        constraints: such as ``mean.chatter<=0.25*paper``; default: no slack, no peak, little chatter.
+        constraints: such as ``mean.chatter<=0.25*paper``; default, also beside stability margins alone: no slack, no
+            peak, little chatter. ``none`` among them leaves these out.
         scenarios: of the ensemble, that a candidate is tuned on.
         seed: of scenarios and search.
         held: keys that are left out of the space, so that they keep the values that settings give them.
@@ -89,15 +90,13 @@ def tuning_problem(
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
-    wanted = (
-        default_constraints(drawn is not None, lag=not is_ideal(base.actuator)) if constraints is None else constraints
-    )
+    defaults = default_constraints(drawn is not None, lag=not is_ideal(base.actuator))
     problem = Problem(
         experiment=base,
         ensemble=drawn,
         space=space_of(_entries(space), base, further_gains(drawn) if drawn else None).without(held),
         objectives=objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics),
-        constraints=constraints_from(wanted, base),
+        constraints=constraints_with(constraints, defaults, base),
         scenarios=count if drawn else 1,
         seed=seed,
     )

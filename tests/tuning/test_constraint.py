@@ -6,7 +6,7 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
 from dualwinch.simulation.paper import case
-from dualwinch.tuning.constraint import Constraint, constraints_from
+from dualwinch.tuning.constraint import NO_PEAK, NO_SLACK, Constraint, constraints_from, constraints_with
 from dualwinch.tuning.objective import objectives_from
 from dualwinch.tuning.scoring.measured import UNMEASURED, measured
 
@@ -82,6 +82,26 @@ def test_wrong_constraints_are_one_line(text: str, message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         bound(text)
     assert message in str(caught.value)
+
+
+MARGIN, CHATTER = "worst.delay_margin>=5ms", "mean.chatter<=3"
+
+
+@pytest.mark.parametrize(
+    ("texts", "meant"),
+    [
+        (None, [NO_SLACK, NO_PEAK]),
+        (["none"], []),
+        ([], []),
+        ([CHATTER], [CHATTER]),
+        ([MARGIN], [NO_SLACK, NO_PEAK, MARGIN]),
+        (["none", MARGIN], [MARGIN]),
+        ([MARGIN, CHATTER], [MARGIN, CHATTER]),
+    ],
+)
+def test_default_constraints_hold_where_runs_are_not_bounded(texts: list[str] | None, meant: list[str]) -> None:
+    found = constraints_with(texts, [NO_SLACK, NO_PEAK], case(4))
+    assert [constraint.text for constraint in found] == meant
 
 
 def test_wrong_objectives_and_repetitions_are_refused() -> None:

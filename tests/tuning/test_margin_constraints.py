@@ -88,7 +88,7 @@ def test_a_margin_is_no_objective() -> None:
 
 @pytest.fixture
 def bounded(make_problem: MakeProblem) -> Problem:
-    return make_problem(constraints=["worst.delay_margin>=5ms", DISK], space=[BETA, KP])
+    return make_problem(constraints=["none", "worst.delay_margin>=5ms", DISK], space=[BETA, KP])
 
 
 def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(bounded: Problem) -> None:
@@ -117,7 +117,7 @@ def test_who_is_given_up_or_fails_is_not_looked_at(bounded: Problem) -> None:
 
 
 def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_problem: MakeProblem) -> None:
-    problem = make_problem(constraints=["worst.disk_margin>=0.5*paper"], ensemble=None, space=[BETA])
+    problem = make_problem(constraints=["none", "worst.disk_margin>=0.5*paper"], ensemble=None, space=[BETA])
     paper = MarginSurvey([problem.paper_experiment]).worst([[]])[0]["disk"].value
     assert prepare(problem).constraints[0].bound == pytest.approx(paper / 2, rel=1e-9)
 
@@ -182,7 +182,7 @@ def _stands_and_falls(tuned: Tuned, borne: int, too_much: int, point: tuple[floa
 
 def test_an_unstable_start_is_a_violated_constraint_and_its_place_is_told(make_problem: MakeProblem) -> None:
     late = ["simulation.duration=0.1", "simulation.delay_samples=40"]
-    problem = make_problem(ensemble=None, settings=late, constraints=[DELAY], space=[BETA])
+    problem = make_problem(ensemble=None, settings=late, constraints=["none", DELAY], space=[BETA])
     assert not margins(linear_broken_loop(problem.experiment, 2.5, 0.0, "u")).stable
     found = tune(replace(problem), trials=2, method="random")
     assert found.verdict.scored.statistics["worst.delay_margin"] == 0

@@ -56,7 +56,7 @@ class Sieve:
             late = self._evaluator.run(going_on, self._chosen(rest), to_the_end=False)
             failed = self._failed(late)
             self._failures[rest] += failed.sum(axis=0)
-            hold = (~failed.any(axis=1)).tolist()
+            hold = [not any(fails) for fails in failed.tolist()]
         margins, met = self._evaluator.margins(going_on, self._machines, hold), self._chosen(order)
         for number, row in enumerate(kept):
             whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
