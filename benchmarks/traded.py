@@ -26,7 +26,7 @@ ALLOWED = (0.05, 0.1, 0.15, 0.25, 0.4)
 
 def front(score: Score) -> Figure:
     """Mean square error against chatter."""
-    paper, ours = score.paper, score.tuned
+    paper, ours = score.paper, sorted(score.tuned, key=lambda each: each.chatter)
     words = f"{SCENARIOS} held-out scenarios of 'sea' (seed {HELD_OUT_SEED}), searches of {ROLLOUTS} rollouts"
     with house_style():
         figure = new_figure(3.8, "What less chatter costs", words)
