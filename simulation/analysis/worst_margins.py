@@ -153,7 +153,9 @@ class MarginSurvey:
     def _look_near(self) -> None:
         """Find the cruises with the machines' own gains, near which those with others begin to be looked for."""
         if not self._near:
-            self._near = _in_chunks(self._cruises, range(len(self.machines)), self._threads)
+            first, *others = range(len(self.machines))
+            near = self._cruises([first])  # compiles, once, what threads call then
+            self._near = near + _in_chunks(self._cruises, others, self._threads)
 
     def _cruises(self, machines: Sequence[int]) -> list[Floats]:
         """The states of machines with their own gains at all their points."""
