@@ -92,13 +92,13 @@ def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Cons
     """The constraints of some texts.
 
     Args:
-        texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``.
+        texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``, or `NONE`, which bounds nothing.
         experiment: where configuration keys are looked up, and metrics beside the built-in ones.
 
     Raises:
         ConfigurationError: anything else, or an unknown name.
     """
-    found = [_constraint(text, experiment) for text in texts]
+    found = [_constraint(text, experiment) for text in texts if text != NONE]
     for index, constraint in enumerate(found):
         side = constraint.statistic, constraint.at_least
         if side in [(other.statistic, other.at_least) for other in found[:index]]:
@@ -120,10 +120,9 @@ def constraints_with(
     """
     if texts is None:
         return constraints_from(defaults, experiment)
-    named = [text for text in texts if text != NONE]
-    found = constraints_from(named, experiment)
+    found = constraints_from(texts, experiment)
     margins = bool(found) and all(isinstance(constraint.statistic, MarginStatistic) for constraint in found)
-    return constraints_from([*defaults, *named], experiment) if margins and NONE not in texts else found
+    return (*constraints_from(defaults, experiment), *found) if margins and NONE not in texts else found
 
 
 def _constraint(text: str, experiment: Experiment) -> Constraint:

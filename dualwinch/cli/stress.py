@@ -67,7 +67,7 @@ def stress(
         set_ or [],
         ensemble=ensemble,
         base=base,
-        constraints=None if constraint is None else [text for text in constraint if text != "none"],
+        constraints=constraint,
         scenarios=scenarios,
         seed=seed,
         out=out,

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,15 +13,13 @@ from dualwinch.simulation.analysis.complementary import BOTH, complementary
 from dualwinch.simulation.analysis.cruises import cruises
 from dualwinch.simulation.analysis.least_margins import KINDS, least_margins
 from dualwinch.simulation.analysis.loop_cruise import in_calm, resistance, with_taut_ropes
-from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.batch.jobs import Item, Outcome, map_all
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 
 Floats = NDArray[np.float64]
-Item = TypeVar("Item")
-Outcome = TypeVar("Outcome")
 
 SHARES = (0.05, 0.5, 0.95)
 """Positions as shares of the track: ropes are stiff where they are short, and alike in the middle."""
@@ -206,18 +202,11 @@ class MarginSurvey:
 def _in_chunks(
     work: Callable[[Sequence[Item]], list[Outcome]], items: Sequence[Item], threads: int | None
 ) -> list[Outcome]:
-    """What some work makes of items, `TOGETHER` of them at a time, on threads; those of a linear algebra stay out.
+    """What some work makes of items, `TOGETHER` of them at a time, on threads; linear algebra has none of its own then.
 
     Raises:
         KeyboardInterrupt: interrupted.
     """
     chunks = [items[first : first + TOGETHER] for first in range(0, len(items), TOGETHER)]
-    found: list[list[Outcome]] = [[] for _ in chunks]
-
-    def one(index: int) -> None:
-        found[index] = work(chunks[index])
-
     with threadpool_limits(1, user_api="blas"):
-        if not run_all([partial(one, index) for index in range(len(chunks))], threads):
-            raise KeyboardInterrupt
-    return [each for chunk in found for each in chunk]
+        return [each for chunk in map_all(work, chunks, threads) for each in chunk]

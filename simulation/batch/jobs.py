@@ -2,8 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import partial
+from typing import TypeVar
 
 from dualwinch.simulation.batch.cores import cores
+
+Item = TypeVar("Item")
+Outcome = TypeVar("Outcome")
 
 
 def run_all(
@@ -33,3 +38,24 @@ def run_all(
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
     return True
+
+
+def map_all(work: Callable[[Item], Outcome], items: Sequence[Item], threads: int | None = None) -> list[Outcome]:
+    """What some work makes of each of some items, on threads, in their order.
+
+    Args:
+        work: what is run.
+        items: what it is run on.
+        threads: default: one a core.
+
+    Raises:
+        KeyboardInterrupt: interrupted; work under way is finished.
+    """
+    found: dict[int, Outcome] = {}
+
+    def one(index: int) -> None:
+        found[index] = work(items[index])
+
+    if not run_all([partial(one, index) for index in range(len(items))], threads):
+        raise KeyboardInterrupt
+    return [found[index] for index in range(len(items))]

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dualwinch.simulation.analysis.required_force import Demand, demand
-from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.batch.jobs import map_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 
 LOOKED_AT = 200
@@ -142,11 +142,4 @@ def choosable(scenarios: Sequence[Scenario]) -> list[Scenario]:
 
 
 def _demands(scenarios: Sequence[Scenario]) -> list[Demand]:
-    found = [Demand(0.0, 0.0)] * len(scenarios)
-
-    def look(index: int) -> None:
-        found[index] = demand(scenarios[index].experiment)
-
-    if not run_all([lambda index=index: look(index) for index in range(len(scenarios))]):
-        raise KeyboardInterrupt
-    return found
+    return map_all(lambda scenario: demand(scenario.experiment), scenarios)

@@ -1,14 +1,12 @@
 """Runs the scenarios of many sizes at once."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
 from dualwinch.codegen.drivers.batch import compile_batch
-from dualwinch.codegen.sampled import Sampled
 from dualwinch.controllers.controller import Controller
-from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.batch.jobs import map_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.batch.sweep import run_grid
 from dualwinch.tuning.stress.limits import Reached
@@ -40,12 +38,7 @@ class Bench:
         """
         first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
         loops = dict.fromkeys(Pairs([], np.empty((1, 0)), [scenario]).loop for scenario in first)
-
-        def compiled(loop: Sampled) -> None:
-            compile_batch(loop)
-
-        if not run_all([partial(compiled, loop) for loop in loops], self._threads):
-            raise KeyboardInterrupt
+        map_all(compile_batch, list(loops), self._threads)
 
     def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[Reached]:
         """What the scenarios of each of some sizes come to.
