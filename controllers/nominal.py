@@ -55,5 +55,5 @@ def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> P
 
 
 def nominal_structure(plant: Plant) -> Plant:
-    """What the controller's plant is made of, with numbers of no plant in particular."""
-    return replace(plant, rope_1=Rope(), rope_2=Rope())
+    """What the controller's plant is made of, without what is unknown of it; its numbers are to be replaced."""
+    return replace(specified_plant(plant), rope_1=Rope(), rope_2=Rope())

@@ -1,17 +1,17 @@
 """The force that a run asks of its two motors: what holds the vehicle on its reference, whatever the controller."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, Plant, symbolic_plant, vehicle_acceleration
 from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.model.reference import setpoint
+from dualwinch.model.ropes.kelvin_voigt import Rope
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import Vehicle, inertia
 from dualwinch.model.winch import Winch, drum_acceleration
@@ -87,7 +87,7 @@ def _behind(experiment: Experiment, force: Floats) -> float:
 
 def force_parameters(experiment: Experiment) -> Floats:
     """The parameters of `force_law`: the simulated plant's, and the vortices'."""
-    plant = nominal_structure(experiment.plant)  # ropes that do not stretch have no law
+    plant = replace(experiment.plant, rope_1=Rope(), rope_2=Rope())  # ropes that do not stretch have no law
     values = [*numbers(plant).values(), *numbers(experiment.disturbance).values()]
     return np.array(values, float)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.config.settings import override
+from dualwinch.model.plant import Plant
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import block
@@ -14,7 +15,8 @@ from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
-from tests.oracle.plant import Hold, Plant
+from tests.oracle.plant import Hold
+from tests.oracle.plant import Plant as Judge
 from tests.oracle.sampled import Scenario, run
 
 METRE = 1e-8
@@ -145,6 +147,16 @@ def test_no_controller_knows_what_is_unknown() -> None:
     assert not [key for key in known if key.startswith("nominal.") and ("error" in key or "creep" in key)]
 
 
+def test_no_controllers_block_knows_what_is_unknown() -> None:
+    filtered = {"controller.estimator": "self-calibrating-kalman"}
+    plain, drawn = (block("controller", imperfect(values | filtered), Plant()) for values in ({}, ALL))
+    at = [[0.1 * (k + 1) for k in range(len(each))] for each in (plain.states, plain.inputs)]
+    parameters = [parameter.start for parameter in plain.parameters]
+    assert parameters == [parameter.start for parameter in drawn.parameters]
+    for known, unknown in zip(plain.step(*at, parameters), drawn.step(*at, parameters), strict=True):
+        assert np.array_equal(np.array(known), np.array(unknown), equal_nan=True)
+
+
 def test_a_bias_of_the_sensor_moves_the_frame_and_nothing_else() -> None:
     biased, true = simulate(imperfect({"sensors.position_bias": 0.01})), simulate(imperfect({}))
     assert biased["x"][0] == -0.01
@@ -154,7 +166,7 @@ def test_a_bias_of_the_sensor_moves_the_frame_and_nothing_else() -> None:
 
 
 def test_the_plants_block_has_the_same_slopes() -> None:
-    made, judge = block("plant", imperfect(ALL)), Plant(Scenario("fando-nftsm", NUMBER, ALL).values)
+    made, judge = block("plant", imperfect(ALL)), Judge(Scenario("fando-nftsm", NUMBER, ALL).values)
     assert made.derivative is not None
     position, speed, torques, t = judge.at_rest(5000.0, 20.0)[0], (1.2, 1.5, -1.5), (30.0, 20.0), 3.0
     state = dict.fromkeys((variable.name for variable in made.states), 0.0)
