@@ -123,7 +123,7 @@ def run(experiment: Experiment, controller: Host) -> NDArray[np.float64]:
         found[k] = machine.position[0]
         controller.input[:] = [*machine.sense(t + machine.late, draws), *profile(t)]
         assert controller.step() == 0
-        machine.move(t + machine.late, controller.output[:2], draws)
+        machine.move(t + machine.late, controller.output[:2].tolist(), draws)
     return found
 
 

@@ -1,0 +1,148 @@
+"""Builds exported controllers into the machine of machine.c, and runs them."""
+
+import subprocess
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.export.package import Provenance, c_package
+from dualwinch.codegen.source.precision import Precision
+from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.blocks import block
+
+SOURCE = Path(__file__).with_name("machine.c")
+
+SENSED = {
+    "x": "x",
+    "v": "v",
+    "F1": "F[0]",
+    "F2": "F[1]",
+    "theta_1": "theta[0]",
+    "theta_2": "theta[1]",
+    "x_ref": "reference[0]",
+    "v_ref": "reference[1]",
+    "a_ref": "reference[2]",
+}
+"""Input of a controller → where the machine has it."""
+
+SAMPLES = 50_000
+"""Of a whole run: Case 4's, at a sample time of 1 ms."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What the machine is put through; as in machine.c.
+
+    Attributes:
+        spread: size of what the sea varies from machine to machine, over that of the ensembles; 0: nominal.
+        imperfect: size of the rig's imperfections likewise; 0: as in the sea.
+        noisy: whether sea and sensors make noise.
+        delay: samples by which torques are late.
+        missing: whether a silent position sensor says so (NaN), or repeats its last reading.
+        outage_length, outage_period: of the position sensor in s; 0: none.
+    """
+
+    spread: float = 1.0
+    imperfect: float = 1.0
+    noisy: bool = True
+    delay: int = 1
+    missing: bool = False
+    outage_length: float = 0.2
+    outage_period: float = 10.0
+
+    @property
+    def arguments(self) -> list[str]:
+        """For the command line of machine.c."""
+        return [str(float(getattr(self, field.name))) for field in fields(self)]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """What runs came to, each (runs,): counts of samples, errors in m² and m, tensions, chatter and force in N."""
+
+    samples: NDArray[np.float64]
+    refused: NDArray[np.float64]
+    mse: NDArray[np.float64]
+    largest_error: NDArray[np.float64]
+    peak_tension: NDArray[np.float64]
+    min_tension: NDArray[np.float64]
+    chatter: NDArray[np.float64]
+    slack: NDArray[np.float64]
+    needed: NDArray[np.float64]
+
+    @property
+    def completed(self) -> NDArray[np.bool_]:
+        """Which ran to their end."""
+        return self.samples == SAMPLES
+
+    @property
+    def clean(self) -> NDArray[np.bool_]:
+        """Which did so without a slack rope, and without a reading that the controller refused."""
+        return self.completed & (self.slack == 0) & (self.refused == 0)
+
+
+class Judge:
+    """An exported controller in the machine."""
+
+    def __init__(self, experiment: Experiment, folder: Path, precision: Precision = "double") -> None:
+        """Export and build.
+
+        Args:
+            experiment: has the controller, and the plant it was designed for.
+            folder: empty; what is built comes here.
+            precision: of the exported code.
+
+        Raises:
+            ValueError: the controller takes what the machine does not have.
+            RuntimeError: the compiler refuses the code.
+        """
+        law = block("controller", experiment)
+        package = c_package(law, "dualwinch_controller", Provenance("dualwinch", "judged", "today"), precision)
+        for file, text in {**package, "sensed.h": _header(law)}.items():
+            (folder / file).write_text(text)
+        self._program, self._preload = folder / "machine", experiment.controller.limits.preload
+        command = [*find_compiler().command, "-std=c99", "-O2", "-I", str(folder), str(SOURCE)]
+        command += [str(folder / "dualwinch_controller.c"), "-o", str(self._program), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise RuntimeError(done.stderr[:2000])
+
+    def run(self, conditions: Conditions, seeds: Sequence[int]) -> Runs:
+        """A run for each seed, that of its machine and noise, on all cores."""
+
+        def one(seed: int) -> list[float]:
+            command = [str(self._program), str(seed), "1", str(self._preload), *conditions.arguments]
+            line = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+            return [float(word) for word in line.split()]
+
+        with ThreadPoolExecutor(cores()) as pool:
+            rows = list(pool.map(one, seeds))
+        return Runs(*np.array(rows).T)
+
+
+def _header(law: Block) -> str:
+    """What the controller takes of what the machine senses."""
+    inputs: Mapping[str, str] = {variable.name: SENSED.get(variable.name, "") for variable in law.inputs}
+    for name, where in inputs.items():
+        if not where:
+            raise ValueError(f"the controller takes {name}; the machine has {', '.join(SENSED)}")
+    given = "\n".join(
+        f"  input->{name} = (dualwinch_controller_real)sensed->{where};" for name, where in inputs.items()
+    )
+    return f"""#include "dualwinch_controller.h"
+
+struct sensed {{
+  double x, v, F[2], theta[2], reference[3];
+}};
+
+static void give(dualwinch_controller_input *input, const struct sensed *sensed) {{
+{given}
+}}
+"""

@@ -1,0 +1,102 @@
+"""The independent machine: goes where the product says while nothing is drawn, and says what it cannot run."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.independent.__main__ import judged, main
+from benchmarks.independent.judge import SAMPLES, Conditions, Judge, Runs
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.settings import override
+from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.simulate import simulate
+
+CALM = {
+    "disturbance.current_sigma": 0.0,
+    "disturbance.normal_force_sigma": 0.0,
+    "sensors.position_noise": 0.0,
+    "sensors.position_resolution": 0.0,
+    "sensors.speed_noise": 0.0,
+    "sensors.tension_noise": 0.0,
+    "sensors.encoder_counts": 0,
+    "simulation.integrator": "rk4",
+    "simulation.substeps": 64,
+}
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Judge:
+    return Judge(Experiment(controller=paper_controller()), tmp_path_factory.mktemp("paper"))
+
+
+def test_in_a_calm_sea_it_goes_where_simulate_says(paper: Judge) -> None:
+    sea = replace(load_ensemble("sea").experiment, controller=paper_controller())
+    theirs = simulate(override(sea, CALM)).metrics
+    ours = paper.run(Conditions(spread=0, imperfect=0, noisy=False, outage_length=0), [1])
+    assert ours.clean.all()
+    assert ours.mse == pytest.approx(theirs.mse, rel=1e-6)
+    assert ours.largest_error == pytest.approx(theirs.max_abs_error, rel=1e-6)
+    assert ours.peak_tension == pytest.approx(theirs.peak_tension, rel=1e-6)
+    assert ours.min_tension == pytest.approx(theirs.min_tension, rel=1e-6)
+    assert ours.chatter == pytest.approx(theirs.chatter, rel=1e-5)
+
+
+def test_every_seed_is_a_machine_of_its_own_and_the_same_again(paper: Judge) -> None:
+    first, again = (paper.run(Conditions(), [3, 4]) for _ in range(2))
+    assert np.array_equal(first.mse, again.mse)
+    assert first.mse[0] != first.mse[1]
+
+
+def test_what_a_silent_sensor_says_is_refused_by_a_controller_without_an_estimator(paper: Judge) -> None:
+    """Half a second in every five: five hundred samples, from half to one and a half of that."""
+    runs = paper.run(Conditions(outage_length=0.5, outage_period=5.0, missing=True), [1])
+    assert not runs.clean.any()
+    assert 2_500 <= runs.refused[0] <= 7_500
+
+
+def test_a_row_leaves_out_what_no_controller_can_follow() -> None:
+    paper = runs(mse=[4.4e-5, 2e-6, 9.0], slack=[3, 0, 0])
+    tuned = runs(mse=[1e-6, 1e-6, 9.0], needed=[5000.0, 5000.0, 5600.0])
+    assert judged("here", paper, tuned, 5500.0) == [
+        "here",
+        "23 / 1",
+        "23 ×",
+        "0.10 / 0.10",
+        "5000 / 5000",
+        "300 / 300",
+        "7.0 / 7.0",
+        "1 / 0",
+        "1",
+    ]
+
+
+def runs(**changed: list[float]) -> Runs:
+    """Three runs, all as good."""
+    usual = {
+        "samples": SAMPLES,
+        "refused": 0,
+        "mse": 1e-6,
+        "largest_error": 1e-4,
+        "peak_tension": 5000.0,
+        "min_tension": 300.0,
+        "chatter": 7.0,
+        "slack": 0,
+        "needed": 5000.0,
+    }
+    return Runs(**{name: np.array(changed.get(name, [value] * 3)) for name, value in usual.items()})
+
+
+def test_a_controller_that_takes_more_than_there_is_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="the controller takes x_ref_ahead_1; the machine has x, v, F1"):
+        Judge(override(Experiment(), {"controller.kind": "mpc"}), tmp_path)
+
+
+def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(tmp_path / "best.toml")]) == 1
+    assert capsys.readouterr().err.startswith("error: ")
+    with pytest.raises(SystemExit):
+        main(["best.toml", "--runs", "0"])
+    assert "--runs 0: must be a whole number from 1" in capsys.readouterr().err
