@@ -16,18 +16,19 @@ from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION, Problem
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.finalists import rungs, those_that_hold
+from dualwinch.tuning.scoring.finalists import Met, rungs, those_that_hold
 from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.plan import FULL, Plan
-from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, soundest_first
+from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, promising_first, soundest_first
 from dualwinch.tuning.scoring.scenarios import choosable, demanding, drawn, overwhelming, vertices
 from dualwinch.tuning.scoring.sieve import Sieve
 from dualwinch.tuning.scoring.verdict import Verdict
 
 RANGE = 3.0
-"""How many times the objective of the best, where tuned, one may have that holds where motors are overwhelmed, too.
+"""How many times the objective of the most promising trial, where tuned, one that holds may have.
 
-That is how far finalists reach. Where none of these holds, the best is chosen without such scenarios.
+That is how far finalists reach. Where none does, finalists may come nearer to a bound than a search allows; where none of these holds either, the best
+is chosen without scenarios that overwhelm the motors.
 """
 
 KEPT = MARGIN / 2
@@ -126,7 +127,7 @@ def _given_away(trials: Sequence[Evaluation], ranking: Sequence[tuple[Evaluation
     """
     if trials and len(trials[0].objectives) > 1:
         return not ranking
-    best = trials[best_first(trials)[0]].objectives[0] if trials else 0.0
+    best = trials[promising_first(trials)[0]].objectives[0] if trials else 0.0
     return all(trial.objectives[0] > RANGE * best for trial, _ in ranking)
 
 
@@ -141,10 +142,10 @@ def _first_round(
     ordered = [trials[index] for index in best_first(trials) if not trials[index].pruned]
     if not ordered:
         return []
-    sieve, before = Sieve(evaluator, scenarios), evaluator.rollouts
+    sieve = Sieve(evaluator, scenarios)
     if len(problem.objectives) == 1:
         first = [ordered[index] for index in rungs(ordered, plan.finalists)]
-        met = those_that_hold(ordered, first, sieve.held, lambda: evaluator.rollouts - before < plan.sieved)
+        met = _holding(evaluator, ordered, first, sieve, plan)
     else:
         front = [trials[index] for index in pareto_front(trials)] or ordered
         first = front[:: -(-len(front) // plan.finalists)]
@@ -154,6 +155,36 @@ def _first_round(
     (reference,) = evaluator.over([start.candidate], scenarios, constraints=sieve.constraints)
     found = [result for _, result in met]
     return [met[index] for index in soundest_first(found, KEPT) if beats(found[index], reference)]
+
+
+def _holding(
+    evaluator: Evaluator, ordered: Sequence[Evaluation], first: Sequence[Evaluation], sieve: Sieve, plan: Plan
+) -> list[Met]:
+    """Trials that hold in the scenarios of a sieve, those that kept their distance from all bounds before the others.
+
+    A search may end close to a bound, with few trials, all bad, that keep as far from it as is asked for where gains
+    are tuned. Here they meet in many more scenarios and have to hold, no more: so others are tried where all that hold
+    are far behind the most promising trial (`_given_away`).
+
+    Args:
+        evaluator: counts rollouts.
+        ordered: trials, the best first.
+        first: of these the first ladder.
+        sieve: of the scenarios.
+        plan: how many finalists, and when no further ladder is begun.
+    """
+    before = evaluator.rollouts
+
+    def going_on() -> bool:
+        return evaluator.rollouts - before < plan.sieved
+
+    met = those_that_hold(ordered, first, sieve.held, going_on)
+    if not _given_away(ordered, met):
+        return met
+    promising = [ordered[index] for index in promising_first(ordered)]
+    nearer = [trial for trial in promising if not (trial.feasible or trial in first)]
+    ladder = [nearer[index] for index in rungs(nearer, plan.finalists)] if nearer else []
+    return met + those_that_hold(nearer, ladder, sieve.held, going_on)
 
 
 def _ranked(

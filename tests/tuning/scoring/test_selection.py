@@ -1,6 +1,7 @@
 """The choice of the best: in scenarios of their own, never worse than the start, scored in others never seen."""
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -161,3 +162,24 @@ def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
     assert best_where(lambda _: False).point == usual.point
     assert best_where(lambda trial: trial.objectives[0] > RANGE * least).point == usual.point
     assert best_where(lambda trial: trial.point != usual.point).point != usual.point
+
+
+def test_who_comes_nearer_to_a_bound_than_a_search_allows_is_tried_where_all_others_are_far_behind(
+    make_problem: MakeProblem,
+) -> None:
+    evaluator = Evaluator(prepare(make_problem(scenarios=2)))
+    trials = studied(evaluator, 32)
+    leader = judge(evaluator, trials, SMALL).best
+
+    def best_of(times_worse: float) -> Evaluation:
+        """The best where the leader misses its distance from a bound by little, and others are as much worse."""
+        seen = [
+            replace(trial, violations=trial.violations | {"worst.peak_tension": 1e-3})
+            if trial.point == leader.point
+            else replace(trial, objectives=(times_worse * trial.objectives[0],))
+            for trial in trials
+        ]
+        return judge(evaluator, seen, SMALL).best
+
+    assert best_of(1.0).point != leader.point
+    assert best_of(10.0).point == leader.point
