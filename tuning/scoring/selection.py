@@ -27,8 +27,8 @@ from dualwinch.tuning.scoring.verdict import Verdict
 RANGE = 3.0
 """How many times the objective of the most promising trial, where tuned, one that holds may have.
 
-That is how far finalists reach. Where none does, finalists may come nearer to a bound than a search allows; where none of these holds either, the best
-is chosen without scenarios that overwhelm the motors.
+That is how far finalists reach. Where none does, finalists may come nearer to a bound than a search allows; where none
+of these holds either, the best is chosen without scenarios that overwhelm the motors.
 """
 
 KEPT = MARGIN / 2
