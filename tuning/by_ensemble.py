@@ -34,6 +34,16 @@ def first_estimator(ensemble: Ensemble) -> str:
     return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else "calibrating-kalman"
 
 
+def first_reserve(ensemble: Ensemble) -> float:
+    """What tensions near their limit may be off by, in N, as far as torques and load cells are uncertain."""
+    if not _uncertain(ensemble, FORCES):
+        return 0.0
+    limit = ensemble.experiment.controller.limits.tension_max
+    shares = (_largest(ensemble, key) for key in FORCES if "zero" not in key and "ripple" not in key)
+    zeros = (_largest(ensemble, key) for key in FORCES if "zero" in key)
+    return limit * max(shares) + max(zeros)
+
+
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """Gains to search for beside the standard ones, as entries of a space.
 
@@ -41,12 +51,8 @@ def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     again for what they swing. More of it is missing where the reference asks for nearly all the force there is, which
     is too seldom for a search to see.
     """
-    if not _uncertain(ensemble, FORCES):
-        return {}
-    limit = ensemble.experiment.controller.limits.tension_max
-    shares = (_largest(ensemble, key) for key in FORCES if "zero" not in key and "ripple" not in key)
-    zeros = (_largest(ensemble, key) for key in FORCES if "zero" in key)
-    return {RESERVE: {"lower": 0.0, "upper": 1.5 * (limit * max(shares) + max(zeros))}}
+    off = first_reserve(ensemble)
+    return {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:

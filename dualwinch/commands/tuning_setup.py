@@ -14,7 +14,7 @@ from dualwinch.model.actuators.ideal import is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.by_ensemble import first_estimator, further_gains
+from dualwinch.tuning.by_ensemble import RESERVE, first_estimator, first_reserve, further_gains
 from dualwinch.tuning.constraint import constraints_from, constraints_with, default_constraints
 from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
 from dualwinch.tuning.problem import Problem
@@ -82,8 +82,8 @@ def tuning_problem(
             drawn = ensemble
         else:
             drawn = ensemble.controlled_as(base)
-        if config is None and experiment is None and ESTIMATOR not in values:
-            values[ESTIMATOR] = first_estimator(drawn)
+        if config is None and experiment is None:
+            values = {ESTIMATOR: first_estimator(drawn), RESERVE: first_reserve(drawn)} | values
         drawn = reset(drawn, values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios

@@ -68,6 +68,7 @@ class Scenario:
         draws: key → drawn value, ``simulation.seed`` among them.
         vertex: whether it is a vertex of the box of draws, not a draw like the others.
         hard: whether somebody picked it because it is hard: it counts in what is the worst, and not in a mean.
+        overwhelming: whether it is harder than any draw: bounds on what is the worst need not be kept to quite.
     """
 
     index: int
@@ -76,6 +77,7 @@ class Scenario:
     draws: dict[str, Value]
     vertex: bool = False
     hard: bool = False
+    overwhelming: bool = False
 
     @cached_property
     def experiment(self) -> Experiment:

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.prepared import Prepared
+from dualwinch.tuning.scoring.runs import worst_of
 
 Floats = NDArray[np.float64]
 
@@ -55,24 +54,9 @@ class Hardness:
         """Learn from results, a row each, in everyone's scenarios and the further ones, in their order."""
         if not results:
             return
-        values = np.array([worst_of(result, self._constraints)[0] for result in results]).clip(WITHIN, BEYOND)
+        met = [*self.everyones, *self.further]
+        values = np.array([worst_of(result, self._constraints, met)[0] for result in results]).clip(WITHIN, BEYOND)
         self._worst[self._order] = KEPT * self._worst[self._order] + (1 - KEPT) * values.mean(axis=0)
         places = self._hard[self._order]
         hard = self._order[places]
         self._order[places] = hard[np.argsort(-self._worst[hard], kind="stable")]
-
-
-def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> Floats:
-    """By how much each run exceeds the bound that it exceeds the most, as a share; infinite where it did not end.
-
-    Args:
-        result: of (candidates, scenarios).
-        constraints: of which those on what is the worst count; <= 0 where all of them are kept to.
-    """
-    worst = np.full(result.outcomes.shape, -np.inf)
-    for constraint in constraints:
-        statistic = constraint.statistic
-        if isinstance(statistic, Statistic) and statistic.kind == "worst":
-            beyond = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
-            worst = np.maximum(worst, beyond)
-    return np.where(result.outcomes == "completed", worst, np.inf)

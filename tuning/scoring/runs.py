@@ -2,14 +2,26 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dualwinch.simulation.batch.rollout import WENT_SLACK, BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.scoring.measured import measured
 
 LEAST_TENSION = "worst.min_tension"
 """The statistic by which ropes are kept from being slack."""
+
+
+LEEWAY = 0.05
+"""Share by which bounds on what is the worst may be exceeded in an overwhelming scenario.
+
+It is harder than any draw, and there to find gains that end in kilonewtons; were the bounds to hold to the last newton,
+it alone would decide how quick gains may be.
+"""
 
 
 def run_pairs(
@@ -31,8 +43,35 @@ def run_pairs(
 
 
 def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
-    """Whether a scenario counts in a statistic: one that was picked as a hard one does in what is the worst only."""
-    return statistic.kind == "worst" or not (isinstance(scenario, Scenario) and scenario.hard)
+    """Whether a scenario counts in a statistic: a hard one in what is the worst only, an overwhelming one in none."""
+    if not isinstance(scenario, Scenario):
+        return True
+    return not scenario.overwhelming if statistic.kind == "worst" else not scenario.hard
+
+
+def leeways(scenarios: Sequence[Experiment | Scenario]) -> NDArray[np.float64]:
+    """By how much bounds on what is the worst may be exceeded in each scenario (n,), as a share."""
+    overwhelming = [isinstance(scenario, Scenario) and scenario.overwhelming for scenario in scenarios]
+    return np.where(overwhelming, LEEWAY, 0.0)
+
+
+def worst_of(
+    result: BatchResult, constraints: Sequence[Constraint], scenarios: Sequence[Experiment | Scenario]
+) -> NDArray[np.float64]:
+    """By how much each run exceeds the bound that it exceeds the most, as a share; infinite where it did not end.
+
+    Args:
+        result: of (candidates, scenarios).
+        constraints: of which those on what is the worst count; <= 0 where all of them are kept to.
+        scenarios: of the result.
+    """
+    worst = np.full(result.outcomes.shape, -np.inf)
+    for constraint in constraints:
+        statistic = constraint.statistic
+        if isinstance(statistic, Statistic) and statistic.kind == "worst":
+            beyond = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
+            worst = np.maximum(worst, np.array(beyond) - leeways(scenarios))
+    return np.where(result.outcomes == "completed", worst, np.inf)
 
 
 def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:

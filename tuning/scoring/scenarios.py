@@ -39,11 +39,13 @@ class Pick:
         index: the number.
         vertex: whether it is a vertex.
         hard: whether it counts in what is the worst only.
+        overwhelming: whether it is harder than any draw (`overwhelming`).
     """
 
     index: int
     vertex: bool = False
     hard: bool = False
+    overwhelming: bool = False
 
 
 def drawn(picks: Sequence[Pick], ensemble: Ensemble, seed: int) -> list[Scenario]:
@@ -52,7 +54,10 @@ def drawn(picks: Sequence[Pick], ensemble: Ensemble, seed: int) -> list[Scenario
     for vertex in (False, True):
         alike = [picked for picked in picks if picked.vertex is vertex]
         chosen = ensemble.chosen([picked.index for picked in alike], seed, vertex=vertex)
-        marked = (replace(scenario, hard=picked.hard) for picked, scenario in zip(alike, chosen, strict=True))
+        marked = (
+            replace(scenario, hard=picked.hard, overwhelming=picked.overwhelming)
+            for picked, scenario in zip(alike, chosen, strict=True)
+        )
         found |= zip(alike, marked, strict=True)
     return [found[picked] for picked in picks]
 
@@ -124,7 +129,7 @@ def overwhelming(ensemble: Ensemble, seed: int, others: Sequence[Pick]) -> list[
     for wanted in BEHIND[: len(waiting)]:
         found.append(min(waiting, key=lambda index: abs(demands[index].shortfall - wanted)))
         waiting.remove(found[-1])
-    return [Pick(index, vertex=True, hard=True) for index in found]
+    return [Pick(index, vertex=True, hard=True, overwhelming=True) for index in found]
 
 
 def choosable(scenarios: Sequence[Scenario]) -> list[Scenario]:

@@ -13,7 +13,7 @@ from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.tuning.scoring.evaluate import Evaluator, joined, row_of
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.hardness import worst_of
+from dualwinch.tuning.scoring.runs import worst_of
 
 FIRST = 12
 """Scenarios in which trials meet first."""
@@ -44,7 +44,7 @@ class Sieve:
         first, rest = order[:FIRST], order[FIRST:]
         candidates = [trial.candidate for trial in trials]
         early = self._evaluator.run(candidates, self._chosen(first), to_the_end=False)
-        failed = self._failed(early)
+        failed = self._failed(early, first)
         self._failures[first] += failed.sum(axis=0)
         kept = [row for row in range(len(trials)) if not failed[row].any()]
         found: list[Evaluation | None] = [None] * len(trials)
@@ -54,7 +54,7 @@ class Sieve:
         late, hold = None, [True] * len(kept)
         if len(rest):
             late = self._evaluator.run(going_on, self._chosen(rest), to_the_end=False)
-            failed = self._failed(late)
+            failed = self._failed(late, rest)
             self._failures[rest] += failed.sum(axis=0)
             hold = [not any(fails) for fails in failed.tolist()]
         margins, met = self._evaluator.margins(going_on, self._machines, hold), self._chosen(order)
@@ -73,6 +73,6 @@ class Sieve:
     def _chosen(self, indices: NDArray[np.intp]) -> list[Scenario]:
         return [self.scenarios[index] for index in indices]
 
-    def _failed(self, result: BatchResult) -> NDArray[np.bool_]:
-        """Which runs did not end, or exceed a bound on what is the worst, (candidates, scenarios)."""
-        return worst_of(result, self.constraints) > 0
+    def _failed(self, result: BatchResult, indices: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Which runs in some scenarios did not end, or exceed a bound on what is the worst, (candidates, scenarios)."""
+        return worst_of(result, self.constraints, self._chosen(indices)) > 0
