@@ -12,10 +12,12 @@ def yardstick(own: Controller) -> Controller:
     """The paper's controller with the paper's gains, for the machine that another one is for.
 
     Where the winches have other limits than the paper's it keeps to those, and has the other's preload: the paper's
-    gains say nothing of how strong a machine is.
+    gains say nothing of how strong a machine is. It never keeps a reserve.
     """
     paper = paper_controller()
-    limits = paper.limits if _strength(own.limits) == _strength(paper.limits) else own.limits
+    limits = paper.limits
+    if _strength(own.limits) != _strength(limits):
+        limits = replace(own.limits, reserve=limits.reserve)
     return replace(paper, nominal=own.nominal, limits=limits)
 
 

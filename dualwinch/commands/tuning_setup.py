@@ -83,8 +83,10 @@ def tuning_problem(
         else:
             drawn = ensemble.controlled_as(base)
         if config is None and experiment is None:
-            values = {ESTIMATOR: first_estimator(drawn), RESERVE: first_reserve(drawn)} | values
-        drawn = reset(drawn, values)
+            drawn = reset(drawn, {ESTIMATOR: first_estimator(drawn)} | values)
+            drawn = reset(drawn, {RESERVE: first_reserve(drawn)} | values)
+        else:
+            drawn = reset(drawn, values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):

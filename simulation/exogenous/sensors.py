@@ -33,6 +33,7 @@ class Sensors:
         at.Ge(-0.1),
         at.Le(0.1),
         Quantity("m", "reading at the track's beginning; references and errors are in its frame", "assumption"),
+        Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
     position_drift: Annotated[
@@ -41,6 +42,7 @@ class Sensors:
         Quantity(
             "m", "drift of the position since the run's beginning, standard deviation in the long run", "assumption"
         ),
+        Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
         Mark.SCALES_DRAWS,
     ] = 0.0
@@ -83,6 +85,7 @@ class Sensors:
         at.Gt(-1),
         at.Le(1),
         Quantity("1", "share by which load cell 1 reads more than the tension", "assumption"),
+        Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
     load_cell_error_2: Annotated[
@@ -90,13 +93,14 @@ class Sensors:
         at.Gt(-1),
         at.Le(1),
         Quantity("1", "share by which load cell 2 reads more than the tension", "assumption"),
+        Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
     load_cell_zero_1: Annotated[
-        float, Quantity("N", "reading of load cell 1 without tension", "assumption"), Mark.OFF_AT_ZERO
+        float, Quantity("N", "reading of load cell 1 without tension", "assumption"), Mark.UNKNOWN, Mark.OFF_AT_ZERO
     ] = 0.0
     load_cell_zero_2: Annotated[
-        float, Quantity("N", "reading of load cell 2 without tension", "assumption"), Mark.OFF_AT_ZERO
+        float, Quantity("N", "reading of load cell 2 without tension", "assumption"), Mark.UNKNOWN, Mark.OFF_AT_ZERO
     ] = 0.0
     encoder_counts: Annotated[
         int,
@@ -110,6 +114,7 @@ class Sensors:
         at.Ge(-1),
         at.Le(1),
         Quantity("m", "rope by which the zero of drum encoder 1 is off", "assumption"),
+        Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
     encoder_zero_2: Annotated[
@@ -117,6 +122,7 @@ class Sensors:
         at.Ge(-1),
         at.Le(1),
         Quantity("m", "rope by which the zero of drum encoder 2 is off", "assumption"),
+        Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
 

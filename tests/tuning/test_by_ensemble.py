@@ -2,7 +2,8 @@ import pytest
 
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
-from dualwinch.tuning.by_ensemble import RESERVE, first_estimator, rests_on
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.tuning.by_ensemble import RESERVE, first_estimator, first_reserve, rests_on
 from dualwinch.tuning.space import Interval
 
 
@@ -38,6 +39,15 @@ def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None
     (reserve,) = [found for found in tuning_problem(ensemble="rig").space.dimensions if found.name == RESERVE]
     assert isinstance(reserve, Interval)
     assert (reserve.lower, reserve.upper) == pytest.approx((0, 1.5 * (0.02 * 6000 + 30)))
+    assert first_reserve(load_ensemble("rig")) == pytest.approx(0.02 * 6000 + 30)
+    assert leaves(tuning_problem(ensemble="rig").experiment)[RESERVE] == pytest.approx(0.02 * 6000 + 30)
+    given = tuning_problem(ensemble="rig", settings=[f"{RESERVE}=20"])
+    assert leaves(given.experiment)[RESERVE] == 20
+    assert leaves(given.paper_experiment)[RESERVE] == 0
+    stronger = tuning_problem(ensemble="rig", settings=["controller.coordination.tension_max=9000"])
+    assert leaves(stronger.experiment)[RESERVE] == pytest.approx(0.02 * 9000 + 30)
+    assert leaves(stronger.paper_experiment)[RESERVE] == 0
+    assert leaves(tuning_problem(ensemble="sea").experiment)[RESERVE] == 0
     assert RESERVE not in tuning_problem(ensemble="sea").space.names
     assert RESERVE not in tuning_problem(ensemble="rig", space=["controller.nftsm.beta"]).space.names
 

@@ -61,7 +61,7 @@ def rungs(ordered: Sequence[Evaluation], most: int) -> list[int]:
     starts = [0]
     for index, trial in enumerate(ordered):
         above, width = ordered[starts[-1]], 1 + RUNG * GROWTH ** (len(starts) - 1)
-        if trial.feasible != above.feasible or trial.objectives[0] > width * above.objectives[0]:
+        if trial.objectives[0] > width * above.objectives[0]:
             starts.append(index)
     ends = [*starts[1:], len(ordered)]
     further = [

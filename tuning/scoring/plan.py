@@ -26,7 +26,7 @@ class Plan:
     vertices: int = 32
     hard: int = 8
     looked_at: int = 400
-    last: int = 4
+    last: int = 8
     last_draws: int = 192
     held_out: int = 200
 

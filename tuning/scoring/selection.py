@@ -16,7 +16,8 @@ from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION, Problem
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.finalists import Met, rungs, those_that_hold
+from dualwinch.tuning.scoring.exact import every_second_exact
+from dualwinch.tuning.scoring.finalists import rungs, those_that_hold
 from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, promising_first, soundest_first
@@ -27,8 +28,7 @@ from dualwinch.tuning.scoring.verdict import Verdict
 RANGE = 3.0
 """How many times the objective of the most promising trial, where tuned, one that holds may have.
 
-That is how far finalists reach. Where none does, finalists may come nearer to a bound than a search allows; where none
-of these holds either, the best is chosen without scenarios that overwhelm the motors.
+That is how far finalists reach. Where none does, the best is chosen without scenarios that overwhelm the motors.
 """
 
 KEPT = MARGIN / 2
@@ -139,13 +139,13 @@ def _first_round(
     Those that hold there; where none does, the finalist that fails the least is the best.
     """
     problem = evaluator.prepared.problem
-    ordered = [trials[index] for index in best_first(trials) if not trials[index].pruned]
+    ordered = _worth_trying(trials)
     if not ordered:
         return []
-    sieve = Sieve(evaluator, scenarios)
+    sieve, before = Sieve(evaluator, scenarios), evaluator.rollouts
     if len(problem.objectives) == 1:
         first = [ordered[index] for index in rungs(ordered, plan.finalists)]
-        met = _holding(evaluator, ordered, first, sieve, plan)
+        met = those_that_hold(ordered, first, sieve.held, lambda: evaluator.rollouts - before < plan.sieved)
     else:
         front = [trials[index] for index in pareto_front(trials)] or ordered
         first = front[:: -(-len(front) // plan.finalists)]
@@ -157,34 +157,18 @@ def _first_round(
     return [met[index] for index in soundest_first(found, KEPT) if beats(found[index], reference)]
 
 
-def _holding(
-    evaluator: Evaluator, ordered: Sequence[Evaluation], first: Sequence[Evaluation], sieve: Sieve, plan: Plan
-) -> list[Met]:
-    """Trials that hold in the scenarios of a sieve, those that kept their distance from all bounds before the others.
+def _worth_trying(trials: Sequence[Evaluation]) -> list[Evaluation]:
+    """Trials that may hold, the best first.
 
-    A search may end close to a bound, with few trials, all bad, that keep as far from it as is asked for where gains
-    are tuned. Here they meet in many more scenarios and have to hold, no more: so others are tried where all that hold
-    are far behind the most promising trial (`_given_away`).
-
-    Args:
-        evaluator: counts rollouts.
-        ordered: trials, the best first.
-        first: of these the first ladder.
-        sieve: of the scenarios.
-        plan: how many finalists, and when no further ladder is begun.
+    Where gains are tuned they keep a distance from their bounds, for others are worse than the few scenarios there.
+    Here they meet in many more scenarios and have to hold, no more. A search often ends a little nearer to a bound than
+    it should: so whoever keeps to all bounds is as good as the others. Where nobody does, all are tried.
     """
-    before = evaluator.rollouts
-
-    def going_on() -> bool:
-        return evaluator.rollouts - before < plan.sieved
-
-    met = those_that_hold(ordered, first, sieve.held, going_on)
-    if not _given_away(ordered, met):
-        return met
-    promising = [ordered[index] for index in promising_first(ordered)]
-    nearer = [trial for trial in promising if not (trial.feasible or trial in first)]
-    ladder = [nearer[index] for index in rungs(nearer, plan.finalists)] if nearer else []
-    return met + those_that_hold(nearer, ladder, sieve.held, going_on)
+    finished = [trials[index] for index in best_first(trials) if not trials[index].pruned]
+    near = [trial for trial in finished if trial.violation <= MARGIN]
+    if not near or len(near[0].objectives) > 1:
+        return finished
+    return sorted(near, key=lambda trial: trial.objectives[0])
 
 
 def _ranked(
@@ -211,4 +195,4 @@ def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scena
     draws = list(ensemble.scenarios(drawn_before, seed))
     first = [*drawn(picks, ensemble, seed), *choosable(draws[: plan.draws])]
     beyond = drawn(overwhelming(ensemble, seed, corners), ensemble, seed)
-    return first, choosable(draws[plan.draws :]), beyond
+    return first, choosable(every_second_exact(draws[plan.draws :])), beyond

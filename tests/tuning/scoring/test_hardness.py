@@ -11,7 +11,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.prepared import STRESS, Prepared, prepare
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate
-from dualwinch.tuning.scoring.hardness import Hardness, worst_of
+from dualwinch.tuning.scoring.hardness import Hardness
 from tests.tuning.conftest import MakeProblem
 
 BOUND, CALM, HIGH = 5000.0, 3000.0, 6000.0
@@ -73,14 +73,6 @@ def test_the_best_of_a_call_count_by_their_mean(prepared: Prepared) -> None:
     hardness.learn([peaks(both), peaks(once)])
     assert hardness.everyones[1] is every[10]
     assert hardness.everyones[3] is every[12]
-
-
-def test_worst_is_the_largest_excess_of_bounds_on_what_is_worst_and_infinite_where_a_run_did_not_end(
-    prepared: Prepared,
-) -> None:
-    result = peaks([0.9 * BOUND, 1.1 * BOUND, np.nan], ["completed", "completed", "diverged"])
-    assert worst_of(result, prepared.constraints) == pytest.approx(np.array([[-0.1, 0.1, np.inf]]))
-    assert worst_of(result, ()) == pytest.approx(np.array([[-np.inf, -np.inf, np.inf]]))
 
 
 def test_candidates_meet_what_the_best_before_them_failed_in(

@@ -20,7 +20,7 @@ from dualwinch.tuning.scoring.scenarios import (
     vertices,
 )
 
-SEA = load_ensemble("sea")
+RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
 
 
 def share(scenario: Scenario) -> float:
@@ -41,11 +41,19 @@ def test_typical_and_hard_scenarios_take_turns() -> None:
     assert scenarios[0].draws == SEA.scenario(picks[0].index, 3).draws
 
 
+def test_every_second_typical_draw_is_on_a_machine_without_errors() -> None:
+    picks, more = pick(RIG, 8, 3, 3)
+    assert [picked.exact for picked in picks] == [False, False, True, False] * 2
+    assert not any(picked.exact for picked in more)
+    errors = [scenario.experiment.plant.winch_1.radius_error for scenario in drawn(picks, RIG, 3)]
+    assert [error == 0 for error in errors] == [picked.exact for picked in picks]
+
+
 def test_typical_draws_are_those_in_the_middle_of_equal_shares_of_all() -> None:
     every = sorted(share(scenario) for scenario in SEA.scenarios(LOOKED_AT, 3))
     picks, _ = pick(SEA, 8, 0, 3)
     typical = [share(scenario) for scenario in drawn(picks, SEA, 3) if not scenario.hard]
-    assert np.allclose(typical, [every[number] for number in (25, 75, 125, 175)], rtol=1e-12)
+    assert np.allclose(typical, [every[number] for number in (75, 225, 375, 525)], rtol=1e-12)
 
 
 def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
@@ -69,6 +77,9 @@ def test_one_vertex_overwhelms_the_motors_and_further_ones_do_among_the_further_
     assert beyond == [picks[-1]]
     assert [each.index for each in overwhelming(SEA, 3, ())] == [picks[-1].index, *(each.index for each in more[-2:])]
     assert all(picked.vertex and picked.hard for picked in (picks[-1], *more[-2:]))
+    flagged = [picked for picked in (*picks, *more) if picked.overwhelming]
+    assert flagged == [picks[-1], *more[-2:]]
+    assert [scenario.overwhelming for scenario in drawn(flagged, SEA, 3)] == [True] * 3
     behind = [demand(each.experiment).shortfall for each in SEA.chosen(range(LOOKED_AT), 3, vertex=True)]
     assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
     assert all(behind[each.index] > FURTHEST for each in more[-2:])

@@ -1,0 +1,36 @@
+"""Machines without errors: nothing but what data sheets say is left out of a scenario."""
+
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.tuning.scoring.exact import every_second_exact, exact
+
+RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
+
+
+def test_what_no_data_sheet_says_is_zero_and_all_else_stays() -> None:
+    drawn = RIG.chosen(range(4), 3)
+    for before, after in zip(drawn, exact(drawn), strict=True):
+        theirs, ours = leaves(before.experiment), leaves(after.experiment)
+        changed = {key for key in ours if ours[key] != theirs[key]}
+        assert {ours[key] for key in changed} == {0.0}
+        errors = ("error", "zero", "eccentricity", "ripple", "elongation", "bias", "drift")
+        assert all(key.rpartition(".")[2].startswith(errors) or any(e in key for e in errors) for key in changed)
+        assert {"plant.winch_1.radius_error", "sensors.encoder_zero_2", "sensors.position_drift"} <= changed
+        assert ours["plant.vehicle.mass"] == theirs["plant.vehicle.mass"] != 1e4
+        assert ours["simulation.seed"] == theirs["simulation.seed"]
+        assert (ours["simulation.jitter"], ours["sensors.outage_length"]) == (50e-6, 0.2)
+        assert after.index == before.index
+
+
+def test_in_the_sea_there_is_nothing_to_leave_out() -> None:
+    drawn = SEA.chosen(range(3), 3)
+    assert [each.experiment for each in exact(drawn)] == [each.experiment for each in drawn]
+    assert exact([]) == []
+
+
+def test_every_second_one_is_exact() -> None:
+    drawn = RIG.chosen(range(5), 3)
+    found = every_second_exact(drawn)
+    assert found[::2] == drawn[::2]
+    assert [each.draws for each in found[1::2]] == [each.draws for each in exact(drawn)[1::2]]
+    assert all("sensors.encoder_zero_1" not in each.draws for each in found[1::2])
