@@ -17,7 +17,7 @@ from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.exact import every_second_exact
-from dualwinch.tuning.scoring.finalists import rungs, those_that_hold
+from dualwinch.tuning.scoring.finalists import Met, rungs, those_that_hold
 from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, promising_first, soundest_first
@@ -116,8 +116,8 @@ def _finals(
     ranking = _first_round(evaluator, others, start, [*beyond, *first], plan)
     if beyond and _given_away(others, ranking):
         ranking = _first_round(evaluator, others, start, first, plan)
-    again = [trial for trial, _ in ranking[: plan.last]]
-    return _ranked(evaluator, again, start, last) + ranking[plan.last :]
+    again, before = zip(*ranking[: plan.last], strict=True) if ranking else ((), ())
+    return _ranked(evaluator, again, start, last, before) + ranking[plan.last :]
 
 
 def _given_away(trials: Sequence[Evaluation], ranking: Sequence[tuple[Evaluation, Evaluation]]) -> bool:
@@ -172,12 +172,33 @@ def _worth_trying(trials: Sequence[Evaluation]) -> list[Evaluation]:
 
 
 def _ranked(
-    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, scenarios: Sequence[Scenario]
-) -> list[tuple[Evaluation, Evaluation]]:
-    """Trials that are better than the start in some scenarios, the best first, and what each came to there."""
+    evaluator: Evaluator,
+    trials: Sequence[Evaluation],
+    start: Evaluation,
+    scenarios: Sequence[Scenario],
+    before: Sequence[Evaluation] = (),
+) -> list[Met]:
+    """Trials that are better than the start in some scenarios, the best first, and what each came to there.
+
+    Args:
+        evaluator: runs them.
+        trials: as they were tuned.
+        start: is run as well.
+        scenarios: where they meet.
+        before: what each came to in other scenarios; it is as near to its bounds as it is in either.
+    """
     candidates = [trial.candidate for trial in (*trials, start)]
     *met, reference = evaluator.over(candidates, scenarios, constraints=evaluator.bounds(scenarios))
+    if before:
+        met = [_as_near(result, earlier) for result, earlier in zip(met, before, strict=True)]
     return [(trials[index], met[index]) for index in soundest_first(met, KEPT) if beats(met[index], reference)]
+
+
+def _as_near(result: Evaluation, earlier: Evaluation) -> Evaluation:
+    """A result that is as near to its bounds as an earlier one was, if that was nearer."""
+    known = {label: min(value, 0.0) for label, value in earlier.violations.items()}
+    nearer = {label: max(value, known.get(label, value)) for label, value in result.violations.items()}
+    return replace(result, violations=nearer)
 
 
 def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scenario], list[Scenario]]:

@@ -69,6 +69,26 @@ def test_an_evaluation_is_that_of_the_tuned_experiments(make_problem: MakeProble
     assert found.outcomes == {"completed": 4}
 
 
+def test_an_overwhelming_scenario_counts_in_no_statistic_and_may_exceed_bounds_by_a_little(
+    make_problem: MakeProblem,
+) -> None:
+    prepared = prepare(make_problem(constraints=["worst.peak_tension<=5000"]))
+    evaluator, start = Evaluator(prepared), Candidate(prepared.problem.start, "x")
+    plain = prepared.scenarios[0]
+    assert isinstance(plain, Scenario)
+    scenarios = [plain, replace(plain, hard=True, overwhelming=True)]
+    ran = evaluator.run([start], scenarios)
+
+    def judged(peak: float) -> tuple[float, float]:
+        result = replace(ran, metrics=ran.metrics | {"peak_tension": np.array([[3000.0, peak]])})
+        found = evaluator.judged(start, result, scenarios)
+        return found.statistics["worst.peak_tension"], found.violations["worst.peak_tension <= 5000 N"]
+
+    assert judged(3000) == pytest.approx((3000, -0.4))
+    assert judged(5200) == pytest.approx((3000, 0.04 - runs.LEEWAY))
+    assert judged(5500) == pytest.approx((3000, 0.1 - runs.LEEWAY))
+
+
 def test_the_start_is_evaluated_by_preparing(make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem())
     evaluator = Evaluator(prepared, prune=False)
