@@ -85,7 +85,7 @@ def test_candidates_meet_what_the_best_before_them_failed_in(
         free.run(candidates, chosen).metrics["peak_tension"].max(axis=0)
         for chosen in (free.prepared.scenarios, free.prepared.stress)
     )
-    assert further.max() > 1.03 * common.max(), "else there is nothing to learn"
+    assert further.max() > 1.02 * common.max(), "else there is nothing to learn"
     evaluator = Evaluator(prepare(make_problem(constraints=[f"worst.peak_tension<={0.99 * further.max()}"])))
     hardest = evaluator.prepared.stress[int(further.argmax())]
     met, run = list[Sequence[Experiment | Scenario]](), evaluator.run
