@@ -25,6 +25,7 @@ from dualwinch.tuning.scoring.plan import Plan
 from tests.tuning.test_tune import Stubborn
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
+TRIALS = 80  # enough of them are complete for every figure
 
 
 def dualwinch(*words: object) -> int:
@@ -43,7 +44,7 @@ def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert dualwinch("tune", *SHORT, "--trials", 40, "--out", tmp_path / "out") == 0
+    assert dualwinch("tune", *SHORT, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
     assert "is the best; scored in 8 held-out scenarios" in said.out
     assert "times lower than the paper's and" in said.out
@@ -70,10 +71,10 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     for word in ("code version: dualwinch", "seed: 5", "ensemble: sea", f"trial: {study['best']['trial']}", "date: "):
         assert word in header
     trials = study["trials"]
-    assert trials["number"] == list(range(40))
+    assert trials["number"] == list(range(TRIALS))
     assert trials["origin"][0] == "paper"
     columns = [trials["state"], trials["feasible"], *trials["parameters"].values(), *trials["statistics"].values()]
-    assert {len(column) for column in columns} == {40}
+    assert {len(column) for column in columns} == {TRIALS}
     assert all(math.isfinite(value) for value in trials["objectives"]["mean.mse"])
     assert study["seeds"] == {"tuning": 5, "selection": 1000005, "held_out": 2000005}
     assert {name: len(table["metrics"]["mse"]) for name, table in study["held_out"].items()} == dict.fromkeys(
