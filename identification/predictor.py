@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 
 from dualwinch.codegen.predicted import Predicted
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.identification.sensed import sensed
@@ -76,7 +77,7 @@ def parameter_names(structure: Structure) -> tuple[str, ...]:
     return (*own, SAMPLE_TIME, *TIMES)
 
 
-@cache
+@built_once
 def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset()) -> Predicted:
     """The functions of a machine, some of whose numbers are to be fitted.
 

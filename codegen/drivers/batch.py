@@ -17,6 +17,7 @@ from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.expressions import BUILDING
 from dualwinch.codegen.source.instructions import elements_read
 from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 
@@ -122,11 +123,12 @@ class Batch:
 def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""
     chosen = compiler or find_compiler()
-    path = library(batch_source(system, chosen), chosen, lane_flags(chosen))
+    with BUILDING:
+        source, read = batch_source(system, chosen), tuple(_read(hoisted_all(system.functions), "exogenous"))
+    path = library(source, chosen, lane_flags(chosen))
     call = ctypes.CDLL(str(path)).batch
     call.restype = None
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     call.argtypes = [pointer, pointer, pointer, pointer, count, count, pointer, count, count, ctypes.c_double]
     call.argtypes += [pointer, pointer]
-    read = tuple(_read(hoisted_all(system.functions), "exogenous"))
     return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), call)

@@ -7,10 +7,10 @@ graph without inner vertices; where much goes through few values, a graph that k
 
 import heapq
 from collections.abc import Collection, Hashable
-from functools import cache
 
 import casadi as ca
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.codegen.source.instructions import applied, instructions, operands_of
 
 Vertex = Hashable
@@ -137,7 +137,7 @@ class LinearisedGraph:
         return into, slopes
 
 
-@cache
+@built_once
 def _partials(operation: int, count: int) -> ca.Function:
     """The derivatives of an operation by its operands."""
     operands = [ca.SX.sym(f"operand_{operand}") for operand in range(count)]

@@ -1,13 +1,13 @@
 """Exact linearisation of the plant at an operating point: Jacobians of the very functions that are simulated."""
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
 from dualwinch.model.linear.system import LinearSystem
@@ -133,7 +133,7 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
     return systems if dt is None else [system.discretised(dt) for system in systems]
 
 
-@cache
+@built_once
 def _jacobians(structure: Plant) -> ca.Function:
     """``(state, torques, environment, parameters) -> (A, B, C, D)``."""
     plant, p = symbolic_plant(structure)

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from functools import cache
 from typing import Annotated
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_limits import FASTEST, check_position, check_range, remarks, violations
 from dualwinch.model.plant import (
@@ -159,7 +159,7 @@ def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
         ) from None
 
 
-@cache
+@built_once
 def cruise_law(structure: Plant) -> ca.Function:
     """``(x, v, preload, force, current, tension_min, tension_max), p -> state, torques, tensions``."""
     plant, p = symbolic_plant(structure)
@@ -172,7 +172,7 @@ def cruise_law(structure: Plant) -> ca.Function:
     return ca.Function("steady_cruise", [point, p], [ca.vertcat(*values)])
 
 
-@cache
+@built_once
 def _left(structure: Plant) -> ca.Function:
     """``state, torques, (force, current), p -> what is left``: largest acceleration and rate of a tension."""
     plant, p = symbolic_plant(structure)

@@ -6,11 +6,11 @@ Newton's method. A law that knows these in closed form may write those methods t
 """
 
 from abc import abstractmethod
-from functools import cache
 from typing import Any
 
 import casadi as ca
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.quantities.over_symbols import over_symbols
 from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.tree import alike, numbers, with_leaves
@@ -107,7 +107,7 @@ def _called(function: ca.Function, rope: RopeLaw, *values: Scalar) -> list[Scala
     return [float(value) if isinstance(value, ca.DM) else value for value in found]
 
 
-@cache
+@built_once
 def _slopes(rope: RopeLaw) -> ca.Function:
     """``(stretch, stretch_rate, length, *numbers) -> tension`` and its slopes over the first three."""
     symbols = {name: ca.SX.sym(name) for name in numbers(rope)}
@@ -118,7 +118,7 @@ def _slopes(rope: RopeLaw) -> ca.Function:
     return ca.Function("tension", [*given, *symbols.values()], [ca.densify(tension), *slopes])
 
 
-@cache
+@built_once
 def _resting(rope: RopeLaw) -> ca.Function:
     """``(tension, length, *numbers) -> stretch`` at rest.
 
@@ -139,7 +139,7 @@ def _resting(rope: RopeLaw) -> ca.Function:
     return ca.Function("resting", [tension, length, *symbols], [exp(strain) * length])
 
 
-@cache
+@built_once
 def _steady(rope: RopeLaw) -> ca.Function:
     """``(tension, length, length_rate, *numbers) -> (stretch, slope)`` of `RopeLaw.steady_stretch`.
 

@@ -6,12 +6,12 @@ motions that are quick against length/v.
 """
 
 from dataclasses import replace
-from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
@@ -110,7 +110,7 @@ def structure_of_cruise(cruise: LoopCruise) -> Structure:
     return with_taut_ropes(structure_of(cruise.experiment))
 
 
-@cache
+@built_once
 def _jacobians(structure: Structure, cut: str) -> ca.Function:
     """``(state, exogenous, parameters[, cut]) -> A, B, C, D`` of a step; B and D are for the cut where there is one."""
     step = closed_loop(structure, cuts=(cut,) if cut else ()).step

@@ -1,12 +1,12 @@
 """Steady cruise of the sampled closed loop: the state that repeats from sample to sample while the vehicle moves on."""
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
@@ -306,7 +306,7 @@ def _pressed_integrals(guess: dict[str, float], force: float, experiment: Experi
     return found
 
 
-@cache
+@built_once
 def _residual_function(structure: Structure) -> ca.Function:
     """``(state, exogenous, parameters, v) -> (change, d change/d state, d change/d exogenous)`` over a sample.
 

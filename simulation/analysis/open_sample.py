@@ -6,13 +6,13 @@ margins of every cut.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen import native
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.plant import PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import with_leaves
@@ -52,7 +52,7 @@ class OpenSample:
     evaluate: native.CompiledFunction
 
 
-@cache
+@built_once
 def open_sample(structure: Structure) -> OpenSample:
     """The open sample of a structure, compiled.
 

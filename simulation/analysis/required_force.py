@@ -1,12 +1,12 @@
 """The force that a run asks of its two motors: what holds the vehicle on its reference, whatever the controller."""
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, Plant, symbolic_plant, vehicle_acceleration
 from dualwinch.model.quantities.tree import numbers, with_leaves
@@ -92,7 +92,7 @@ def force_parameters(experiment: Experiment) -> Floats:
     return np.array(values, float)
 
 
-@cache
+@built_once
 def force_law() -> ca.Function:
     """``force(outside, parameters)`` of time, position, speed, acceleration and what acts on the vehicle (`Sea`)."""
     outside, parameters, disturbance, plant = outside_symbols()

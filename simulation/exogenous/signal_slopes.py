@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, RandomSignal
 from dualwinch.codegen.drivers.signals.signals import Signals
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.disturbance import Disturbance, given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
@@ -100,7 +101,7 @@ def _course_slope(experiment: Experiment, name: str, key: str) -> list[float]:
     return _course_slopes()[name, key]([values[key] for key in _keys()]).full().ravel().tolist()
 
 
-@cache
+@built_once
 def _course_slopes() -> Mapping[tuple[str, str], ca.Function]:
     """Random signal and number that shapes it → function of the values of all `_keys` that gives `_course_slope`."""
     symbols = {key: ca.SX.sym(key) for key in _keys()}

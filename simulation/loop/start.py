@@ -1,11 +1,10 @@
 """The closed loop's state before the first sample as a function of its parameters."""
 
-from functools import cache
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.loop.closed_loop import starting_state
@@ -14,7 +13,7 @@ from dualwinch.simulation.loop.structure import Structure, parameters_of, templa
 Floats = NDArray[np.float64]
 
 
-@cache
+@built_once
 def start_function(structure: Structure) -> ca.Function:
     """``start(parameters) -> state`` of a structure, the numbers of `closed_loop.starting_state`; (states,)."""
     parameters, state = _start(structure, steps=True)
@@ -32,12 +31,12 @@ def starts(structure: Structure, vectors: Floats) -> Floats:
     return states
 
 
-@cache
+@built_once
 def _mapped(structure: Structure, count: int) -> ca.Function:
     return start_function(structure).map(count)
 
 
-@cache
+@built_once
 def start_slopes(structure: Structure) -> ca.Function:
     """``start_slopes(parameters) -> slopes``, (states, parameters): the same derived, of encoders without steps."""
     parameters, state = _start(structure, steps=False)
