@@ -2,12 +2,11 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
-from dualwinch.codegen.source.expressions import BUILDING
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.signals import ControllerOutput
@@ -179,7 +178,7 @@ def initial_state_of(experiment: Experiment) -> dict[str, float]:
     return {key: float(value) for key, value in start.items()}
 
 
-@cache
+@built_once
 def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts: tuple[str, ...] = ()) -> ClosedLoop:
     """Build the symbolic functions of a structure (cached).
 
@@ -191,8 +190,7 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts:
             ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``, of
             `sample`.
     """
-    with BUILDING:
-        return _closed_loop(structure, zeros, cuts)
+    return _closed_loop(structure, zeros, cuts)
 
 
 def _offered(
