@@ -15,8 +15,8 @@ from dualwinch.tuning.scoring.machines import hardest_machines, survey
 from dualwinch.tuning.scoring.runs import over, run_pairs
 from dualwinch.tuning.scoring.scenarios import Pick, drawn, pick
 
-STRESS = 16
-"""Number of the scenarios in which only the best candidates are tried."""
+STRESS = 48
+"""Number of the further hard scenarios; the best candidates are tried in the hardest of them."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.hardness import Hardness
 from dualwinch.tuning.scoring.machines import survey
-from dualwinch.tuning.scoring.ranking import best_first, promising_first
+from dualwinch.tuning.scoring.ranking import promising_first
 from dualwinch.tuning.scoring.runs import LEAST_TENSION, leeways, over, run_pairs, worst_of
 
 Margins = dict[str, WorstMargin]
@@ -34,14 +34,38 @@ six scenarios, which nearly fills two blocks of lanes."""
 FEW = 8
 """So many candidates are not worth pruning: their scenarios fill few vector lanes."""
 
-LEADERS = 2
-"""Candidates of a call, the best of it, that have to hold in the stress scenarios as well."""
+LEADERS, MOST_TRIED = 2, 6
+"""Candidates of a call, the most promising of it, that meet the further hard scenarios at a time, and in all at most:
+whoever leads without having met them is what a search would follow next."""
+
+HOPELESS = 0.05
+"""Share of a bound: candidates that exceed one by more meet no further scenarios."""
+
+SURVEYED = 8
+"""Every so many calls the one that leads meets all hard scenarios there are: others may have become the hardest."""
 
 MOST_SLACK = 0.01
 """Share of a run with a slack rope beyond which the run is given up, where no rope may be slack at all."""
 
 EXEMPT = ("paper", "start")
 """Origins of candidates that are never given up early: others are compared with them."""
+
+
+@dataclass
+class Tried:
+    """The candidates of a call, and what they have come to so far.
+
+    Attributes:
+        candidates: all of them.
+        judged: what each came to.
+        results: row of a candidate → its runs in what all meet, and in what it has met beyond; without the given up.
+        margins: of each candidate.
+    """
+
+    candidates: Sequence[Candidate]
+    judged: list[Evaluation]
+    results: dict[int, BatchResult]
+    margins: list[Margins | None]
 
 
 class Evaluator:
@@ -64,6 +88,7 @@ class Evaluator:
         """
         self.prepared = prepared
         self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
+        self._calls = 0
         self._threads, problem = threads, prepared.problem
         self._units, self._hardness = problem.units, Hardness(prepared)
         self._most_slack = MOST_SLACK if _keeps_tight(prepared.constraints) else None
@@ -75,24 +100,23 @@ class Evaluator:
         return (self.seconds + self.margin_seconds) / self.rollouts if self.rollouts else 0.0
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        """Evaluate candidates in the tuning scenarios.
+        """Evaluate candidates in the tuning scenarios: the promising ones in further hard ones, one at times in all.
 
         Raises:
             KeyboardInterrupt: interrupted; nothing of this batch is kept.
         """
         if not self._first:
             return self.over(candidates, self.prepared.scenarios, tuning=True)
-        scenarios, stress = self._hardness.everyones, self._hardness.further
-        judged, whole, margins = self._tried(candidates, scenarios)
-        leaders = [index for index in best_first(judged)[:LEADERS] if judged[index].feasible]
-        if leaders and stress:
-            more = self.run([candidates[index] for index in leaders], stress, to_the_end=False)
-            results = [joined(whole[index], more, row) for row, index in enumerate(leaders)]
-            met = [*scenarios, *stress]
-            for index, result in zip(leaders, results, strict=True):
-                judged[index] = self.judged(candidates[index], result, met, tuning=True, margins=margins[index])
-            self._hardness.learn(results)
-        return judged
+        everyones, further, rest = self._hardness.everyones, self._hardness.further, self._hardness.rest
+        tried = self._tried(candidates, everyones)
+        met = self._led(tried, everyones, further)
+        self._calls += 1
+        leader = promising_first(tried.judged)[0] if met else None
+        if rest and leader in met and self._calls % SURVEYED == 0:
+            met = [leader]
+            self._meet(tried, met, [*everyones, *further], rest)
+        self._hardness.learn([tried.results[row] for row in met])
+        return tried.judged
 
     def start(self) -> Evaluation:
         """The start in the tuning scenarios, from the rollouts that preparing has made."""
@@ -227,10 +251,46 @@ class Evaluator:
         beyond = worst_of(row_of(result, row), [constraint], scenarios)[0, leeways(scenarios) > 0]
         return float(beyond[np.isfinite(beyond)].max(initial=-math.inf))
 
-    def _tried(
-        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
-    ) -> tuple[list[Evaluation], dict[int, BatchResult], list[Margins | None]]:
-        """Evaluations, hopeless candidates given up after the first scenarios; results and margins of the others."""
+    def _led(
+        self,
+        tried: Tried,
+        everyones: Sequence[Experiment | Scenario],
+        further: Sequence[Experiment | Scenario],
+    ) -> list[int]:
+        """The most promising meet the further hard scenarios, until the one that leads has met them; rows of those.
+
+        Were only those to meet them that hold, whoever fails there would fall behind those that nobody has tried.
+        """
+        met: list[int] = []
+        while further and len(met) < MOST_TRIED:
+            order = promising_first(tried.judged)
+            if order[0] in met:
+                break
+            waiting = [row for row in order if row in tried.results and row not in met]
+            rows = [row for row in waiting if tried.judged[row].violation <= HOPELESS][:LEADERS]
+            if not rows:
+                break
+            self._meet(tried, rows, everyones, further)
+            met += rows
+        return met
+
+    def _meet(
+        self,
+        tried: Tried,
+        rows: Sequence[int],
+        before: Sequence[Experiment | Scenario],
+        scenarios: Sequence[Experiment | Scenario],
+    ) -> None:
+        """Candidates of a call meet further scenarios, beside those that they have met before."""
+        more = self.run([tried.candidates[row] for row in rows], scenarios, to_the_end=False)
+        met = [*before, *scenarios]
+        for number, row in enumerate(rows):
+            candidate, margins = tried.candidates[row], tried.margins[row]
+            tried.results[row] = result = joined(tried.results[row], more, number)
+            tried.judged[row] = self.judged(candidate, result, met, tuning=True, margins=margins)
+
+    def _tried(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> Tried:
+        """What candidates come to, the hopeless given up after the first scenarios."""
         exempt = any(candidate.origin in EXEMPT for candidate in candidates)
         if len(candidates) <= FEW:
             result = self.run(candidates, scenarios, to_the_end=exempt)
@@ -240,7 +300,7 @@ class Evaluator:
                 self.judged(candidate, whole[row], scenarios, tuning=True, margins=margins[row])
                 for row, candidate in enumerate(candidates)
             ]
-            return judged, whole, margins
+            return Tried(candidates, judged, whole, margins)
         first = scenarios[: self._first]
         early = self.run(candidates, first, to_the_end=exempt)
         judged = [
@@ -255,7 +315,7 @@ class Evaluator:
         margins = self._margins_of(candidates, whole)
         for index, result in whole.items():
             judged[index] = self.judged(candidates[index], result, scenarios, tuning=True, margins=margins[index])
-        return judged, whole, margins
+        return Tried(candidates, judged, whole, margins)
 
     def _margins_of(self, candidates: Sequence[Candidate], whole: dict[int, BatchResult]) -> list[Margins | None]:
         """Margins of the candidates that ran to the end in all scenarios."""

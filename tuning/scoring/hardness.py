@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 KEPT = 0.7
 """What remains of what is known of a scenario whenever some of the best have been tried in it again."""
 
+FURTHER = 16
+"""Number of the other hard scenarios, the hardest of them, in which the best are tried."""
+
 WITHIN, BEYOND = -0.02, 0.1
 """Within and beyond its bound, as shares of it, one value is like another: neither near, or both failed."""
 
@@ -27,8 +30,8 @@ WITHIN, BEYOND = -0.02, 0.1
 class Hardness:
     """The scenarios of a problem in the order in which they are worth trying.
 
-    The typical ones and as many hard ones as there are in `Prepared.scenarios` are for every candidate. The others are
-    for the best.
+    The typical ones and as many hard ones as there are in `Prepared.scenarios` are for every candidate. Of the others
+    the hardest (`FURTHER`) are for the best, and the rest is for finding out whether it has become harder.
     """
 
     def __init__(self, prepared: Prepared) -> None:
@@ -47,16 +50,22 @@ class Hardness:
 
     @property
     def further(self) -> tuple[Experiment | Scenario, ...]:
-        """The other hard ones."""
-        return tuple(self._all[index] for index in self._order[self._common :])
+        """The hardest of the other hard ones (`FURTHER`)."""
+        return tuple(self._all[index] for index in self._order[self._common :][:FURTHER])
+
+    @property
+    def rest(self) -> tuple[Experiment | Scenario, ...]:
+        """The least hard ones."""
+        return tuple(self._all[index] for index in self._order[self._common :][FURTHER:])
 
     def learn(self, results: Sequence[BatchResult]) -> None:
-        """Learn from results, a row each, in everyone's scenarios and the further ones, in their order."""
+        """Learn from results, a row each, in everyone's scenarios, the further ones and maybe the rest, in order."""
         if not results:
             return
-        met = [*self.everyones, *self.further]
+        places = self._order[: results[0].outcomes.shape[1]]
+        met = [self._all[index] for index in places]
         values = np.array([worst_of(result, self._constraints, met)[0] for result in results]).clip(WITHIN, BEYOND)
-        self._worst[self._order] = KEPT * self._worst[self._order] + (1 - KEPT) * values.mean(axis=0)
-        places = self._hard[self._order]
-        hard = self._order[places]
-        self._order[places] = hard[np.argsort(-self._worst[hard], kind="stable")]
+        self._worst[places] = KEPT * self._worst[places] + (1 - KEPT) * values.mean(axis=0)
+        hard_places = self._hard[self._order]
+        hard = self._order[hard_places]
+        self._order[hard_places] = hard[np.argsort(-self._worst[hard], kind="stable")]

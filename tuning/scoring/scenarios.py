@@ -17,6 +17,7 @@ are higher than in any draw, and bounds need not be kept to quite (`tuning.scori
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle, islice
 
 from dualwinch.simulation.analysis.required_force import Demand, demand
 from dualwinch.simulation.batch.jobs import map_all
@@ -31,6 +32,13 @@ FURTHEST = 0.01
 
 BEHIND = (0.025, 0.015, 0.035)
 """How far in m it falls behind in overwhelming vertices: as in the hardest of some hundreds of draws, not further."""
+
+BEYOND_SHARE, VERTEX_SHARE = 1 / 3, 1 / 6
+"""Shares of further hard scenarios that are overwhelming vertices, and vertices that the motors can hold.
+
+Which of those that overwhelm are hard is much the same for all good gains, but hardly depends on how far the vehicle
+falls behind.
+"""
 
 
 @dataclass(frozen=True)
@@ -73,41 +81,40 @@ def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pic
     Args:
         ensemble: what is drawn from.
         count: how many; half of them hard, of these again half draws and half vertices, the last an overwhelming one.
-        more: how many further hard ones, the last of them overwhelming vertices.
+        more: how many further hard ones: draws, overwhelming vertices and others.
         seed: of the draws.
 
     Returns:
         The scenarios, and the further hard ones.
     """
-    number = count // 2
-    each = -(-(number + more) // 2)
-    demands = _demands(ensemble.chosen(range(max(LOOKED_AT, count + each)), seed))
+    number, few = count // 2, count // 4
+    corners = vertices(ensemble, few + round(VERTEX_SHARE * more), seed)
+    beyond = overwhelming(ensemble, seed, corners, 1 + round(BEYOND_SHARE * more)) if few else []
+    held = few - len(beyond[:1])
+    demands = _demands(ensemble.chosen(range(max(LOOKED_AT, count + more)), seed))
     plain = typical(demands, count - number)
-    draws = hardest(demands, each, {picked.index for picked in plain})
-    corners = vertices(ensemble, each, seed)
-    hard = [picked for pair in zip(draws, corners, strict=True) for picked in pair]
-    ours, further = hard[:number], hard[number : number + more]
-    if number > 1:
-        beyond = overwhelming(ensemble, seed, corners)
-        ours, further = _ending(ours, beyond[:1]), _ending(further, beyond[1:])
-    turns = [picked for pair in zip(plain, ours, strict=False) for picked in pair]
-    return [*turns, *plain[number:]], further
+    draws = hardest(demands, number + more, {picked.index for picked in plain})
+    ours = _in_turns(draws[: number - few], [*corners[:held], *beyond[:1]])
+    more_corners = corners[held:][: round(VERTEX_SHARE * more)]
+    more_draws = draws[number - few :][: more - len(beyond[1:]) - len(more_corners)]
+    return _in_turns(plain, ours), _in_turns(more_draws, beyond[1:], more_corners)
 
 
-def _ending(picks: Sequence[Pick], others: Sequence[Pick]) -> list[Pick]:
-    """As many picks, the last of them others."""
-    return [*picks[: max(len(picks) - len(others), 0)], *others[: len(picks)]]
+def _in_turns(*kinds: Sequence[Pick]) -> list[Pick]:
+    """One of each kind, again and again, for as long as there are any."""
+    longest = max(map(len, kinds), default=0)
+    return [kind[place] for place in range(longest) for kind in kinds if place < len(kind)]
 
 
 def typical(demands: Sequence[Demand], count: int) -> list[Pick]:
     """Draws that stand for all: those in the middle of as many equal shares, by the force that they ask for.
 
-    Every second one is on a machine without errors. There gains differ in their own errors alone, and hardly in what a
+    Two of three are on machines without errors. There gains differ in their own errors alone, and hardly in what a
     filter has to learn; those that are best in the mean of bad machines may be mediocre on a good one.
     """
     order = sorted(range(len(demands)), key=lambda index: demands[index].share)
     middles = (order[int((share + 0.5) / count * len(order))] for share in range(count))
-    return [Pick(index, exact=number % 2 == 1) for number, index in enumerate(middles)]
+    return [Pick(index, exact=number % 3 > 0) for number, index in enumerate(middles)]
 
 
 def hardest(demands: Sequence[Demand], count: int, others: set[int]) -> list[Pick]:
@@ -130,13 +137,13 @@ def vertices(ensemble: Ensemble, count: int, seed: int) -> list[Pick]:
     return [Pick(index, vertex=True, hard=True) for index in order[:count]]
 
 
-def overwhelming(ensemble: Ensemble, seed: int, others: Sequence[Pick]) -> list[Pick]:
-    """Vertices in which the vehicle falls behind by about `BEHIND`, as many as there are, without some others."""
+def overwhelming(ensemble: Ensemble, seed: int, others: Sequence[Pick], count: int = len(BEHIND)) -> list[Pick]:
+    """Vertices in which the vehicle falls behind by about `BEHIND` in turns, without some others; fewer if need be."""
     demands = _demands(ensemble.chosen(range(LOOKED_AT), seed, vertex=True))
     taken = {picked.index for picked in others}
     waiting = [index for index, asked in enumerate(demands) if asked.shortfall > FURTHEST and index not in taken]
     found: list[int] = []
-    for wanted in BEHIND[: len(waiting)]:
+    for wanted in islice(cycle(BEHIND), min(count, len(waiting))):
         found.append(min(waiting, key=lambda index: abs(demands[index].shortfall - wanted)))
         waiting.remove(found[-1])
     return [Pick(index, vertex=True, hard=True, overwhelming=True) for index in found]

@@ -31,9 +31,8 @@ RANGE = 3.0
 That is how far finalists reach. Where none does, the best is chosen without scenarios that overwhelm the motors.
 """
 
-KEPT = MARGIN / 2
-"""Distance from a bound, as a share, up to which more of it makes up for a larger objective: half of what is asked for
-where gains are tuned, for here the worst is that of many more scenarios."""
+KEPT = MARGIN
+"""Distance from a bound, as a share, up to which more of it makes up for a larger objective."""
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 NOT_HELD_OUT = "{trials} better than the start where chosen, but not in the held-out scenarios"
