@@ -65,6 +65,13 @@ class Finished:
         return self.prepared.problem
 
     @property
+    def trimmed(self) -> dict[str, tuple[float, float]]:
+        """Gains of the best that were trimmed where it was chosen → as the search had them, and as they are."""
+        best = self.verdict.best
+        was = next((trial.point for trial in self.trials if trial.number == best.number), best.point)
+        return {name: (float(was[name]), float(now)) for name, now in best.point.items() if now != was[name]}
+
+    @property
     def best(self) -> Experiment:
         """The experiment with the best gains."""
         return self.problem.tuned(self.verdict.best.point)

@@ -101,6 +101,7 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
         "pareto_front": [tuned.trials[index].number for index in pareto_front(tuned.trials)],
         "best": {
             "trial": verdict.best.number if verdict.improved else None,
+            "trimmed": tuned.trimmed,
             "start_kept": verdict.obstacle or None,
             "passed_over": list(verdict.passed_over),
             "settings": tuned.gains,

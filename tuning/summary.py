@@ -62,7 +62,9 @@ def headline(tuned: Finished) -> str:
     best, trials = tuned.verdict.best, len(tuned.trials)
     count = f"{trials} trial{'s' * (trials != 1)}"
     if tuned.verdict.improved:
-        words = f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
+        trimmed = [f"{name} trimmed from {was:.4g} to {now:.4g}" for name, (was, now) in tuned.trimmed.items()]
+        having = f", with {' and '.join(trimmed)}," if trimmed else ""
+        words = f"trial {best.number} of {trials}{having} is the best; scored {where(tuned)}"
         passed_over = len(tuned.verdict.passed_over)
         return words + f", where {passed_over} that had looked better failed" if passed_over else words
     return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"

@@ -162,6 +162,17 @@ def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
     assert "wider bounds (--space): the best trials lie at those of nftsm.beta" in advice(tuned)  # a ramp is >= 0
 
 
+def test_what_was_trimmed_where_the_best_was_chosen_is_said(tuned: Tuned) -> None:
+    best, beta = tuned.verdict.best, "controller.nftsm.beta"
+    assert tuned.trimmed == {}
+    candidate = replace(best.candidate, point=best.point | {beta: 0.125})
+    trimmed = replace(tuned, verdict=replace(tuned.verdict, best=replace(best, candidate=candidate)))
+    assert trimmed.trimmed == {beta: (best.point[beta], 0.125)}
+    assert headline(trimmed).startswith(
+        f"trial {best.number} of 60, with {beta} trimmed from {best.point[beta]:.4g} to 0.125, is the best"
+    )
+
+
 def test_there_is_no_advice_where_nothing_is_wrong(tuned: Tuned) -> None:
     assert advice(tuned) == []
     assert headline(tuned).startswith(

@@ -99,6 +99,11 @@ class Evaluator:
         """Wall time in s that a rollout took in the mean, margins included; 0 before the first."""
         return (self.seconds + self.margin_seconds) / self.rollouts if self.rollouts else 0.0
 
+    @property
+    def best_ones(self) -> tuple[Experiment | Scenario, ...]:
+        """The tuning scenarios in which the best are tried at present, hard ones among them that others do not meet."""
+        return (*self._hardness.everyones, *self._hardness.further)
+
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate candidates in the tuning scenarios: the promising ones in further hard ones, one at times in all.
 

@@ -24,21 +24,21 @@ def those_that_hold(
     first ladder leads from the best to these; each further one, of as many, from the best to the best that held.
 
     Args:
-        ordered: trials, the best first.
+        ordered: trials, the best first, each with a number of its own.
         first: of these the first ladder.
         held: tries trials, and gives those that hold.
         go_on: whether there may be a further ladder.
     """
     met, most = held(first), len(first)
-    waiting, over = list(ordered), {id(trial) for trial in first}
+    waiting, over = list(ordered), {trial.number for trial in first}
     while go_on():
-        holding = {id(trial) for trial, _ in met}
-        end = next((index for index, trial in enumerate(waiting) if id(trial) in holding), len(waiting))
-        waiting = [trial for trial in waiting[:end] if id(trial) not in over]
+        holding = {trial.number for trial, _ in met}
+        end = next((index for index, trial in enumerate(waiting) if trial.number in holding), len(waiting))
+        waiting = [trial for trial in waiting[:end] if trial.number not in over]
         if not waiting:
             break
         ladder = [waiting[index] for index in evenly(len(waiting), most)]
-        over = {id(trial) for trial in ladder}
+        over = {trial.number for trial in ladder}
         met += held(ladder)
     return met
 

@@ -6,6 +6,7 @@ best.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.exact import every_second_exact
 from dualwinch.tuning.scoring.finalists import Met, rungs, those_that_hold
 from dualwinch.tuning.scoring.held_out import HeldOut
+from dualwinch.tuning.scoring.holding import holding
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, promising_first, soundest_first
 from dualwinch.tuning.scoring.scenarios import choosable, demanding, drawn, overwhelming, vertices
@@ -31,8 +33,9 @@ RANGE = 3.0
 That is how far finalists reach. Where none does, the best is chosen without scenarios that overwhelm the motors.
 """
 
-KEPT = MARGIN
-"""Distance from a bound, as a share, up to which more of it makes up for a larger objective."""
+KEPT = MARGIN / 2
+"""Distance from a bound, as a share, up to which more of it makes up for a larger objective: half of what is asked for
+where gains are tuned, for here the worst is that of many more scenarios."""
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 NOT_HELD_OUT = "{trials} better than the start where chosen, but not in the held-out scenarios"
@@ -142,13 +145,14 @@ def _first_round(
     if not ordered:
         return []
     sieve, before = Sieve(evaluator, scenarios), evaluator.rollouts
+    held = partial(holding, evaluator, sieve, margin=KEPT)
     if len(problem.objectives) == 1:
         first = [ordered[index] for index in rungs(ordered, plan.finalists)]
-        met = those_that_hold(ordered, first, sieve.held, lambda: evaluator.rollouts - before < plan.sieved)
+        met = those_that_hold(ordered, first, held, lambda: evaluator.rollouts - before < plan.sieved)
     else:
         front = [trials[index] for index in pareto_front(trials)] or ordered
         first = front[:: -(-len(front) // plan.finalists)]
-        met = sieve.held(first)
+        met = held(first)
     if not met:
         return _ranked(evaluator, first, start, scenarios)
     (reference,) = evaluator.over([start.candidate], scenarios, constraints=sieve.constraints)

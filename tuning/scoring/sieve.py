@@ -5,6 +5,7 @@ only those that hold there meet in the rest.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,25 @@ from numpy.typing import NDArray
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.tuning.scoring.evaluate import Evaluator, joined, row_of
-from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.runs import worst_of
 
 FIRST = 12
 """Scenarios in which trials meet first."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What a trial came to in the scenarios of a sieve.
+
+    Attributes:
+        result: in all of them; ``None`` where it does not hold where most have failed.
+        excess: by how much it exceeds the bound that it exceeds the most, as a share, in those that it was run in;
+            negative where it keeps to all, infinite where it did not end.
+    """
+
+    result: Evaluation | None
+    excess: float
 
 
 class Sieve:
@@ -33,46 +48,41 @@ class Sieve:
         self._evaluator, self._machines = evaluator, evaluator.survey(scenarios)
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
-    def meet(self, trials: Sequence[Evaluation]) -> list[Evaluation | None]:
-        """What trials come to in all scenarios; ``None`` for those that do not hold where most have failed.
+    def meet(self, candidates: Sequence[Candidate]) -> list[Attempt]:
+        """What candidates come to, in all scenarios where they hold where most have failed.
 
         Stability margins are looked at where all else holds.
         """
-        if not trials:
+        if not candidates:
             return []
         order = np.argsort(-self._failures, kind="stable")
         first, rest = order[:FIRST], order[FIRST:]
-        candidates = [trial.candidate for trial in trials]
         early = self._evaluator.run(candidates, self._chosen(first), to_the_end=False)
-        failed = self._failed(early, first)
-        self._failures[first] += failed.sum(axis=0)
-        kept = [row for row in range(len(trials)) if not failed[row].any()]
-        found: list[Evaluation | None] = [None] * len(trials)
+        excess = self._excess(early, first).max(axis=1)
+        kept = np.flatnonzero(excess <= 0).tolist()
+        found = [Attempt(None, float(each)) for each in excess]
         if not kept:
             return found
         going_on = [candidates[row] for row in kept]
         late, hold = None, [True] * len(kept)
         if len(rest):
             late = self._evaluator.run(going_on, self._chosen(rest), to_the_end=False)
-            failed = self._failed(late, rest)
-            self._failures[rest] += failed.sum(axis=0)
-            hold = [not any(fails) for fails in failed.tolist()]
+            excess[kept] = np.maximum(excess[kept], self._excess(late, rest).max(axis=1))
+            hold = (excess[kept] <= 0).tolist()
         margins, met = self._evaluator.margins(going_on, self._machines, hold), self._chosen(order)
         for number, row in enumerate(kept):
             whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
-            found[row] = self._evaluator.judged(
+            result = self._evaluator.judged(
                 candidates[row], whole, met, margins=margins[number], constraints=self.constraints
             )
+            found[row] = Attempt(result, float(excess[row]))
         return found
-
-    def held(self, trials: Sequence[Evaluation]) -> list[tuple[Evaluation, Evaluation]]:
-        """The trials that keep to every constraint in all scenarios, and what each came to there."""
-        met = zip(trials, self.meet(trials), strict=True)
-        return [(trial, result) for trial, result in met if result is not None and result.feasible]
 
     def _chosen(self, indices: NDArray[np.intp]) -> list[Scenario]:
         return [self.scenarios[index] for index in indices]
 
-    def _failed(self, result: BatchResult, indices: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Which runs in some scenarios did not end, or exceed a bound on what is the worst, (candidates, scenarios)."""
-        return worst_of(result, self.constraints, self._chosen(indices)) > 0
+    def _excess(self, result: BatchResult, indices: NDArray[np.intp]) -> NDArray[np.float64]:
+        """By how much runs in some scenarios exceed a bound on what is the worst (`worst_of`); failures are counted."""
+        excess = worst_of(result, self.constraints, self._chosen(indices))
+        self._failures[indices] += (excess > 0).sum(axis=0)
+        return excess

@@ -1,7 +1,9 @@
 """Evaluation: equal to runs of the tuned experiment, early for hopeless candidates, finite for diverged ones."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +15,10 @@ from dualwinch.tuning.optimisers import linearise as lineariser
 from dualwinch.tuning.prepared import STRESS, Prepared, prepare
 from dualwinch.tuning.problem import MARGIN
 from dualwinch.tuning.scoring import runs
-from dualwinch.tuning.scoring.evaluate import FAILED, LEADERS, Evaluator
+from dualwinch.tuning.scoring.evaluate import FAILED, HOPELESS, LEADERS, MOST_TRIED, SURVEYED, Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front
+from dualwinch.tuning.scoring.hardness import FURTHER
+from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, promising_first
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
 from tests.tuning.conftest import MakeProblem
 
@@ -116,17 +119,60 @@ def test_hopeless_candidates_stop_after_the_first_scenarios_and_the_paper_never(
     points = [problem.start | {"controller.coordination.preload": load} for load in range(1000, 2001, 100)]
     candidates = [Candidate(point, "method") for point in points] + [Candidate(problem.start, "paper")]
     found = evaluator.evaluate(candidates)
-    leaders = [trial for trial in found if trial.scenarios == 4 + STRESS]
-    assert evaluator.rollouts == 2 * len(candidates) + 2 * sum(not trial.pruned for trial in found) + LEADERS * STRESS
+    leaders = [trial for trial in found if trial.scenarios == 4 + FURTHER]
+    assert evaluator.rollouts == 2 * len(candidates) + 2 * sum(not trial.pruned for trial in found) + LEADERS * FURTHER
     assert len(leaders) == LEADERS
     assert not found[-1].pruned
     assert {trial.scenarios for trial in found if trial.pruned} == {2}
     few = Evaluator(prepared).evaluate(candidates[:3])
-    assert sorted(trial.scenarios for trial in few) == [4, 4 + STRESS, 4 + STRESS]  # too few to be worth it
+    assert sorted(trial.scenarios for trial in few) == [4, 4 + FURTHER, 4 + FURTHER]  # too few to be worth it
     whole = Evaluator(prepared, prune=False).evaluate(candidates)
     assert not any(trial.pruned for trial in whole)
     for early, late in zip(found, whole, strict=True):
         assert early.scenarios != 4 or early.statistics == late.statistics  # bit for bit: common scenarios
+
+
+@pytest.mark.parametrize(("failing", "met"), [(0, LEADERS), (1, LEADERS), (LEADERS, 2 * LEADERS), (8, MOST_TRIED)])
+def test_who_leads_has_met_the_further_scenarios(
+    failing: int, met: int, make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared = prepare(make_problem())
+    start = prepared.problem.start
+    candidates = [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in np.linspace(0.5, 1.5, 8)]
+    evaluator = Evaluator(prepared)
+    common = evaluator.over(candidates, prepared.scenarios, tuning=True)
+    worst, judged = [candidates[index] for index in promising_first(common)[:failing]], evaluator.judged
+
+    def unless_tried(
+        candidate: Candidate, result: BatchResult, scenarios: Sequence[Scenario], **words: Any
+    ) -> Evaluation:
+        found = judged(candidate, result, scenarios, **words)
+        return replace(found, violations={"x": 1.0}) if candidate in worst and len(scenarios) > 4 else found
+
+    monkeypatch.setattr(evaluator, "judged", unless_tried)
+    found = evaluator.evaluate(candidates)
+    assert sum(trial.scenarios == 4 + FURTHER for trial in found) == met
+    leads = found[promising_first(found)[0]]
+    assert leads.scenarios == (4 if failing == len(candidates) else 4 + FURTHER)
+    assert leads.candidate == candidates[promising_first(common)[min(failing, MOST_TRIED) % len(candidates)]]
+
+
+def test_candidates_that_exceed_a_bound_by_far_meet_no_further_scenarios(make_problem: MakeProblem) -> None:
+    evaluator = Evaluator(prepare(make_problem(constraints=["worst.peak_tension<=1000"])))
+    found = evaluator.evaluate([Candidate(evaluator.prepared.problem.start, "x")])
+    assert found[0].violation > HOPELESS
+    assert found[0].scenarios == 4
+
+
+def test_every_so_often_the_one_that_leads_meets_all_hard_scenarios(make_problem: MakeProblem) -> None:
+    evaluator = Evaluator(prepare(make_problem()))
+    start = evaluator.prepared.problem.start
+    candidates = [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in (0.9, 1.0, 1.1)]
+    for call in range(1, 2 * SURVEYED + 1):
+        found = evaluator.evaluate(candidates)
+        most = max(trial.scenarios for trial in found)
+        assert most == 4 + (STRESS if call % SURVEYED == 0 else FURTHER)
+        assert found[promising_first(found)[0]].scenarios == most
 
 
 def test_candidates_with_slack_ropes_are_given_up_where_no_rope_may_be_slack(make_problem: MakeProblem) -> None:

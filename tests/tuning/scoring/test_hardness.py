@@ -10,7 +10,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.prepared import STRESS, Prepared, prepare
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate
-from dualwinch.tuning.scoring.hardness import Hardness
+from dualwinch.tuning.scoring.hardness import FURTHER, Hardness
 from tests.tuning.conftest import MakeProblem
 from tests.tuning.scoring.test_runs import peaks
 
@@ -26,7 +26,8 @@ def prepared(make_problem: MakeProblem) -> Prepared:
 def test_it_begins_with_the_scenarios_as_they_were_prepared(prepared: Prepared) -> None:
     hardness = Hardness(prepared)
     assert hardness.everyones == prepared.scenarios
-    assert hardness.further == prepared.stress
+    assert (*hardness.further, *hardness.rest) == prepared.stress
+    assert (len(hardness.further), len(hardness.rest)) == (FURTHER, STRESS - FURTHER)
     hardness.learn([])
     assert hardness.everyones == prepared.scenarios
 
@@ -38,8 +39,18 @@ def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(p
     typical, hard = prepared.scenarios[::2], prepared.scenarios[1::2]
     assert hardness.everyones == (typical[0], failing, typical[1], hard[0])
     assert hardness.further[0] is hard[1]
-    assert len(hardness.further) == STRESS
+    assert len(hardness.further) == FURTHER
     assert set(map(id, [*hardness.everyones, *hardness.further])) == set(map(id, every))
+
+
+def test_who_meets_all_finds_what_has_become_harder(prepared: Prepared) -> None:
+    hardness = Hardness(prepared)
+    failing = hardness.rest[20]
+    every = [*hardness.everyones, *hardness.further, *hardness.rest]
+    hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
+    assert hardness.everyones[1] is failing
+    assert len(set(map(id, every))) == len(every) == len(prepared.scenarios) + STRESS
+    assert set(map(id, every)) == set(map(id, [*hardness.everyones, *hardness.further, *hardness.rest]))
 
 
 def test_failures_are_read_in_the_order_of_the_scenarios_and_fade(prepared: Prepared) -> None:
@@ -58,7 +69,7 @@ def test_failures_are_read_in_the_order_of_the_scenarios_and_fade(prepared: Prep
 
 
 def test_the_best_of_a_call_count_by_their_mean(prepared: Prepared) -> None:
-    hardness, count = Hardness(prepared), len(prepared.scenarios) + STRESS
+    hardness, count = Hardness(prepared), len(prepared.scenarios) + FURTHER
     both, once = [CALM] * count, [CALM] * count
     both[10] = once[10] = 1.02 * BOUND
     once[12] = 1.03 * BOUND
@@ -77,7 +88,7 @@ def test_candidates_meet_what_the_best_before_them_failed_in(
     free = Evaluator(prepare(make_problem(seed=seed)))
     common, further = (
         free.run(candidates, chosen).metrics["peak_tension"].max(axis=0)
-        for chosen in (free.prepared.scenarios, free.prepared.stress)
+        for chosen in (free.prepared.scenarios, free.prepared.stress[:FURTHER])
     )
     assert further.max() > 1.03 * common.max(), "else there is nothing to learn"
     bounds = [f"worst.peak_tension<={0.99 * further.max()}"]

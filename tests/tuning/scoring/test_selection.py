@@ -13,6 +13,7 @@ from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION
 from dualwinch.tuning.scoring import selection
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.finalists import Met
 from dualwinch.tuning.scoring.plan import Plan
 from dualwinch.tuning.scoring.scenarios import Pick
 from dualwinch.tuning.scoring.selection import NOT_CHOSEN, RANGE, judge
@@ -145,17 +146,17 @@ def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
     usual = judge(evaluator, trials, SMALL).best  # in 0.1 s nothing overwhelms the motors
-    beyond, held = Pick(10_000, vertex=True, hard=True), Sieve.held
+    beyond, held = Pick(10_000, vertex=True, hard=True), selection.holding
     monkeypatch.setattr(selection, "overwhelming", lambda *_: [beyond])
 
     def best_where(holds: Callable[[Evaluation], bool]) -> Evaluation:
         """The best where some trials alone hold against the overwhelming vertex."""
 
-        def those(sieve: Sieve, given: Sequence[Evaluation]) -> list[tuple[Evaluation, Evaluation]]:
+        def those(ours: Evaluator, sieve: Sieve, given: Sequence[Evaluation], margin: float) -> list[Met]:
             overwhelmed = any(scenario.vertex and scenario.index == beyond.index for scenario in sieve.scenarios)
-            return [(trial, met) for trial, met in held(sieve, given) if not overwhelmed or holds(trial)]
+            return [(trial, met) for trial, met in held(ours, sieve, given, margin) if not overwhelmed or holds(trial)]
 
-        monkeypatch.setattr(Sieve, "held", those)
+        monkeypatch.setattr(selection, "holding", those)
         return judge(evaluator, trials, SMALL).best
 
     least = min(trial.objectives[0] for trial in trials if trial.feasible)

@@ -48,23 +48,27 @@ def evaluator(make_problem: MakeProblem) -> Evaluator:
 def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_is_dropped(evaluator: Evaluator) -> None:
     given, scenarios = trials(evaluator), others(evaluator.prepared.problem)
     whole = evaluator.over([trial.candidate for trial in given], scenarios)
-    held = Sieve(evaluator, scenarios).held(given)
-    assert [trial.number for trial, _ in held] == [number for number, each in enumerate(whole) if each.feasible]
-    assert 0 < len(held) < len(given)
-    for trial, met in held:
-        assert met.scenarios == len(scenarios)
-        assert met.statistics == pytest.approx(whole[trial.number].statistics, rel=1e-12)
+    attempts = Sieve(evaluator, scenarios).meet([trial.candidate for trial in given])
+    held = [attempt.result is not None and attempt.result.feasible for attempt in attempts]
+    assert held == [each.feasible for each in whole]
+    assert 0 < sum(held) < len(given)
+    (label,) = (constraint.label for constraint in evaluator.prepared.constraints)
+    for attempt, every in zip(attempts, whole, strict=True):
+        assert (attempt.excess <= 0) == every.feasible
+        assert attempt.excess <= every.violations[label] + 1e-12
+        if attempt.result is not None:
+            assert attempt.result.scenarios == len(scenarios)
+            assert attempt.result.statistics == pytest.approx(every.statistics, rel=1e-12)
+            assert attempt.excess == pytest.approx(every.violations[label], rel=1e-9)
 
 
 def test_trials_meet_first_where_most_have_failed(evaluator: Evaluator) -> None:
-    given, scenarios = trials(evaluator), others(evaluator.prepared.problem)
+    given, scenarios = [trial.candidate for trial in trials(evaluator)], others(evaluator.prepared.problem)
     sieve = Sieve(evaluator, scenarios)
-    sieve.meet(given)
-    before = evaluator.rollouts
-    failing = [trial for trial in given if trial not in [one for one, _ in sieve.held(given)]]
+    failing = [one for one, attempt in zip(given, sieve.meet(given), strict=True) if attempt.excess > 0]
     assert failing
     before = evaluator.rollouts
-    assert sieve.meet(failing) == [None] * len(failing)
+    assert [attempt.result for attempt in sieve.meet(failing)] == [None] * len(failing)
     assert evaluator.rollouts - before == FIRST * len(failing)
 
 
@@ -76,8 +80,8 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
     problem = make_problem(constraints=[f"worst.peak_tension<={bound}", "worst.delay_margin>=1ms"])
     bounded = Evaluator(prepare(problem), prune=False)
     hardest_last = [scenarios[index] for index in np.argsort(peaks)]
-    met = Sieve(bounded, hardest_last).meet(trials(bounded))
-    held, exceeding = met[0], met[SHARES.index(1.0)]
+    met = Sieve(bounded, hardest_last).meet([trial.candidate for trial in trials(bounded)])
+    held, exceeding = met[0].result, met[SHARES.index(1.0)].result
     assert held is not None
     assert exceeding is not None
     assert (held.feasible, exceeding.feasible) == (True, False)
@@ -86,4 +90,4 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
 
 
 def test_nobody_meets_nowhere(evaluator: Evaluator) -> None:
-    assert Sieve(evaluator, others(evaluator.prepared.problem)).held([]) == []
+    assert Sieve(evaluator, others(evaluator.prepared.problem)).meet([]) == []
