@@ -3,11 +3,11 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from dualwinch.simulation.analysis.worst_margins import MarginSurvey, WorstMargin
+from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
@@ -19,10 +19,8 @@ from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.hardness import Hardness
 from dualwinch.tuning.scoring.machines import survey
 from dualwinch.tuning.scoring.ranking import promising_first
-from dualwinch.tuning.scoring.runs import LEAST_TENSION, leeways, over, run_pairs, worst_of
-
-Margins = dict[str, WorstMargin]
-"""Kind of a stability margin → the worst of some machines."""
+from dualwinch.tuning.scoring.runs import joined, keeps_tight, leeways, over, row_of, run_pairs, worst_of
+from dualwinch.tuning.scoring.tried import Margins, Tried
 
 FAILED = "scenarios not completed <= 0"
 """Constraint that every scenario runs to its end; its violation is the share that does not."""
@@ -51,23 +49,6 @@ EXEMPT = ("paper", "start")
 """Origins of candidates that are never given up early: others are compared with them."""
 
 
-@dataclass
-class Tried:
-    """The candidates of a call, and what they have come to so far.
-
-    Attributes:
-        candidates: all of them.
-        judged: what each came to.
-        results: row of a candidate → its runs in what all meet, and in what it has met beyond; without the given up.
-        margins: of each candidate.
-    """
-
-    candidates: Sequence[Candidate]
-    judged: list[Evaluation]
-    results: dict[int, BatchResult]
-    margins: list[Margins | None]
-
-
 class Evaluator:
     """Evaluates candidates of a problem, and counts what that cost.
 
@@ -91,7 +72,7 @@ class Evaluator:
         self._calls = 0
         self._threads, problem = threads, prepared.problem
         self._units, self._hardness = problem.units, Hardness(prepared)
-        self._most_slack = MOST_SLACK if _keeps_tight(prepared.constraints) else None
+        self._most_slack = MOST_SLACK if keeps_tight(prepared.constraints) else None
         self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
 
     @property
@@ -100,7 +81,7 @@ class Evaluator:
         return (self.seconds + self.margin_seconds) / self.rollouts if self.rollouts else 0.0
 
     @property
-    def best_ones(self) -> tuple[Experiment | Scenario, ...]:
+    def for_the_best(self) -> tuple[Experiment | Scenario, ...]:
         """The tuning scenarios in which the best are tried at present, hard ones among them that others do not meet."""
         return (*self._hardness.everyones, *self._hardness.further)
 
@@ -328,29 +309,3 @@ class Evaluator:
             index in whole and bool((whole[index].outcomes == "completed").all()) for index in range(len(candidates))
         ]
         return self.margins(candidates, self.prepared.margins, completed)
-
-
-def _keeps_tight(constraints: Sequence[Constraint]) -> bool:
-    """Whether constraints forbid slack ropes."""
-    return any(
-        constraint.statistic.name == LEAST_TENSION and constraint.at_least and constraint.bound > 0
-        for constraint in constraints
-    )
-
-
-def row_of(result: BatchResult, row: int) -> BatchResult:
-    """One candidate's results as a result of one row."""
-    metrics = {name: table[row : row + 1] for name, table in result.metrics.items()}
-    return BatchResult(result.outcomes[row : row + 1], result.end_times[row : row + 1], metrics, {})
-
-
-def joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
-    """One candidate's results in the first scenarios, and a row of those in others, as one result of one row."""
-    more = row_of(late, row)
-    metrics = {name: np.hstack([early.metrics[name], more.metrics[name]]) for name in early.metrics}
-    return BatchResult(
-        outcomes=np.hstack([early.outcomes, more.outcomes]),
-        end_times=np.hstack([early.end_times, more.end_times]),
-        metrics=metrics,
-        columns={},
-    )

@@ -41,7 +41,7 @@ def holding(evaluator: Evaluator, sieve: Sieve, trials: Sequence[Evaluation], ma
         for (number, _), attempt in zip(others, tried, strict=True)
         if attempt.result is not None and attempt.result.feasible
     ]
-    tuned = evaluator.over([result.candidate for _, result in held], evaluator.best_ones, tuning=True)
+    tuned = evaluator.over([result.candidate for _, result in held], evaluator.for_the_best, tuning=True)
     return met + [
         (replace(trial, number=number), result)
         for trial, (number, result) in zip(tuned, held, strict=True)

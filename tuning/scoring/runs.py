@@ -49,6 +49,14 @@ def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
     return not scenario.overwhelming if statistic.kind == "worst" else not scenario.hard
 
 
+def keeps_tight(constraints: Sequence[Constraint]) -> bool:
+    """Whether constraints forbid slack ropes."""
+    return any(
+        constraint.statistic.name == LEAST_TENSION and constraint.at_least and constraint.bound > 0
+        for constraint in constraints
+    )
+
+
 def leeways(scenarios: Sequence[Experiment | Scenario]) -> NDArray[np.float64]:
     """By how much bounds on what is the worst may be exceeded in each scenario (n,), as a share."""
     overwhelming = [isinstance(scenario, Scenario) and scenario.overwhelming for scenario in scenarios]
@@ -83,3 +91,21 @@ def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequenc
         return 0.0
     counted = [counts(statistic, scenario) for scenario in scenarios]
     return measured(statistic, result.metrics[statistic.metric][row, (result.outcomes[row] == "completed") & counted])
+
+
+def row_of(result: BatchResult, row: int) -> BatchResult:
+    """One candidate's results as a result of one row."""
+    metrics = {name: table[row : row + 1] for name, table in result.metrics.items()}
+    return BatchResult(result.outcomes[row : row + 1], result.end_times[row : row + 1], metrics, {})
+
+
+def joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
+    """One candidate's results in the first scenarios, and a row of those in others, as one result of one row."""
+    more = row_of(late, row)
+    metrics = {name: np.hstack([early.metrics[name], more.metrics[name]]) for name in early.metrics}
+    return BatchResult(
+        outcomes=np.hstack([early.outcomes, more.outcomes]),
+        end_times=np.hstack([early.end_times, more.end_times]),
+        metrics=metrics,
+        columns={},
+    )

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.tuning.scoring.evaluate import Evaluator, joined, row_of
+from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.runs import worst_of
+from dualwinch.tuning.scoring.runs import joined, row_of, worst_of
 
 FIRST = 12
 """Scenarios in which trials meet first."""

@@ -63,7 +63,7 @@ def test_who_fails_by_a_little_holds_once_it_has_more_reserve_and_who_has_too_mu
 
 def test_trimmed_ones_are_evaluated_where_the_best_are_tuned(evaluator: Evaluator) -> None:
     ((tuned, _),) = holding(evaluator, Told(evaluator), [trial(80, 4)], DISTANCE)
-    assert tuned.scenarios == len(evaluator.best_ones)
+    assert tuned.scenarios == len(evaluator.for_the_best)
     assert tuned.objectives != (1.0,)
 
 
