@@ -13,7 +13,7 @@ from dualwinch.tuning.space import Point
 FIRST, AROUND = Patience(6, 0.3), Patience(8, 0.1)
 """How long the search may take at first, and around what steps have led to: where it gains less, steps gain more."""
 
-WORTHWHILE = 0.07
+WORTHWHILE = 0.25
 """What a step has to lower the merit by in many scenarios, where it takes as long as two generations or more."""
 
 
