@@ -12,7 +12,8 @@ from dualwinch.tuning.optimisers.linearise import linearise
 from dualwinch.tuning.optimisers.local_model import Model, closeness, level, linear_step, merit, quadratic_step
 from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluate import FAILED, Evaluator
+from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.scorer import FAILED
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.tune import tune

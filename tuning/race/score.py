@@ -17,10 +17,10 @@ from dualwinch.tuning.race.front import COSTS, ERROR, front
 from dualwinch.tuning.race.operations import operations
 from dualwinch.tuning.race.scored import Paper, Point, Scored, Search, runs_of
 from dualwinch.tuning.race.terms import UNSEEN, Entrant, Terms
-from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.plan import FULL
+from dualwinch.tuning.scoring.scorer import Scorer
 from dualwinch.tuning.tune import tune
 
 UNSEEN_PHASE = "scoring in unseen scenarios"
@@ -58,12 +58,12 @@ def scored(
         watch=watch,
     )
     watch.phase(UNSEEN_PHASE)
-    evaluator = Evaluator(tuned.prepared, threads=threads)
-    unseen = HeldOut(evaluator, terms.held_out, terms.seed + UNSEEN)
+    scorer = Scorer(tuned.prepared, threads=threads)
+    unseen = HeldOut(scorer, terms.held_out, terms.seed + UNSEEN)
     best = unseen.score(tuned.verdict.best.candidate)
     fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
     candidates = [trial.candidate for found in fronts.values() for trial in found]
-    points = iter(evaluator.over(candidates, unseen.scenarios, constraints=unseen.constraints))
+    points = iter(scorer.over(candidates, unseen.scenarios, constraints=unseen.constraints))
     rescored = {cost: tuple(_point(problem, next(points), cost) for _ in found) for cost, found in fronts.items()}
     broken = None
     if breaking:
@@ -104,9 +104,9 @@ def paper(problem: Problem, terms: Terms, *, threads: int | None = None, watch: 
         DualwinchError: no compiler, no usable cache folder, or no optimum found.
         KeyboardInterrupt: interrupted.
     """
-    evaluator = Evaluator(prepare(problem, threads, watch), threads=threads)
+    scorer = Scorer(prepare(problem, threads, watch), threads=threads)
     watch.phase(PAPER_PHASE)
-    unseen = HeldOut(evaluator, terms.held_out, terms.seed + UNSEEN)
+    unseen = HeldOut(scorer, terms.held_out, terms.seed + UNSEEN)
     found = unseen.paper
     runs = runs_of(found.result, 0, found.evaluation.violations, operations(problem.paper_experiment))
     watch.phase(LEAST_PHASE)

@@ -25,22 +25,14 @@ def holding(evaluator: Evaluator, sieve: Sieve, trials: Sequence[Evaluation], ma
     """
     space = evaluator.prepared.problem.space
     attempts = sieve.meet([trial.candidate for trial in trials])
-    met = [
-        (trial, attempt.result)
-        for trial, attempt in zip(trials, attempts, strict=True)
-        if attempt.result is not None and attempt.result.feasible
-    ]
+    met = [(trial, attempt.held) for trial, attempt in zip(trials, attempts, strict=True) if attempt.held]
     others: list[tuple[int, Candidate]] = []
     for trial, attempt in zip(trials, attempts, strict=True):
         excess = max(attempt.excess, -trial.reserve - MARGIN)
         other = trimmed(trial.candidate, excess, space, sieve.constraints, margin)
         others += [(trial.number, other)] if other else []
     tried = sieve.meet([other for _, other in others])
-    held = [
-        (number, attempt.result)
-        for (number, _), attempt in zip(others, tried, strict=True)
-        if attempt.result is not None and attempt.result.feasible
-    ]
+    held = [(number, attempt.held) for (number, _), attempt in zip(others, tried, strict=True) if attempt.held]
     tuned = evaluator.over([result.candidate for _, result in held], evaluator.for_the_best, tuning=True)
     return met + [
         (replace(trial, number=number), result)

@@ -88,14 +88,15 @@ def pick(ensemble: Ensemble, count: int, more: int, seed: int) -> tuple[list[Pic
         The scenarios, and the further hard ones.
     """
     number, few = count // 2, count // 4
-    corners = vertices(ensemble, few + round(VERTEX_SHARE * more), seed)
+    further = round(VERTEX_SHARE * more)
+    corners = vertices(ensemble, few + further, seed)
     beyond = overwhelming(ensemble, seed, corners, 1 + round(BEYOND_SHARE * more)) if few else []
     held = few - len(beyond[:1])
     demands = _demands(ensemble.chosen(range(max(LOOKED_AT, count + more)), seed))
     plain = typical(demands, count - number)
     draws = hardest(demands, number + more, {picked.index for picked in plain})
     ours = _in_turns(draws[: number - few], [*corners[:held], *beyond[:1]])
-    more_corners = corners[held:][: round(VERTEX_SHARE * more)]
+    more_corners = corners[held:][:further]
     more_draws = draws[number - few :][: more - len(beyond[1:]) - len(more_corners)]
     return _in_turns(plain, ours), _in_turns(more_draws, beyond[1:], more_corners)
 

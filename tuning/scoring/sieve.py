@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.runs import joined, row_of, worst_of
+from dualwinch.tuning.scoring.scorer import Scorer
 
 FIRST = 12
 """Scenarios in which trials meet first."""
@@ -33,6 +33,11 @@ class Attempt:
     result: Evaluation | None
     excess: float
 
+    @property
+    def held(self) -> Evaluation | None:
+        """The result where it keeps to every constraint."""
+        return self.result if self.result is not None and self.result.feasible else None
+
 
 class Sieve:
     """Scenarios in which trials meet, those first in which most have failed.
@@ -42,10 +47,10 @@ class Sieve:
         constraints: with bounds that are numbers there.
     """
 
-    def __init__(self, evaluator: Evaluator, scenarios: Sequence[Scenario]) -> None:
+    def __init__(self, scorer: Scorer, scenarios: Sequence[Scenario]) -> None:
         """Run the paper's controller, which bounds may refer to."""
-        self.scenarios, self.constraints = list(scenarios), evaluator.bounds(scenarios)
-        self._evaluator, self._machines = evaluator, evaluator.survey(scenarios)
+        self.scenarios, self.constraints = list(scenarios), scorer.bounds(scenarios)
+        self._scorer, self._machines = scorer, scorer.survey(scenarios)
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
     def meet(self, candidates: Sequence[Candidate]) -> list[Attempt]:
@@ -57,7 +62,7 @@ class Sieve:
             return []
         order = np.argsort(-self._failures, kind="stable")
         first, rest = order[:FIRST], order[FIRST:]
-        early = self._evaluator.run(candidates, self._chosen(first), to_the_end=False)
+        early = self._scorer.run(candidates, self._chosen(first), to_the_end=False)
         excess = self._excess(early, first).max(axis=1)
         kept = np.flatnonzero(excess <= 0).tolist()
         found = [Attempt(None, float(each)) for each in excess]
@@ -66,13 +71,13 @@ class Sieve:
         going_on = [candidates[row] for row in kept]
         late, hold = None, [True] * len(kept)
         if len(rest):
-            late = self._evaluator.run(going_on, self._chosen(rest), to_the_end=False)
+            late = self._scorer.run(going_on, self._chosen(rest), to_the_end=False)
             excess[kept] = np.maximum(excess[kept], self._excess(late, rest).max(axis=1))
             hold = (excess[kept] <= 0).tolist()
-        margins, met = self._evaluator.margins(going_on, self._machines, hold), self._chosen(order)
+        margins, met = self._scorer.margins(going_on, self._machines, hold), self._chosen(order)
         for number, row in enumerate(kept):
             whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
-            result = self._evaluator.judged(
+            result = self._scorer.judged(
                 candidates[row], whole, met, margins=margins[number], constraints=self.constraints
             )
             found[row] = Attempt(result, float(excess[row]))

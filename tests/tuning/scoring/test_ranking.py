@@ -3,12 +3,12 @@
 import math
 
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.ranking import PENALTY, best_first, soundest_first
+from dualwinch.tuning.scoring.ranking import PENALTY, beats, best_first, pareto_front, soundest_first
 
 MARGIN = 0.01
 
 
-def reached(*objectives: float, beyond: float, pruned: bool = False) -> Evaluation:
+def reached(*objectives: float, beyond: float = 0.0, pruned: bool = False) -> Evaluation:
     """An evaluation whose highest peak lies that share of the bound beyond it."""
     return Evaluation(Candidate({}, ""), objectives, {"worst.peak_tension <= 6000 N": beyond}, {}, {}, 1, pruned)
 
@@ -36,3 +36,30 @@ def test_several_objectives_and_those_without_a_logarithm_are_ordered_as_the_bes
         [reached(0.0, beyond=-1.0), reached(-1.0, beyond=0.0)],
     ):
         assert soundest_first(judged, MARGIN) == best_first(judged)
+
+
+def test_the_best_comes_first_constraints_before_objective() -> None:
+    evaluations = [reached(1, beyond=0.5), reached(3), reached(0.1, pruned=True), reached(2), reached(9, beyond=0.1)]
+    assert best_first(evaluations) == [3, 1, 4, 0, 2]
+
+
+def test_the_front_is_what_no_other_feasible_one_beats() -> None:
+    evaluations = [reached(1, 4), reached(2, 2), reached(3, 3), reached(4, 1), reached(0, 0, beyond=1), reached(2, 2)]
+    assert pareto_front(evaluations) == [0, 1, 5, 3]
+    assert best_first(evaluations)[-2:] == [2, 4]
+
+
+def test_better_than_the_start_is_what_breaks_no_more_and_has_a_smaller_objective() -> None:
+    start = reached(1)
+    assert beats(reached(0.5), start)
+    assert not beats(reached(1), start)
+    assert not beats(reached(2), start)
+    assert not beats(reached(0.5, beyond=0.1), start)
+    assert not beats(reached(0.5, pruned=True), start)
+    loud = reached(1, beyond=0.5)
+    assert beats(reached(2), loud)  # constraints come first
+    assert beats(reached(0.5, beyond=0.1), loud)
+    assert not beats(reached(2, beyond=0.1), loud)
+    assert not beats(reached(0.5, beyond=0.6), loud)
+    assert beats(reached(2, 1), reached(1, 2))
+    assert not beats(reached(2, 2), reached(1, 2))
