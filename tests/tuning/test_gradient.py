@@ -13,8 +13,8 @@ from dualwinch.tuning.optimisers.local_model import Model, closeness, level, lin
 from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.scorer import FAILED
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.scorer import FAILED
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.tune import tune
 from tests.tuning.conftest import MakeProblem

@@ -14,7 +14,7 @@ from dualwinch.tuning.plots.score import before_and_after, held_out
 from dualwinch.tuning.plots.search import front, history, importance, importances, parallel_coordinates
 from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.progress import PHASES, SEARCHING, Progress
-from dualwinch.tuning.scoring import evaluate
+from dualwinch.tuning.scoring import scorer
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.plan import FULL, time_for
 from dualwinch.tuning.space import Point
@@ -101,7 +101,7 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
 ) -> None:
     """Time goes by with rollouts alone, each of which takes 5 ms; the search has 20 s."""
     pace, seconds, time = 0.005, 20.0, [1000.0]
-    rollouts = evaluate.run_pairs
+    rollouts = scorer.run_pairs
 
     def run_pairs(*words: object, **options: object) -> object:
         result = rollouts(*words, **options)  # pyright: ignore[reportArgumentType]
@@ -109,7 +109,7 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
         return result
 
     monkeypatch.setattr(clock, "now", lambda: time[0])
-    monkeypatch.setattr(evaluate, "run_pairs", run_pairs)
+    monkeypatch.setattr(scorer, "run_pairs", run_pairs)
     problem = make_problem()
     tuned = tune(problem, seconds=seconds)
     batch = pace * (BATCH * len(tuned.prepared.scenarios) + 2 * len(tuned.prepared.stress))
