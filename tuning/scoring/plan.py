@@ -17,6 +17,7 @@ class Plan:
         hard, looked_at: further draws in which they meet, the hardest of so many.
         last: finalists of the second round, beside the start.
         last_draws: further draws, in which they meet.
+        confirmed: yet further draws, in which the best meets alone.
         held_out: scenarios that score the best, the start and the paper's gains.
     """
 
@@ -28,6 +29,7 @@ class Plan:
     looked_at: int = 400
     last: int = 8
     last_draws: int = 192
+    confirmed: int = 600
     held_out: int = 200
 
     @property
@@ -35,7 +37,7 @@ class Plan:
         """Rollouts that it takes, nearly, with those of the start and of the paper's gains."""
         scenarios = self.draws + self.vertices + self.hard
         first = max(self.sieved, self.finalists * scenarios // 2) + 2 * scenarios
-        return first + (self.last + 2) * self.last_draws + 3 * self.held_out
+        return first + (self.last + 2) * self.last_draws + self.confirmed + 3 * self.held_out
 
     def scaled(self, share: float) -> "Plan":
         """The plan with a share of all numbers, but no fewer than `LEAST`, or than this plan has."""
@@ -46,7 +48,18 @@ class Plan:
 FULL = Plan()
 """What is made where nobody is in a hurry."""
 
-LEAST = Plan(finalists=16, sieved=0, draws=8, vertices=4, hard=1, looked_at=25, last=2, last_draws=8, held_out=32)
+LEAST = Plan(
+    finalists=16,
+    sieved=0,
+    draws=8,
+    vertices=4,
+    hard=1,
+    looked_at=25,
+    last=2,
+    last_draws=8,
+    confirmed=32,
+    held_out=32,
+)
 """The fewest that are worth anything."""
 
 STEPS = 20

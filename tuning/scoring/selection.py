@@ -15,6 +15,7 @@ from dualwinch.simulation.batch.family import experiment_of
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION, Problem
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
+from dualwinch.tuning.scoring.confirm import confirmed
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.exact import every_second_exact
@@ -70,7 +71,8 @@ def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL,
     held_out = HeldOut(evaluator, plan.held_out, problem.seed + HELD_OUT)
     scores = {"start": held_out.score(start.candidate), "paper": held_out.paper}
     best, selection, passed_over = start, None, []
-    for trial, selected in ranking:
+    for chosen, selected in ranking:
+        trial = confirmed(evaluator, chosen, _unseen(problem, plan))
         score = held_out.score(trial.candidate)
         if beats(score.evaluation, scores["start"].evaluation):
             best, selection, scores = trial, selected, scores | {"best": score}
@@ -195,6 +197,15 @@ def _ranked(
     if before:
         met = [_as_near(result, earlier) for result, earlier in zip(met, before, strict=True)]
     return [(trials[index], met[index]) for index in soundest_first(met, KEPT) if beats(met[index], reference)]
+
+
+def _unseen(problem: Problem, plan: Plan) -> list[Scenario]:
+    """Draws behind all those in which the best is chosen; none without an ensemble."""
+    if problem.ensemble is None:
+        return []
+    before = plan.draws + plan.last_draws + plan.looked_at
+    ensemble = replace(problem.ensemble, experiment=problem.experiment)
+    return choosable(ensemble.chosen(range(before, before + plan.confirmed), problem.seed + SELECTION))
 
 
 def _as_near(result: Evaluation, earlier: Evaluation) -> Evaluation:

@@ -19,6 +19,17 @@ MOST, LEAST = 0.02, 0.001
 """Excess, as a share of the bound, beyond which a peak has other reasons; and the least change worth a try."""
 
 
+def on_peaks(constraints: Sequence[Constraint]) -> list[Constraint]:
+    """The bounds on the highest tension."""
+    return [each for each in constraints if each.statistic.name == PEAK and not each.at_least]
+
+
+def reserve_in(space: Space) -> Interval | None:
+    """The range of the reserve; ``None`` where it does not vary."""
+    found = [each for each in space.dimensions if each.name == RESERVE and isinstance(each, Interval)]
+    return found[0] if found else None
+
+
 def trimmed(
     candidate: Candidate, excess: float, space: Space, constraints: Sequence[Constraint], margin: float
 ) -> Candidate | None:
@@ -34,11 +45,10 @@ def trimmed(
     Returns:
         ``None`` where the reserve does not vary, nothing bounds the peak, or the reserve is not what matters.
     """
-    bounds = [each.bound for each in constraints if each.statistic.name == PEAK and not each.at_least]
-    reserves = [each for each in space.dimensions if each.name == RESERVE and isinstance(each, Interval)]
-    if not bounds or not reserves or excess > MOST:
+    bounds, varies = [each.bound for each in on_peaks(constraints)], reserve_in(space)
+    if not bounds or not varies or excess > MOST:
         return None
-    bound, varies = min(bounds), reserves[0]
+    bound = min(bounds)
     now = float(candidate.point[RESERVE])
     reserve = min(max(now + (excess + margin) * bound, varies.lower), varies.upper)
     if abs(reserve - now) < LEAST * bound:

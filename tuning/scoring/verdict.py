@@ -64,7 +64,8 @@ class Verdict:
         best: as it was tuned; the start, where nothing is better.
         obstacle: why the best is the start, in words; empty where it is better.
         passed_over: trials that were better where they were chosen, but not better than the start where scored.
-        selection: the best in the selection scenarios; ``None`` without an ensemble.
+        selection: the best in the selection scenarios, before its reserve was raised if it was (`scoring.confirm`);
+            ``None`` without an ensemble.
         scores: ``best``, ``start`` and ``paper`` → what each came to in the same scenarios, which neither the search
             nor the choice of the best saw; without an ensemble in the only one there is.
         constraints: of the problem, every bound a number in those scenarios.

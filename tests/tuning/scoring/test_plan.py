@@ -49,7 +49,7 @@ def test_what_is_beside_a_search_is_limited(search: float, spent: float, left: f
     assert time_for(search, spent) == pytest.approx(left)
 
 
-def test_rollouts_are_those_of_both_rounds_with_start_and_paper_and_of_three_scores() -> None:
-    plan = Plan(finalists=4, sieved=20, draws=3, vertices=4, hard=2, last=1, last_draws=5, held_out=6)
-    assert plan.rollouts == 20 + 2 * 9 + 3 * 5 + 3 * 6
+def test_rollouts_are_those_of_both_rounds_with_start_and_paper_of_one_more_and_of_three_scores() -> None:
+    plan = Plan(finalists=4, sieved=20, draws=3, vertices=4, hard=2, last=1, last_draws=5, confirmed=7, held_out=6)
+    assert plan.rollouts == 20 + 2 * 9 + 3 * 5 + 7 + 3 * 6
     assert replace(plan, sieved=10).rollouts == plan.rollouts - 2, "half of the first ladder holds"

@@ -23,7 +23,9 @@ from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
 
-SMALL = Plan(finalists=6, sieved=100, draws=5, vertices=3, hard=2, looked_at=20, last=2, last_draws=7, held_out=20)
+SMALL = Plan(
+    finalists=6, sieved=100, draws=5, vertices=3, hard=2, looked_at=20, last=2, last_draws=7, confirmed=9, held_out=20
+)
 
 BETA = "controller.nftsm.beta"
 
