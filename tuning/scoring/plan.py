@@ -29,7 +29,7 @@ class Plan:
     looked_at: int = 400
     last: int = 8
     last_draws: int = 192
-    confirmed: int = 600
+    confirmed: int = 1500
     held_out: int = 200
 
     @property
@@ -57,7 +57,7 @@ LEAST = Plan(
     looked_at=25,
     last=2,
     last_draws=8,
-    confirmed=32,
+    confirmed=250,
     held_out=32,
 )
 """The fewest that are worth anything."""

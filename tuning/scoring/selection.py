@@ -205,7 +205,7 @@ def _unseen(problem: Problem, plan: Plan) -> list[Scenario]:
         return []
     before = plan.draws + plan.last_draws + plan.looked_at
     ensemble = replace(problem.ensemble, experiment=problem.experiment)
-    return choosable(ensemble.chosen(range(before, before + plan.confirmed), problem.seed + SELECTION))
+    return ensemble.chosen(range(before, before + plan.confirmed), problem.seed + SELECTION)
 
 
 def _as_near(result: Evaluation, earlier: Evaluation) -> Evaluation:
