@@ -79,7 +79,10 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
 
 
 def _sentence(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}." if words else ""
+    """Words as a sentence; one that begins with the name of a statistic keeps it as it is."""
+    first = words.partition(" ")[0]
+    begin = first if "." in first else first[:1].upper() + first[1:]
+    return f"{begin}{words[len(first) :]}." if words else ""
 
 
 def _summary(tuned: Tuned) -> str:

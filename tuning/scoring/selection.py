@@ -13,18 +13,17 @@ import numpy as np
 from dualwinch.simulation.analysis.required_force import within_authority
 from dualwinch.simulation.batch.family import experiment_of
 from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION, Problem
+from dualwinch.tuning.problem import HELD_OUT, MARGIN
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.confirm import confirmed
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.exact import every_second_exact
 from dualwinch.tuning.scoring.finalists import Met, rungs, those_that_hold
 from dualwinch.tuning.scoring.held_out import HeldOut
 from dualwinch.tuning.scoring.holding import holding
 from dualwinch.tuning.scoring.plan import FULL, Plan
 from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, promising_first, soundest_first
-from dualwinch.tuning.scoring.scenarios import choosable, demanding, drawn, overwhelming, vertices
+from dualwinch.tuning.scoring.rounds import to_choose_in, unseen
 from dualwinch.tuning.scoring.sieve import Sieve
 from dualwinch.tuning.scoring.verdict import Verdict
 
@@ -72,7 +71,7 @@ def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL,
     scores = {"start": held_out.score(start.candidate), "paper": held_out.paper}
     best, selection, passed_over = start, None, []
     for chosen, selected in ranking:
-        trial = confirmed(evaluator, chosen, _unseen(problem, plan))
+        trial = confirmed(evaluator, chosen, unseen(problem, plan))
         score = held_out.score(trial.candidate)
         if beats(score.evaluation, scores["start"].evaluation):
             best, selection, scores = trial, selected, scores | {"best": score}
@@ -115,7 +114,7 @@ def _finals(
     bounds (`soundest_first`), meet once more, in draws; the start is there both times. Behind them come the others, by
     the first round. Those that hold in overwhelming vertices as well are preferred, unless that costs too much.
     """
-    first, last, beyond = _scenarios(evaluator.prepared.problem, plan)
+    first, last, beyond = to_choose_in(evaluator.prepared.problem, plan)
     others = [trial for trial in trials if trial.point != start.point]
     ranking = _first_round(evaluator, others, start, [*beyond, *first], plan)
     if beyond and _given_away(others, ranking):
@@ -199,35 +198,8 @@ def _ranked(
     return [(trials[index], met[index]) for index in soundest_first(met, KEPT) if beats(met[index], reference)]
 
 
-def _unseen(problem: Problem, plan: Plan) -> list[Scenario]:
-    """Draws behind all those in which the best is chosen; none without an ensemble."""
-    if problem.ensemble is None:
-        return []
-    before = plan.draws + plan.last_draws + plan.looked_at
-    ensemble = replace(problem.ensemble, experiment=problem.experiment)
-    return ensemble.chosen(range(before, before + plan.confirmed), problem.seed + SELECTION)
-
-
 def _as_near(result: Evaluation, earlier: Evaluation) -> Evaluation:
     """A result that is as near to its bounds as an earlier one was, if that was nearer."""
     known = {label: min(value, 0.0) for label, value in earlier.violations.items()}
     nearer = {label: max(value, known.get(label, value)) for label, value in result.violations.items()}
     return replace(result, violations=nearer)
-
-
-def _scenarios(problem: Problem, plan: Plan) -> tuple[list[Scenario], list[Scenario], list[Scenario]]:
-    """Scenarios to choose in, of both rounds, and overwhelming ones.
-
-    Draws (`choosable`), to the first of which hard ones and vertices come.
-    """
-    if problem.ensemble is None:
-        raise ValueError("only an ensemble has scenarios to choose in")
-    ensemble = replace(problem.ensemble, experiment=problem.experiment)
-    seed, drawn_before = problem.seed + SELECTION, plan.draws + plan.last_draws
-    corners = vertices(ensemble, plan.vertices, seed)
-    further = range(drawn_before, drawn_before + plan.looked_at)
-    picks = [*demanding(ensemble, plan.hard, further, seed), *corners]
-    draws = list(ensemble.scenarios(drawn_before, seed))
-    first = [*drawn(picks, ensemble, seed), *choosable(draws[: plan.draws])]
-    beyond = drawn(overwhelming(ensemble, seed, corners), ensemble, seed)
-    return first, choosable(every_second_exact(draws[plan.draws :])), beyond

@@ -10,7 +10,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION
-from dualwinch.tuning.scoring import selection
+from dualwinch.tuning.scoring import rounds, selection
 from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.finalists import Met
@@ -149,7 +149,7 @@ def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
     trials = studied(evaluator, 32)
     usual = judge(evaluator, trials, SMALL).best  # in 0.1 s nothing overwhelms the motors
     beyond, held = Pick(10_000, vertex=True, hard=True), selection.holding
-    monkeypatch.setattr(selection, "overwhelming", lambda *_: [beyond])
+    monkeypatch.setattr(rounds, "overwhelming", lambda *_: [beyond])
 
     def best_where(holds: Callable[[Evaluation], bool]) -> Evaluation:
         """The best where some trials alone hold against the overwhelming vertex."""
