@@ -60,7 +60,8 @@ class Demand:
 def demand(experiment: Experiment) -> Demand:
     """What a run asks of its motors."""
     force = required_force(experiment)
-    return Demand(float(np.abs(force).max()) / experiment.controller.limits.strength, _behind(experiment, force))
+    share = float(np.abs(force).max()) / experiment.controller.limits.strength
+    return Demand(share, _behind(experiment, force) if share > 1 else 0.0)
 
 
 def within_authority(experiment: Experiment) -> bool:
