@@ -18,7 +18,6 @@ from dualwinch.tuning.scoring.trim import MOST, on_peaks, reserve_in, trimmed
 DISTANCE = 0.006
 """Distance from their bound, as a share, that the highest peaks are to keep."""
 
-
 SHARES = (1.0, 0.75, 0.5, 0.25)
 """Shares of what the reserve is to be raised by: the largest is taken that does no harm where motors are overwhelmed,
 for there the force that it takes away is missing."""

@@ -70,8 +70,9 @@ def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL,
     held_out = HeldOut(evaluator, plan.held_out, problem.seed + HELD_OUT)
     scores = {"start": held_out.score(start.candidate), "paper": held_out.paper}
     best, selection, passed_over = start, None, []
+    further = unseen(problem, plan)
     for chosen, selected in ranking:
-        trial = confirmed(evaluator, chosen, unseen(problem, plan))
+        trial = confirmed(evaluator, chosen, further)
         score = held_out.score(trial.candidate)
         if beats(score.evaluation, scores["start"].evaluation):
             best, selection, scores = trial, selected, scores | {"best": score}

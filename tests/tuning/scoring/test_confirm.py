@@ -1,6 +1,8 @@
 """The best once more in draws that nobody saw: it gets more reserve where its peaks come near, never less."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -49,6 +51,22 @@ def test_peaks_that_come_too_near_to_the_bound_get_more_reserve(make_problem: Ma
     assert found.number == was.number
     assert found.point[RESERVE] == pytest.approx(20.0 + 0.75 * DISTANCE * bound)
     assert found.scenarios == was.scenarios, "it has met in all in which the best are tuned"
+
+
+def test_it_gets_as_much_more_reserve_as_keeps_to_all_bounds_where_tuned(
+    make_problem: MakeProblem, peak: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bound = peak / (1 - DISTANCE / 4)
+    evaluator = bounded(make_problem, f"worst.peak_tension<={bound}")
+    was, over, wanted = trial(evaluator, 20.0), evaluator.over, 0.75 * DISTANCE * bound
+
+    def broken_beyond(candidates: Sequence[Candidate], *scenarios: Any, **options: Any) -> list[Evaluation]:
+        found = over(candidates, *scenarios, **options)
+        much = [float(each.point[RESERVE]) > 20.0 + 0.6 * wanted for each in found]
+        return [replace(each, violations={"x": 1.0}) if more else each for each, more in zip(found, much, strict=True)]
+
+    monkeypatch.setattr(evaluator, "over", broken_beyond)
+    assert confirmed(evaluator, was, draws(evaluator)).point[RESERVE] == pytest.approx(20.0 + 0.5 * wanted)
 
 
 @pytest.mark.parametrize("room", [1.1 * DISTANCE, 0.05, -0.05])
