@@ -10,7 +10,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri, number_text
-from dualwinch.reports.tuning_words import costs, gained, next_steps
+from dualwinch.reports.tuning_words import ASSUMED, costs, gained, next_steps
 from dualwinch.simulation.plots.files import encode
 from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.plots.score import before_and_after, held_out
@@ -57,6 +57,7 @@ def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any]
     page = template("tuning.html.j2").render(
         summary=_summary(tuned),
         gained=gained(tuned),
+        assumed=ASSUMED,
         costs=costs(tuned),
         steps=next_steps(tuned, folder),
         best=folder / "best.toml",
