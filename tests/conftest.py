@@ -13,14 +13,22 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
+from tests.tiers import COLLECTED, FULL, QUICK
 
-settings.register_profile("dualwinch", derandomize=True, deadline=None, database=None)
-settings.load_profile("dualwinch")
+settings.register_profile("quick", derandomize=True, deadline=None, database=None, max_examples=QUICK)
+settings.register_profile("full", settings.get_profile("quick"), max_examples=FULL)
+settings.load_profile("quick")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """``--attack 50``: the tests in ``tests/attack`` try so many times as much."""
     parser.addoption("--attack", type=int, default=1, help="how many times as hard tests/attack attacks as by default")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep what is collected before anything is deselected, for ``tests/test_tiers.py``."""
+    config.stash[COLLECTED] = list(items)
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,38 @@
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.tiers import COLLECTED, FULL, QUICK, examples, pairwise
+
+
+def test_a_file_with_slow_tests_has_a_quick_one(request: pytest.FixtureRequest) -> None:
+    slow, quick = set[Path](), set[Path]()
+    for item in request.config.stash[COLLECTED]:
+        if not item.get_closest_marker("external"):
+            (slow if item.get_closest_marker("slow") else quick).add(item.path)
+    assert quick
+    assert not slow - quick
+
+
+def test_slow_combinations_are_those_beyond_the_covering_array() -> None:
+    parameters = pairwise("abcd", "pqr", "xyz")
+    assert [each.values for each in parameters] == [(a, b, c) for a in "abcd" for b in "pqr" for c in "xyz"]
+    quick = [each.values for each in parameters if not each.marks]
+    assert 12 <= len(quick) <= 14
+    assert {values[:2] for values in quick} == {(a, b) for a in "abcd" for b in "pqr"}
+
+
+@pytest.mark.parametrize(("full", "quick"), [(10, 10), (60, QUICK), (FULL, QUICK), (3 * FULL, 3 * QUICK)])
+def test_quick_examples_are_fewer(full: int, quick: int) -> None:
+    expected = full if settings().max_examples == FULL else quick
+    tried = []
+
+    @examples(full)
+    @given(st.integers())
+    def counted(number: int) -> None:
+        tried.append(number)
+
+    counted()
+    assert len(tried) == expected

@@ -1,0 +1,40 @@
+"""What of a test runs in which tier.
+
+The quick tier is what ``pytest`` runs by itself; the others have the markers ``slow`` and ``external``.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import product
+from typing import Any
+
+import pytest
+from hypothesis import settings
+
+from tests.pairwise import covering_array
+
+QUICK, FULL = 15, 100
+"""Examples of a property test, by the Hypothesis profiles of these names."""
+
+COLLECTED = pytest.StashKey[list[pytest.Item]]()
+"""All tests that were collected, before those of other tiers are deselected."""
+
+
+def examples(full: int, **words: Any) -> settings:
+    """``@examples(60)``: so many in the profile ``full``; in ``quick`` not more than its number there.
+
+    Where they are more than the number of ``full``, they are as many times more in ``quick``. The words are those of
+    `hypothesis.settings`.
+    """
+    usual = settings().max_examples
+    return settings(max_examples=min(full, max(usual, usual * full // FULL)), **words)
+
+
+def pairwise(*factors: Sequence[Any], allowed: Callable[..., bool] = lambda *_: True) -> list[Any]:
+    """Parameters of a test for every combination of the factors; those beyond a pairwise covering array are slow."""
+    quick = covering_array(*factors, allowed=allowed)
+    return mostly_slow((row for row in product(*factors) if allowed(*row)), quick.__contains__)
+
+
+def mostly_slow(rows: Iterable[tuple[Any, ...]], quick: Callable[[tuple[Any, ...]], bool]) -> list[Any]:
+    """Parameters of a test, of which all but the quick ones are slow."""
+    return [pytest.param(*row, marks=[] if quick(row) else pytest.mark.slow) for row in rows]
