@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.prediction import Course, Prediction, Predictor, Spread, Weights
-from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.identification.course import samples_of
 from dualwinch.identification.levels import Levels
 from dualwinch.identification.log import Log
@@ -228,4 +228,4 @@ class Filters:
 
 def all_completed(runs: Sequence[Weights | Prediction]) -> bool:
     """Whether no filter left the track or went astray."""
-    return all(run.outcome == COMPLETED for run in runs)
+    return all(run.outcome == Outcome.COMPLETED for run in runs)

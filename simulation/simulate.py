@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.check import check, check_memory
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
@@ -14,10 +14,8 @@ from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, i
 from dualwinch.simulation.loop.engine import EngineName, engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.metrics.metrics import metrics_of
+from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.results.result import Result
-
-OUTCOMES = ("completed", "diverged", "left_track")
-"""Names of the outcomes of `codegen.drivers.rollout`."""
 
 PIECE = 1_000_000
 """Samples that run between two looks at the clock and the keyboard."""
@@ -57,22 +55,22 @@ def simulate(
     parameters = loop.vector(values)
     state = np.array(list(initial_state_of(experiment).values()))
     kept: list[NDArray[np.float64]] = []
-    outcome, done = COMPLETED, 0
+    outcome, done = Outcome.COMPLETED, 0
     for piece in exogenous_pieces(experiment, max(PIECE // max(stride, 1), 1) * max(stride, 1)):
         outcome, stepped, rows = run(parameters, piece, state, stride)
         kept.append(rows)
         done += stepped
         if progress:
             progress(done / experiment.samples)
-        if outcome != COMPLETED:
+        if outcome != Outcome.COMPLETED:
             break
     rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
     columns = {name: column.copy() for name, column in zip(loop.columns, rows.T, strict=True)}
     final = dict(zip(loop.states, state.tolist(), strict=True))
     return Result(
         columns=columns,
-        metrics=metrics_of(final, completed=outcome == COMPLETED, own=experiment.metrics),
-        outcome=OUTCOMES[outcome],
+        metrics=metrics_of(final, completed=outcome == Outcome.COMPLETED, own=experiment.metrics),
+        outcome=WORDS[outcome],
         end_time=done * experiment.simulation.sample_time,
         final_state=final,
         experiment=experiment,

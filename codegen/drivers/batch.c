@@ -9,9 +9,6 @@
 
 #define LOOK_EVERY 64
 
-/* How a run ends beside those of driver.h: what is watched exceeded what it may come to. */
-enum { GIVEN_UP = 3 };
-
 IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, double *restrict for_observe,
                       double *restrict for_move) {
   EACH_CALL {

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.fill import CompiledFill, compile_fill
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
@@ -22,9 +22,6 @@ from dualwinch.codegen.source.instructions import elements_read
 from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 
 Floats = NDArray[np.float64]
-
-GIVEN_UP = 3
-"""Outcome of a run whose watched state exceeded what it may come to, beside those of `codegen.drivers.rollout`."""
 
 EVERY_SAMPLE = ("sample", "one_step")
 """Functions that are called at every sample; they take only the parameters they use, which then lie close together."""
@@ -89,10 +86,10 @@ class Batch:
             samples: of the runs.
             stride: every how many samples a row is kept; 0 keeps none.
             watched: number of a state.
-            most: a run in which that state exceeds this is given up (`GIVEN_UP`); it is looked at now and then.
+            most: a run in which that state exceeds this is given up (`Outcome.GIVEN_UP`); it is looked at now and then.
 
         Returns:
-            Outcomes (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.
+            `Outcome` of each (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.
         """
         kept = -(-samples // stride) if stride else 0
         rows = np.full((LANES, kept, self.columns), np.nan)
@@ -114,7 +111,7 @@ class Batch:
             outcome.ctypes.data,
             done.ctypes.data,
         )
-        for lane in np.flatnonzero(outcome != COMPLETED):
+        for lane in np.flatnonzero(outcome != Outcome.COMPLETED):
             rows[lane, -(-done[lane] // stride) if stride else 0 :] = np.nan
         return outcome, done, rows
 

@@ -9,8 +9,8 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-/* Ran to its end; a state is not finite; the margin was negative. */
-enum { COMPLETED = 0, DIVERGED = 1, LEFT = 2 };
+/* How a run ended, or where it stands: `Outcome` of codegen/drivers/outcome.py. */
+enum { COMPLETED = 0, DIVERGED = 1, LEFT = 2, GIVEN_UP = 3, RUNNING = 4 };
 
 static inline uint64_t to_bits(double value) {
   uint64_t bits;

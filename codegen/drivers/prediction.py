@@ -62,7 +62,7 @@ class Weights:
     """Gains of a filter, and how likely the log is in its eyes.
 
     Attributes:
-        outcome: `codegen.drivers.rollout.COMPLETED` or how it ended early.
+        outcome: as `Outcome`, of how it ended.
         done: samples gone through.
         gains: (samples, readings, states) from surprises to corrections; zeros where nothing was read.
         whitening: (samples, readings, readings) from surprises to ones that are white, of variance 1; likewise.

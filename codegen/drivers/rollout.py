@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
-
-COMPLETED, DIVERGED, LEFT = 0, 1, 2
-"""Outcomes of a rollout: ran to the end, a state is not finite, the margin went negative."""
 
 FLAGS = ("-ffp-contract=fast",)
 """Beside the flags of every build. Contracted products change last bits, each compiler and processor in its own way."""
@@ -46,7 +44,7 @@ class Rollout:
         exogenous: NDArray[np.float64],
         state: NDArray[np.float64],
         stride: int = 1,
-    ) -> tuple[int, int, NDArray[np.float64]]:
+    ) -> tuple[Outcome, int, NDArray[np.float64]]:
         """Run until `exogenous` is used up or the run ends early; Python's lock is released meanwhile.
 
         Args:
@@ -71,7 +69,7 @@ class Rollout:
             rows.ctypes.data if stride else None,
             ctypes.byref(done),
         )
-        return outcome, done.value, rows[: -(-done.value // stride) if stride else 0]
+        return Outcome(outcome), done.value, rows[: -(-done.value // stride) if stride else 0]
 
 
 @cache

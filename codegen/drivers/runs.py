@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.rollout import COMPLETED
-from dualwinch.codegen.drivers.stepping import RUNNING, Pointers, Stepping
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.stepping import Pointers, Stepping
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -37,7 +37,7 @@ class Runs:
     Attributes:
         commands: (runs, commands), read at every step.
         observation: (signals, runs), overwritten by every step.
-        outcomes: (runs,) `RUNNING`, or an outcome of `codegen.drivers.rollout`.
+        outcomes: (runs,) of `Outcome`.
         done: (runs,) samples stepped.
         columns: numbers in a row.
     """
@@ -58,7 +58,7 @@ class Runs:
         self.commands = np.zeros((count, code.commands))
         self.observation = np.zeros((code.observed, count))
         self._state = _aligned(blocks, code.states, code.lanes)
-        self._outcome, self._done = np.full(room, COMPLETED, np.int64), np.zeros(room, np.int64)
+        self._outcome, self._done = np.full(room, Outcome.COMPLETED, np.int64), np.zeros(room, np.int64)
         self._nothing = np.zeros(code.exogenous)
         self._lines = np.full(room, _address(self._nothing), np.uint64)
         # replaced, never written to, once runs have been started: a copy shares them
@@ -86,7 +86,7 @@ class Runs:
         """
         blocks, lanes = np.divmod(runs, self._code.lanes)
         self._state[blocks, :, lanes] = states
-        self._outcome[runs], self._done[runs] = RUNNING, 0
+        self._outcome[runs], self._done[runs] = Outcome.RUNNING, 0
         if not self._parameters.any():  # idle lanes compute with numbers that are allowed, too
             self._parameters = self._parameters + parameters[0]
             self._prepare(range(len(self._parameters)))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
@@ -131,7 +132,7 @@ class Kept(NamedTuple):
         rows, row_tangents: (kept, columns) the columns asked for, and (kept, columns, directions) their tangents.
     """
 
-    outcome: int
+    outcome: Outcome
     done: int
     first: Floats
     first_tangents: Floats
@@ -193,7 +194,7 @@ class Sensitivity:
             ctypes.byref(done),
         )
         ends = slice(-(-done.value // stride) if stride else 0)
-        return Kept(outcome, done.value, first[ends], first_tangents[ends], rows[ends], row_tangents[ends])
+        return Kept(Outcome(outcome), done.value, first[ends], first_tangents[ends], rows[ends], row_tangents[ends])
 
 
 @cache

@@ -6,8 +6,6 @@
 
    What a run gives depends on its own numbers alone. One that has ended stays as it is. */
 
-enum { RUNNING = 3 };
-
 /* What the functions take of a block's parameters, the same at every sample. */
 typedef struct {
   LANE_ARRAY p[PARAMETERS * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];

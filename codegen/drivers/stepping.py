@@ -15,9 +15,6 @@ from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.instructions import elements_read
 from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 
-RUNNING = 3
-"""Outcome of a run that is under way, beside those of `codegen.drivers.rollout`."""
-
 DRIVER = ("sampled_lanes.h", "stepping.c")
 
 

@@ -6,15 +6,14 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.family import Scenarios, experiment_of, families
 from dualwinch.simulation.integrators.solver import is_automatic, solver_of
 from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.results.outcomes import WORDS
 
 Progress = Callable[[float], None] | None
-
-NOT_RUN = "not_run"
-"""Outcome of a pair that an interrupt left out."""
 
 
 class Interruptible(Protocol):
@@ -77,7 +76,7 @@ def _left_out(result: Any, count: int) -> Any:
             return {name: emptied(table) for name, table in value.items()}
         if not isinstance(value, np.ndarray):
             return value
-        nothing = NOT_RUN if value.dtype.kind == "U" else np.nan
+        nothing = WORDS[Outcome.NOT_RUN] if value.dtype.kind == "U" else np.nan
         return np.full((len(value), count, *value.shape[2:]), nothing, value.dtype)
 
     return replace(result, **{f.name: emptied(getattr(result, f.name)) for f in fields(result)})

@@ -7,27 +7,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
-from dualwinch.codegen.drivers.rollout import COMPLETED
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
+from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.pairs import Pairs
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import final_states, metrics_of
-from dualwinch.simulation.simulate import OUTCOMES
+from dualwinch.simulation.results.outcomes import RunOutcomes, not_run, words_of
 
 Floats = NDArray[np.float64]
 
-WENT_SLACK = "went_slack"
-"""Outcome of a run that was given up for its slack ropes."""
 
-WORDS = np.array([*OUTCOMES, WENT_SLACK])
-"""What outcomes are called, by their number."""
-
-
-@dataclass(frozen=True)
-class BatchResult:
+@dataclass(frozen=True, eq=False)
+class BatchResult(RunOutcomes):
     """What a batch gave, for every set of parameters (n) in every scenario (m).
 
     Attributes:
@@ -39,9 +32,6 @@ class BatchResult:
         interrupted: whether an interrupt ended the batch, even if every pair was under way by then and is finished.
     """
 
-    outcomes: NDArray[np.str_]
-    end_times: Floats
-    metrics: dict[str, Floats]
     columns: dict[str, Floats]
     interrupted: bool = False
 
@@ -97,7 +87,7 @@ def _rollout(
     most = np.inf if most_slack is None else most_slack * samples
     run = compile_batch(loop)
     shape, kept = pairs.shape, -(-samples // stride) if stride else 0
-    outcomes, end_times = np.full(shape, NOT_RUN, dtype="U10"), np.full(shape, np.nan)
+    found = not_run(shape, ())
     columns = {name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {}
     kept_states = final_states(pairs.structure.metrics)
     final = np.full((len(kept_states), *shape), np.nan)
@@ -114,11 +104,10 @@ def _rollout(
         final[:, sets, scenes] = state[busy, summed].T
         for index, name in enumerate(columns):
             columns[name][sets, scenes] = rows[busy, :, index]
-        end_times[sets, scenes] = done[busy] * pairs.sample_time
-        outcomes[sets, scenes] = WORDS[outcome[busy]]
+        found.end_times[sets, scenes] = done[busy] * pairs.sample_time
+        found.outcomes[sets, scenes] = words_of(outcome[busy])
 
     blocks = [pairs.indices[first : first + LANES] for first in range(0, len(pairs.indices), LANES)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
-    completed = outcomes == OUTCOMES[COMPLETED]
-    metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=completed, own=pairs.metrics)
-    return BatchResult(outcomes, end_times, vars(metrics), columns, interrupted=not whole)
+    metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=found.completed, own=pairs.metrics)
+    return BatchResult(found.outcomes, found.end_times, vars(metrics), columns, interrupted=not whole)

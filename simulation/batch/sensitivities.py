@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.setpoint import Setpoint, later
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark, Quantity, nearest
-from dualwinch.simulation.batch.groups import NOT_RUN, Progress, Scenarios, run_in_groups
+from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
 from dualwinch.simulation.batch.jobs import run_all
 from dualwinch.simulation.batch.tangent_seeds import TangentSeeds
 from dualwinch.simulation.ensembles.ensemble import Scenario
@@ -24,7 +24,7 @@ from dualwinch.simulation.loop.structure import Structure, described_parameters
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import metrics_of, metrics_with
 from dualwinch.simulation.metrics.own import slopes_of
-from dualwinch.simulation.simulate import OUTCOMES
+from dualwinch.simulation.results.outcomes import WORDS, not_run
 
 Floats = NDArray[np.float64]
 
@@ -153,7 +153,7 @@ def _sensitivities(
     merits = describe(metrics_with(pairs.structure.metrics))
     result = Sensitivities(
         names=seeds.names,
-        outcomes=np.full(shape, NOT_RUN, dtype="U10"),
+        outcomes=not_run(shape, ()).outcomes,
         metrics={name: np.full(shape, np.nan) for name in merits},
         gradients={name: np.full((*shape, p), np.nan) for name in merits},
         errors=np.full((*shape, kept), np.nan),
@@ -216,9 +216,9 @@ def _fill(
 ) -> None:
     """Put a pair's run and its derivatives by some of the names into a result."""
     loop, own, kept = seeds.pairs.loop, seeds.pairs.experiment(pair[1]).metrics, found.kept
-    completed, rows, count = kept.outcome == COMPLETED, len(kept.first), len(chosen)
+    completed, rows, count = kept.outcome == Outcome.COMPLETED, len(kept.first), len(chosen)
     among = slice(chosen.start, chosen.stop)
-    result.outcomes[pair] = OUTCOMES[kept.outcome]
+    result.outcomes[pair] = WORDS[kept.outcome]
 
     numbers = dict(zip(loop.parameters, found.vector.tolist(), strict=True))
     at = slice(0, rows * max(stride, 1), max(stride, 1))

@@ -12,30 +12,24 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.family import families
-from dualwinch.simulation.batch.groups import NOT_RUN
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.metrics.metrics import metrics_with
+from dualwinch.simulation.results.outcomes import RunOutcomes, not_run
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Runs:
+class Runs(RunOutcomes):
     """What came of experiments in a grid; every array has the grid's shape.
 
     Attributes:
-        outcomes: words: ``completed``, ``diverged``, ``left_track`` or, after an interrupt, ``not_run``.
-        end_times: in s.
-        metrics: name → figures of merit, as in `Metrics`; NaN where a run was not completed.
-        interrupted: whether an interrupt ended the runs.
+        interrupted: whether an interrupt ended the runs; those it left out have the outcome ``not_run``.
     """
 
-    outcomes: NDArray[np.str_]
-    end_times: Floats
-    metrics: dict[str, Floats]
     interrupted: bool
 
 
@@ -79,10 +73,7 @@ class Grid(Runs):
             raise ConfigurationError(f"{key} = {value}: must be one of {', '.join(map(str, self.values[axis]))}")
         index = self.values[axis].index(value)
         return replace(
-            self,
-            outcomes=self.outcomes.take(index, axis),
-            end_times=self.end_times.take(index, axis),
-            metrics={name: values.take(index, axis) for name, values in self.metrics.items()},
+            self.take(index, axis),
             experiment=with_leaves(self.experiment, {key: value}),
             keys=(*self.keys[:axis], *self.keys[axis + 1 :]),
             values=(*self.values[:axis], *self.values[axis + 1 :]),
@@ -90,8 +81,7 @@ class Grid(Runs):
 
     def __repr__(self) -> str:
         axes = ", ".join(f"{key}: {len(values)}" for key, values in zip(self.keys, self.values, strict=True))
-        words, counts = np.unique(self.outcomes, return_counts=True)
-        ends = ", ".join(f"{count} {word}" for word, count in zip(words, counts, strict=True))
+        ends = ", ".join(f"{count} {word}" for word, count in sorted(self.outcome_counts.items()))
         return f"{type(self).__name__}({axes}; {ends})"
 
 
@@ -121,8 +111,7 @@ def run_grid(
         experiment = family.experiment
         alike = structure_of(experiment), experiment.samples, experiment.simulation.sample_time
         groups.setdefault(alike, []).extend(family.members.tolist())
-    outcomes, end_times = np.full(len(flat), NOT_RUN, dtype="U10"), np.full(len(flat), np.nan)
-    metrics: dict[str, Floats] = {}
+    found = not_run([len(flat)], ())
     done, interrupted = 0, False
     for indices in groups.values():
 
@@ -133,13 +122,11 @@ def run_grid(
         batch: BatchResult = rollout(
             [], np.empty((1, 0)), [flat[index] for index in indices], threads=threads, progress=report
         )
-        outcomes[indices], end_times[indices] = batch.outcomes[0], batch.end_times[0]
+        found.outcomes[indices], found.end_times[indices] = batch.outcomes[0], batch.end_times[0]
         for name, values in batch.metrics.items():
-            metrics.setdefault(name, np.full(len(flat), np.nan))[indices] = values[0]
+            found.metrics.setdefault(name, np.full(len(flat), np.nan))[indices] = values[0]
         done += len(indices)
         interrupted = batch.interrupted
         if interrupted:
             break
-    shape = experiments.shape
-    merits = {name: values.reshape(shape) for name, values in metrics.items()}
-    return Runs(outcomes.reshape(shape), end_times.reshape(shape), merits, interrupted)
+    return Runs(**vars(found.reshape(experiments.shape)), interrupted=interrupted)

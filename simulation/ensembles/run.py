@@ -5,14 +5,15 @@ from itertools import chain, islice
 
 import numpy as np
 
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.groups import NOT_RUN
 from dualwinch.simulation.batch.portions import in_portions, portion_size
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.collector import TRACED, Collector, Finished
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.ensembles.result import EnsembleResult
+from dualwinch.simulation.results.outcomes import WORDS
 
 POINTS = 500
 """Instants of a trace."""
@@ -56,7 +57,7 @@ def _finished(portion: list[Scenario], result: BatchResult) -> Iterator[Finished
         traced = np.array([result.columns[name][0] for name in TRACED])
         t, traces = result.columns["t"][0], traced.clip(-LARGEST, LARGEST).astype(np.float32).swapaxes(0, 1)
     for index, scenario in enumerate(portion):
-        if outcomes[index] == NOT_RUN:
+        if outcomes[index] == WORDS[Outcome.NOT_RUN]:
             return
         metrics = dict(zip(result.metrics, rows[index], strict=True))
         yield Finished(scenario, metrics, outcomes[index], end_times[index], t[index], traces[index])

@@ -7,7 +7,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED, LEFT, compile_rollout
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.simulation.loop.system import ClosedLoop
@@ -17,7 +18,7 @@ ENGINES: tuple[EngineName, ...] = get_args(EngineName)
 
 Floats: TypeAlias = NDArray[np.float64]
 
-Engine: TypeAlias = Callable[[Floats, Floats, Floats, int], tuple[int, int, Floats]]
+Engine: TypeAlias = Callable[[Floats, Floats, Floats, int], tuple[Outcome, int, Floats]]
 """``(parameters, exogenous, state, stride) -> (outcome, samples stepped, rows)``; as `Rollout` of `codegen.drivers`."""
 
 
@@ -58,7 +59,7 @@ class _Stepper:
 
         return call
 
-    def step(self) -> int:
+    def step(self) -> Outcome:
         """Step on by a sample; its outcome."""
         self._sample()
         self._one_step()
@@ -67,8 +68,8 @@ class _Stepper:
                 move()
         self.state[:] = self._following
         if not np.isfinite(self.state).all():
-            return DIVERGED
-        return LEFT if self._margin[0] < 0 else COMPLETED
+            return Outcome.DIVERGED
+        return Outcome.LEFT if self._margin[0] < 0 else Outcome.COMPLETED
 
 
 def interpreter(system: Sampled) -> Engine:
@@ -77,11 +78,11 @@ def interpreter(system: Sampled) -> Engine:
     It runs the very operations that are compiled, so that both engines give the same numbers.
     """
 
-    def run(parameters: Floats, exogenous: Floats, state: Floats, stride: int) -> tuple[int, int, Floats]:
+    def run(parameters: Floats, exogenous: Floats, state: Floats, stride: int) -> tuple[Outcome, int, Floats]:
         stepper = _Stepper(system, parameters, state)
         rows: list[Floats] = []
-        outcome, done = COMPLETED, 0
-        while done < len(exogenous) and outcome == COMPLETED:
+        outcome, done = Outcome.COMPLETED, 0
+        while done < len(exogenous) and outcome == Outcome.COMPLETED:
             stepper.exogenous[:] = exogenous[done]
             if stride and done % stride == 0:
                 stepper.observe()

@@ -6,8 +6,9 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.runs import Runs
-from dualwinch.codegen.drivers.stepping import RUNNING, Stepping
+from dualwinch.codegen.drivers.stepping import Stepping
 from dualwinch.simulation.stepper.pages import Page
 from dualwinch.simulation.stepper.scenarios import Lane
 
@@ -74,11 +75,11 @@ class Lanes:
 
     def _turn_pages(self) -> None:
         done = self.runs.done
-        for index in np.flatnonzero((self.runs.outcomes == RUNNING) & (done == self._ends)).tolist():
+        for index in np.flatnonzero((self.runs.outcomes == Outcome.RUNNING) & (done == self._ends)).tolist():
             self._turn(index, self._pages[index].following(), int(done[index]))
         self._count_left()
 
     def _count_left(self) -> None:
         """Samples until the first run under way has read its page."""
-        running = self.runs.outcomes == RUNNING
+        running = self.runs.outcomes == Outcome.RUNNING
         self._left = int((self._ends - self.runs.done)[running].min(initial=NEVER))

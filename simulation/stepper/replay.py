@@ -5,20 +5,17 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.rollout import COMPLETED
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.stepping import Stepping
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.check import check_memory
 from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.metrics.metrics import metrics_of
+from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.simulate import OUTCOMES
 from dualwinch.simulation.stepper.lanes import Lanes
 from dualwinch.simulation.stepper.pages import LONGEST, first_page
 from dualwinch.simulation.stepper.scenarios import Lane
-
-WORDS = np.array([*OUTCOMES, "running"])
-"""Outcomes of the compiled code in words."""
 
 
 def replay(
@@ -53,12 +50,12 @@ def replay(
     for start, given in zip(range(0, samples, hold), commands, strict=False):
         again.runs.commands[:] = given
         again.step(hold, row=rows[start:].ctypes.data)
-    outcome, kept = int(again.runs.outcomes[0]), rows[::stride] if stride else rows[:0]
+    outcome, kept = Outcome(again.runs.outcomes[0]), rows[::stride] if stride else rows[:0]
     final = dict(zip(loop.states, again.runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
     return Result(
         columns={name: column.copy() for name, column in zip(loop.columns, kept.T, strict=True)},
-        metrics=metrics_of(final, completed=outcome == COMPLETED, own=lane.experiment.metrics),
-        outcome=str(WORDS[outcome]),
+        metrics=metrics_of(final, completed=outcome == Outcome.COMPLETED, own=lane.experiment.metrics),
+        outcome=WORDS[outcome],
         end_time=samples * lane.experiment.simulation.sample_time,
         final_state=final,
         experiment=lane.experiment,

@@ -7,19 +7,20 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.drivers.rollout import COMPLETED
-from dualwinch.codegen.drivers.stepping import RUNNING, compile_stepping
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.stepping import compile_stepping
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import final_states, metrics_of
+from dualwinch.simulation.results.outcomes import words_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.stepper.given import COMMANDS, KINDS, CommandName, Sensed
 from dualwinch.simulation.stepper.lanes import Lanes
 from dualwinch.simulation.stepper.observation import Observation
-from dualwinch.simulation.stepper.replay import WORDS, replay
+from dualwinch.simulation.stepper.replay import replay
 from dualwinch.simulation.stepper.scenarios import Scenarios
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -139,7 +140,7 @@ class Stepper:
             ]
             started = self.source.lanes(drawn)
             self._lanes.start(indices, started, self.source.first_pages(started, self.batch))
-        self.under_way = int((self._lanes.runs.outcomes == RUNNING).sum())
+        self.under_way = int((self._lanes.runs.outcomes == Outcome.RUNNING).sum())
         self._forget(indices)
         return self.observation
 
@@ -193,12 +194,12 @@ class Stepper:
     @property
     def running(self) -> NDArray[np.bool_]:
         """(batch,) whether each lane is under way."""
-        return self._lanes.runs.outcomes == RUNNING
+        return self._lanes.runs.outcomes == Outcome.RUNNING
 
     @property
     def outcomes(self) -> NDArray[np.str_]:
         """(batch,) words: ``running``, ``completed``, ``diverged`` or ``left_track``."""
-        return WORDS[self._lanes.runs.outcomes]
+        return words_of(self._lanes.runs.outcomes)
 
     @property
     def metrics(self) -> Mapping[str, Floats]:
@@ -207,7 +208,7 @@ class Stepper:
         states = runs.states(np.arange(self.batch))
         own = self.experiment.metrics
         final = {name: states[:, self._loop.states.index(name)] for name in final_states(own)}
-        return vars(metrics_of(final, completed=runs.outcomes == COMPLETED, own=own))
+        return vars(metrics_of(final, completed=runs.outcomes == Outcome.COMPLETED, own=own))
 
     @property
     def scenarios(self) -> list[Scenario]:
@@ -237,7 +238,7 @@ class Stepper:
             _shape=(len(indices), *self._shape[1:]),
             _lanes=continued,
             _since=self._since[indices],
-            under_way=int((continued.runs.outcomes == RUNNING).sum()),
+            under_way=int((continued.runs.outcomes == Outcome.RUNNING).sum()),
             _log=log,
         )
         return other

@@ -29,7 +29,7 @@ from dualwinch.model.winch import Winch
 from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
-from dualwinch.simulation.simulate import OUTCOMES, simulate
+from dualwinch.simulation.simulate import simulate
 
 SHORT = Simulation(duration=0.3)
 
@@ -149,7 +149,7 @@ def wild_controllers(draw: st.DrawFn) -> Controller:
 def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.1))
     result = simulate(experiment)
-    assert result.outcome in OUTCOMES
+    assert result.outcome in {"completed", "diverged", "left_track"}
     finite = np.isfinite(list(result.final_state.values())).all()
     assert finite == (result.outcome != "diverged")
     assert len(result["t"]) == round(result.end_time / 1e-3)

@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.batch.rollout import WENT_SLACK, BatchResult, rollout
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.ensembles.statistic import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.scoring.measured import measured
 
@@ -87,7 +89,7 @@ def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequenc
 
     A run that was given up because a rope was slack had a tension of zero, whatever else came of it.
     """
-    if statistic.name == LEAST_TENSION and (result.outcomes[row] == WENT_SLACK).any():
+    if statistic.name == LEAST_TENSION and (result.outcomes[row] == WORDS[Outcome.GIVEN_UP]).any():
         return 0.0
     counted = [counts(statistic, scenario) for scenario in scenarios]
     return measured(statistic, result.metrics[statistic.metric][row, (result.outcomes[row] == "completed") & counted])

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED, LEFT, compile_rollout, rollout_source
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.rollout import compile_rollout, rollout_source
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
@@ -28,7 +29,7 @@ def by_hand(samples: int, force: float = 0.0) -> np.ndarray:
 def test_rows_are_those_of_a_plain_loop() -> None:
     run, state = compile_rollout(oscillator()), np.array([0.5, 0.0, 0.0])
     outcome, done, rows = run(PARAMETERS, np.zeros((20, 1)), state)
-    assert (outcome, done) == (COMPLETED, 20)
+    assert (outcome, done) == (Outcome.COMPLETED, 20)
     np.testing.assert_allclose(rows, by_hand(20), rtol=1e-14)
 
 
@@ -50,7 +51,7 @@ def test_no_rows_on_request_and_the_state_goes_on() -> None:
 def test_a_crossed_margin_ends_the_run() -> None:
     run, state = compile_rollout(oscillator()), np.array([0.5, 0.0, 0.0])
     outcome, done, rows = run(PARAMETERS, np.full((1000, 1), 100.0), state)
-    assert outcome == LEFT
+    assert outcome == Outcome.LEFT
     assert abs(state[0]) > 1
     assert len(rows) == done < 1000
     np.testing.assert_allclose(rows, by_hand(done, 100.0), rtol=1e-12)
@@ -62,7 +63,7 @@ def test_a_non_finite_number_ends_the_run(poison: float) -> None:
     force = np.zeros((100, 1))
     force[41] = poison
     outcome, done, rows = run(PARAMETERS, force, state)
-    assert (outcome, done, len(rows)) == (DIVERGED, 42, 42)
+    assert (outcome, done, len(rows)) == (Outcome.DIVERGED, 42, 42)
 
 
 def test_the_one_step_update_is_taken_only_where_it_is_valid() -> None:

@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers.rollout import COMPLETED, compile_rollout
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.drivers.sensitivity import Varied, compile_sensitivity
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.lanes import LANES
@@ -68,7 +69,7 @@ def test_tangents_are_those_of_the_whole_loop(*, one_step: bool, samples: int) -
     directions[:, :2], directions[:, 5] = np.eye(2), (1.0, -2.0)
     outcome, done, x, tangents, *_ = run(PARAMETERS, directions, exogenous, state, tangent)
     final, slopes = by_casadi(system, exogenous, start)
-    assert (outcome, done) == (COMPLETED, samples)
+    assert (outcome, done) == (Outcome.COMPLETED, samples)
     assert state == pytest.approx(final, rel=1e-12)
     assert tangent[:, :2] == pytest.approx(slopes, rel=TANH, abs=1e-15)
     assert tangent[:, 5] == pytest.approx(slopes @ (1.0, -2.0), rel=TANH, abs=1e-15)
@@ -96,7 +97,7 @@ def test_a_tangent_may_overflow_and_the_run_goes_on() -> None:
     run = compile_sensitivity(system, system, Varied(GAINS))
     directions, tangent = np.full((2, run.varied.directions), 1e308), np.full((3, run.varied.directions), 1e308)
     outcome, done, *_ = run(PARAMETERS, directions, np.zeros((20, 1)), np.array([0.3, 0.0, 0.0]), tangent, 0)
-    assert (outcome, done) == (COMPLETED, 20)
+    assert (outcome, done) == (Outcome.COMPLETED, 20)
 
 
 def test_plant_signals_and_columns() -> None:

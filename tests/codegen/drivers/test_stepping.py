@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.drivers.rollout import COMPLETED, DIVERGED, LEFT, compile_rollout
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.drivers.runs import Runs
-from dualwinch.codegen.drivers.stepping import RUNNING, Commanded, compile_stepping, stepping_source
+from dualwinch.codegen.drivers.stepping import Commanded, compile_stepping, stepping_source
 from tests.codegen.drivers.test_rollout import SANITISERS
 from tests.codegen.toy import oscillator
 
@@ -50,17 +51,17 @@ def test_runs_are_those_of_single_rollouts(exact: bool, one_step: bool, count: i
             if k == 0 or abs(states[run, 0]) <= 1:
                 states[run, 1] = speed[run]
                 single(parameters[run], forces[run, k : k + 1], states[run], 0)
-        assert under_way == np.count_nonzero(runs.outcomes == RUNNING)
+        assert under_way == np.count_nonzero(runs.outcomes == Outcome.RUNNING)
     np.testing.assert_allclose(runs.states(np.arange(count)), states, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(runs.observation[0], states[:, 0], rtol=1e-12)
-    expected = np.where(np.abs(states[:, 0]) > 1, LEFT, COMPLETED)
+    expected = np.where(np.abs(states[:, 0]) > 1, Outcome.LEFT, Outcome.COMPLETED)
     np.testing.assert_array_equal(runs.outcomes, expected)
 
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_outcomes_are_each_runs_own(exact: bool) -> None:
     runs = Runs(compile_stepping(commanded(), exact=exact), 4, 50, shared=True)
-    assert runs.outcomes.tolist() == [COMPLETED] * 4  # nothing to step before they are started
+    assert runs.outcomes.tolist() == [Outcome.COMPLETED] * 4  # nothing to step before they are started
     assert runs.step(1) == 0
     runs.start(np.arange(3), np.tile(START, (3, 1)), PARAMETERS[np.newaxis])
     quiet, poisoned = np.zeros((51, 1)), np.zeros((51, 1))
@@ -70,7 +71,7 @@ def test_outcomes_are_each_runs_own(exact: bool) -> None:
     runs.commands[:, 0] = [0.0, 0.0, 60.0, np.nan]
     assert runs.odd_command() is None  # the last is not under way
     assert runs.step(1000) == 0
-    assert runs.outcomes.tolist() == [COMPLETED, DIVERGED, LEFT, COMPLETED]
+    assert runs.outcomes.tolist() == [Outcome.COMPLETED, Outcome.DIVERGED, Outcome.LEFT, Outcome.COMPLETED]
     assert runs.done.tolist()[:2] == [50, 8]
     assert runs.done[2] == 1
     runs.start(np.array([1]), START[np.newaxis], PARAMETERS[np.newaxis])

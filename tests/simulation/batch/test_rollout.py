@@ -10,7 +10,6 @@ from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.groups import NOT_RUN
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
@@ -130,7 +129,7 @@ def test_an_interrupt_keeps_what_is_finished() -> None:
     scenarios = [scenario(4, seed, 0.05) for seed in range(60)]
     result = rollout(NAMES, GAINS, scenarios, threads=1, progress=interrupt)
     assert result.interrupted
-    ran = result.outcomes != NOT_RUN
+    ran = result.outcomes != "not_run"
     assert 0.3 <= ran.mean() < 1
     assert np.isfinite(result.metrics["mse"][ran]).all()
     assert np.isnan(result.metrics["mse"][~ran]).all()

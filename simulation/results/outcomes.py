@@ -1,0 +1,122 @@
+"""What runs came to: how each ended, when, and its figures of merit."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.outcome import Outcome
+
+WORDS = {
+    Outcome.COMPLETED: "completed",
+    Outcome.DIVERGED: "diverged",
+    Outcome.LEFT: "left_track",
+    Outcome.GIVEN_UP: "went_slack",
+    Outcome.RUNNING: "running",
+    Outcome.NOT_RUN: "not_run",
+}
+"""What outcomes are called in results: a run leaves the track, or is given up because a rope was slack for too long."""
+
+_ALL_WORDS = np.array([WORDS[outcome] for outcome in Outcome])
+
+
+def words_of(outcomes: NDArray[np.integer]) -> NDArray[np.str_]:
+    """Outcomes in `WORDS`, in any shape."""
+    return _ALL_WORDS[outcomes]
+
+
+@dataclass(frozen=True, eq=False)
+class RunOutcomes:
+    """How runs ended and their figures of merit; all arrays have one shape, such as (scenarios,).
+
+    Attributes:
+        outcomes: how each run ended, a word of `WORDS`.
+        end_times: time in s at which each ended; NaN where it was not run.
+        metrics: figure of merit → its values, as in `simulation.metrics.metrics.Metrics`; NaN where a run was not
+            completed.
+    """
+
+    outcomes: NDArray[np.str_]
+    end_times: NDArray[np.float64]
+    metrics: dict[str, NDArray[np.float64]]
+
+    @property
+    def completed(self) -> NDArray[np.bool_]:
+        """Whether each run was completed."""
+        return self.outcomes == WORDS[Outcome.COMPLETED]
+
+    @property
+    def outcome_counts(self) -> dict[str, int]:
+        """Outcome → number of runs, the most frequent first."""
+        return dict(Counter(self.outcomes.ravel().tolist()).most_common())
+
+    def of_completed(self, metric: str) -> NDArray[np.float64]:
+        """(completed,) values of a figure of merit; a run that ended early measured something else."""
+        return self.metrics[metric][self.completed]
+
+    def take(self, indices: Any, axis: int = -1) -> Self:
+        """The runs of some indices along an axis, as `numpy.take`."""
+        return self._changed(lambda values: values.take(indices, axis))
+
+    def reshape(self, shape: Sequence[int]) -> Self:
+        """The same runs in another shape."""
+        return self._changed(lambda values: values.reshape(shape))
+
+    def _changed(self, change: Any) -> Self:
+        changed = {field.name: change(getattr(self, field.name)) for field in fields(RunOutcomes)[:2]}
+        return replace(self, **changed, metrics={name: change(values) for name, values in self.metrics.items()})
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON holds it: what is not finite as null."""
+        return {
+            "outcomes": self.outcomes.tolist(),
+            "counts": self.outcome_counts,
+            "end_times": _plain(self.end_times),
+            "metrics": {name: _plain(values) for name, values in self.metrics.items()},
+        }
+
+
+def outcomes_from(record: Mapping[str, Any]) -> RunOutcomes:
+    """What `RunOutcomes.to_record` made JSON of; end times that are missing are NaN."""
+    outcomes = np.array(record["outcomes"], dtype=np.str_)
+    return RunOutcomes(
+        outcomes=outcomes,
+        end_times=np.array(record.get("end_times", np.full(outcomes.shape, np.nan)), float),
+        metrics={name: np.array(values, float) for name, values in record["metrics"].items()},
+    )
+
+
+def not_run(shape: Sequence[int], metrics: Iterable[str]) -> RunOutcomes:
+    """Runs that were not begun, to be filled in.
+
+    Args:
+        shape: of all arrays.
+        metrics: names of the figures of merit.
+    """
+    return RunOutcomes(
+        outcomes=np.full(shape, WORDS[Outcome.NOT_RUN], dtype=_ALL_WORDS.dtype),
+        end_times=np.full(shape, np.nan),
+        metrics={name: np.full(shape, np.nan) for name in metrics},
+    )
+
+
+def concatenated(parts: Sequence[RunOutcomes], axis: int = -1) -> RunOutcomes:
+    """Runs of several records in one, joined along an axis; of the figures of merit of the first."""
+    return RunOutcomes(
+        outcomes=np.concatenate([part.outcomes for part in parts], axis),
+        end_times=np.concatenate([part.end_times for part in parts], axis),
+        metrics={name: np.concatenate([part.metrics[name] for part in parts], axis) for name in parts[0].metrics},
+    )
+
+
+def _plain(values: Any) -> Any:
+    """Nested lists of numbers, with None for what is not finite."""
+    if isinstance(values, np.ndarray):
+        return _plain(values.tolist())
+    if isinstance(values, list):
+        return [_plain(value) for value in values]
+    return values if math.isfinite(values) else None
