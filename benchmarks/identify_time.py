@@ -76,7 +76,7 @@ def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, 
         vector = base.copy()
         vector[names] = shares * values
         runs = fitting.filters.predict(vector, fitting.with_values(values), levels, weights, rows=True)
-        every = np.concatenate([np.ravel(run.surprises) for run in runs if run.surprises is not None])
+        every = np.concatenate([np.ravel(run.innovations) for run in runs if run.innovations is not None])
         return every[np.isfinite(every)]
 
     begun = perf_counter()

@@ -6,7 +6,7 @@ import casadi as ca
 
 
 @dataclass(frozen=True)
-class Predicted:
+class PredictedSystem:
     """A sampled system under recorded inputs, with sensors, some of whose parameters are to be fitted.
 
     The state begins with what moves between two samples, `motion`; the rest changes at a sample. All functions are of

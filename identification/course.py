@@ -25,7 +25,7 @@ LONGEST_GAP = 0.1
 
 
 def samples_of(log: Log, experiment: Experiment) -> tuple[Floats, Floats]:
-    """Inputs (samples, 4) and readings (samples, readings) of a log, for `codegen.drivers.prediction.Course`.
+    """Inputs (samples, 4) and readings (samples, readings) of a log, for `codegen.drivers.prediction.FilterData`.
 
     Each reading goes to the nearest sample; where samples are said to jitter (``simulation.jitter``), a sample is when
     the log says, in the place of a multiple of the sample time. Torque commands are held until the next, and reach the

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.prediction import Weights, compile_predictor
+from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
 from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.given_gains import GivenGains
 from dualwinch.identification.level_search import LevelSearch
@@ -100,7 +100,7 @@ class Fitting:
         self.filters = Filters(self._predictor, structure, sections, threads)
         columns = [parameter_names(structure).index(key) for key in keys]
         self.gains = GivenGains(self.filters, self.with_values, columns)
-        self._last: tuple[Floats, Levels | None, list[Weights]] = np.zeros(0), None, []
+        self._last: tuple[Floats, Levels | None, list[FilterPass]] = np.zeros(0), None, []
         self._levels = LevelSearch(self.filters, experiment, outlier)
 
     @property
@@ -223,7 +223,7 @@ class Fitting:
             before = moved
         return values, levels
 
-    def _within_reach(self, here: Floats, there: Floats, levels: Levels) -> tuple[Floats, list[Weights]]:
+    def _within_reach(self, here: Floats, there: Floats, levels: Levels) -> tuple[Floats, list[FilterPass]]:
         """Values on the way from here to there, as far as filters do not go astray, and the gains for them."""
         for _ in range(CLOSER):
             weights = self._weighed(there, levels)
@@ -240,7 +240,7 @@ class Fitting:
                     "its sensor was not recorded"
                 )
 
-    def _weighed(self, values: Floats, levels: Levels) -> list[Weights]:
+    def _weighed(self, values: Floats, levels: Levels) -> list[FilterPass]:
         """Gains at some values; those of the last call where it was for the same, else in the place of them."""
         vector = self.filters.vector(self.with_values(values), levels)
         last_vector, last_levels, weights = self._last

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from dualwinch.codegen.drivers.prediction import Weights
+from dualwinch.codegen.drivers.prediction import FilterPass
 from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.levels import Levels
 from dualwinch.identification.sections import Filters, all_completed
@@ -35,7 +35,7 @@ class GivenGains:
         """
         self._filters, self._machine, self._columns = filters, machine, list(columns)
 
-    def normal(self, values: Floats, levels: Levels, weights: Sequence[Weights]) -> Floats:
+    def normal(self, values: Floats, levels: Levels, weights: Sequence[FilterPass]) -> Floats:
         """(p + 1, p + 1) products of the slopes of all that is left by p unknowns, and of what is left, summed.
 
         NaN where filters go astray.
@@ -47,7 +47,12 @@ class GivenGains:
         return self._normal(self._filters.vector(experiment, levels), experiment, levels, weights)
 
     def solved(
-        self, values: Floats, levels: Levels, weights: Sequence[Weights], within: Coordinates, tolerance: float = 1e-8
+        self,
+        values: Floats,
+        levels: Levels,
+        weights: Sequence[FilterPass],
+        within: Coordinates,
+        tolerance: float = 1e-8,
     ) -> tuple[Floats, Floats]:
         """Values that fit best, and the information of the logs there, (p, p).
 
@@ -93,7 +98,7 @@ class GivenGains:
         ).x
         return within.values(found), squares(found)[2][:-1, :-1]
 
-    def _normal(self, vector: Floats, experiment: Experiment, levels: Levels, weights: Sequence[Weights]) -> Floats:
+    def _normal(self, vector: Floats, experiment: Experiment, levels: Levels, weights: Sequence[FilterPass]) -> Floats:
         runs = self._filters.predict(vector, experiment, levels, weights)
         normal = np.sum([run.normal for run in runs], axis=0)
         return normal if all_completed(runs) else np.full_like(normal, np.nan)

@@ -139,7 +139,7 @@ def _surprises(filters: Filters, fit: Fit) -> list[Floats]:
     weights = filters.weigh(fit.experiment, fit.levels)
     vector = filters.vector(fit.experiment, fit.levels)
     predictions = filters.predict(vector, fit.experiment, fit.levels, weights, rows=True)
-    return [run.surprises for run in predictions if run.surprises is not None]
+    return [run.innovations for run in predictions if run.innovations is not None]
 
 
 def _tests(surprises: Sequence[Floats], sections: Sequence[Section]) -> tuple[Whiteness, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from dualwinch.codegen.drivers.prediction import Weights
+from dualwinch.codegen.drivers.prediction import FilterPass
 from dualwinch.identification.levels import Levels
 from dualwinch.identification.noise import FINEST
 from dualwinch.identification.sections import Filters, all_completed
@@ -106,9 +106,9 @@ class LevelSearch:
 
     def _unlikely(self, experiment: Experiment, levels: Levels, samples: int | None) -> float:
         weights = self._weighed(experiment, levels, samples)
-        return sum(each.unlikelihood for each in weights) if all_completed(weights) else LOST
+        return sum(each.negative_log_likelihood for each in weights) if all_completed(weights) else LOST
 
-    def quieted(self, experiment: Experiment, levels: Levels, weights: Sequence[Weights]) -> Levels:
+    def quieted(self, experiment: Experiment, levels: Levels, weights: Sequence[FilterPass]) -> Levels:
         """Levels with the noise that the sensors turn out to have.
 
         Args:
@@ -126,11 +126,11 @@ class LevelSearch:
             levels, changed = _corrected(levels, self._weighed(experiment, levels, self._samples))
         return levels
 
-    def _weighed(self, experiment: Experiment, levels: Levels, samples: int | None) -> list[Weights]:
+    def _weighed(self, experiment: Experiment, levels: Levels, samples: int | None) -> list[FilterPass]:
         return self._filters.weigh(experiment, levels, outlier=self._outlier, gains=False, samples=samples)
 
 
-def _corrected(levels: Levels, weights: Sequence[Weights]) -> tuple[Levels, float]:
+def _corrected(levels: Levels, weights: Sequence[FilterPass]) -> tuple[Levels, float]:
     """A step of expectation and maximisation; and how far it went, as a share."""
     counts = np.sum([each.counts for each in weights], axis=0)
     squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in weights], axis=0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.drivers.prediction import Weights
+from dualwinch.codegen.drivers.prediction import FilterPass
 from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.given_gains import GivenGains
 from dualwinch.identification.levels import Levels
@@ -73,7 +73,7 @@ class Likelihood:
         filters: Filters,
         gains: GivenGains,
         machine: Callable[[Floats], Experiment],
-        weighed: Callable[[Floats, Levels], list[Weights]],
+        weighed: Callable[[Floats, Levels], list[FilterPass]],
         coordinates: Coordinates,
         outlier: float,
     ) -> None:
@@ -85,7 +85,7 @@ class Likelihood:
             machine: gives the experiment with some values of the unknowns.
             weighed: gives the filters' gains for some values.
             coordinates: of the unknowns.
-            outlier: as of `codegen.drivers.prediction.Predictor.weigh`.
+            outlier: as of `codegen.drivers.prediction.Predictor.filter`.
         """
         self._filters, self._gains, self._machine, self._outlier = filters, gains, machine, outlier
         self._weighed = weighed
@@ -135,7 +135,7 @@ class Likelihood:
         ways = np.zeros_like(known)
         ways[moving] = np.linalg.inv(root)
         reach = np.array([min(self._room(at, way), self._room(at, -way), LOOKED) for way in ways])
-        here = 2 * sum(each.unlikelihood for each in weights) + self._departed(at)
+        here = 2 * sum(each.negative_log_likelihood for each in weights) + self._departed(at)
         beyond, curvature = self._looked(at, here, ways, reach, ways @ plain, levels, before)
         way = np.where(reach > LEAST, -(ways @ plain + beyond) / curvature, 0.0) @ ways
         way *= min(self._room(at, way), 1.0)

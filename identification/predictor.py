@@ -11,7 +11,7 @@ from typing import Any
 
 import casadi as ca
 
-from dualwinch.codegen.predicted import Predicted
+from dualwinch.codegen.predicted import PredictedSystem
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal
@@ -78,7 +78,7 @@ def parameter_names(structure: Structure) -> tuple[str, ...]:
 
 
 @built_once
-def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset()) -> Predicted:
+def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset()) -> PredictedSystem:
     """The functions of a machine, some of whose numbers are to be fitted.
 
     Args:
@@ -120,7 +120,7 @@ def predicted(structure: Structure, fitted: tuple[str, ...], zeros: frozenset[st
     _, one_step = between_samples(structure, problem, symbols["parameters"])
     careful = replace(structure, integrator="rk4", substeps=PARTS) if one_step else structure
     move, _ = between_samples(careful, problem, symbols["parameters"])
-    return Predicted(
+    return PredictedSystem(
         sense=named_function("sense", symbols, {"reading": ca.vertcat(*leaves(readings).values())}),
         prepare=named_function("prepare", symbols, {"rest": rest, "hold": held}),
         move=move,

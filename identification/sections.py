@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.prediction import Course, Prediction, Predictor, Spread, Weights
+from dualwinch.codegen.drivers.prediction import (
+    FilterCovariances,
+    FilterData,
+    FilterPass,
+    FixedGainPrediction,
+    Predictor,
+)
 from dualwinch.identification.course import samples_of
 from dualwinch.identification.levels import Levels
 from dualwinch.identification.log import Log
@@ -107,16 +113,16 @@ class Filters:
         rows: bool = False,
         samples: int | None = None,
         watched: int = 0,
-        into: Sequence[Weights] = (),
-    ) -> list[Weights]:
-        """Gains in every section; arguments as of `codegen.drivers.prediction.Predictor.weigh`, `into` of all sections.
+        into: Sequence[FilterPass] = (),
+    ) -> list[FilterPass]:
+        """Gains in every section; arguments as of `codegen.drivers.prediction.Predictor.filter`, `into` of each.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
         old = dict(zip(map(id, self.sections), into, strict=False))
 
-        def weigh(section: Section) -> Weights:
+        def weigh(section: Section) -> FilterPass:
             part, before = section.upto(samples) if samples else section, old.get(id(section))
             return self._weighed(
                 experiment, levels, part, outlier=outlier, gains=gains, rows=rows, watched=watched, into=before
@@ -124,11 +130,11 @@ class Filters:
 
         return self._each(weigh)
 
-    def _weighed(self, experiment: Experiment, levels: Levels, section: Section, **how: Any) -> Weights:
-        """Gains in a section; `how` as of `codegen.drivers.prediction.Predictor.weigh`."""
+    def _weighed(self, experiment: Experiment, levels: Levels, section: Section, **how: Any) -> FilterPass:
+        """Gains in a section; `how` as of `codegen.drivers.prediction.Predictor.filter`."""
         course, covariance = self.course(experiment, levels, section)
-        spread = Spread(covariance, self.walk(experiment, levels), levels.noise)
-        return self._predictor.weigh(self.vector(experiment, levels), course, spread, **how)
+        spread = FilterCovariances(covariance, self.walk(experiment, levels), levels.noise)
+        return self._predictor.filter(self.vector(experiment, levels), course, spread, **how)
 
     def unlikely(self, experiments: Sequence[Experiment], levels: Levels, *, outlier: float) -> Floats:
         """How unlikely all sections are for each of some machines: minus twice the logarithm, but for a constant.
@@ -141,15 +147,21 @@ class Filters:
 
         def unlikely(experiment: Experiment, section: Section) -> float:
             weights = self._weighed(experiment, levels, section, outlier=outlier, gains=False)
-            return 2 * weights.unlikelihood if all_completed([weights]) else np.inf
+            return 2 * weights.negative_log_likelihood if all_completed([weights]) else np.inf
 
         jobs = [lambda pair=pair: unlikely(*pair) for pair in product(experiments, self.sections)]
         self.passes += len(experiments)
         return np.array(self._all(jobs)).reshape(len(experiments), -1).sum(axis=1)
 
     def predict(
-        self, vector: Floats, experiment: Experiment, levels: Levels, weights: Sequence[Weights], *, rows: bool = False
-    ) -> list[Prediction]:
+        self,
+        vector: Floats,
+        experiment: Experiment,
+        levels: Levels,
+        weights: Sequence[FilterPass],
+        *,
+        rows: bool = False,
+    ) -> list[FixedGainPrediction]:
         """What is expected in every section with given gains, of machines with the numbers of a vector.
 
         Args:
@@ -164,7 +176,7 @@ class Filters:
         """
         numbered = dict(zip(map(id, self.sections), weights, strict=True))
 
-        def predict(section: Section) -> Prediction:
+        def predict(section: Section) -> FixedGainPrediction:
             course, _ = self.course(experiment, levels, section)
             return self._predictor.predict(vector, course, numbered[id(section)], rows=rows)
 
@@ -204,7 +216,7 @@ class Filters:
             raise KeyboardInterrupt
         return found
 
-    def course(self, experiment: Experiment, levels: Levels, section: Section) -> tuple[Course, Floats]:
+    def course(self, experiment: Experiment, levels: Levels, section: Section) -> tuple[FilterData, Floats]:
         """A section as its filter takes it, and the covariance of what is expected at its start."""
         first = np.full(section.readings.shape[1], np.nan)
         for column in range(len(first)):
@@ -215,7 +227,7 @@ class Filters:
         start, covariance = starting(
             experiment, self._structure, first, torques, float(section.inputs[0, 0]), levels.scatter
         )
-        return Course(section.inputs, section.readings, start), covariance
+        return FilterData(section.inputs, section.readings, start), covariance
 
     def walk(self, experiment: Experiment, levels: Levels) -> Floats:
         """What a sample adds to the states' variances, (states,)."""
@@ -226,6 +238,6 @@ class Filters:
         return np.array(list(walk.values()))
 
 
-def all_completed(runs: Sequence[Weights | Prediction]) -> bool:
+def all_completed(runs: Sequence[FilterPass | FixedGainPrediction]) -> bool:
     """Whether no filter left the track or went astray."""
     return all(run.outcome == Outcome.COMPLETED for run in runs)

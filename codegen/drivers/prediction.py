@@ -1,4 +1,4 @@
-"""A filter over a whole log in compiled C: gains from covariances, and with these the exact slopes of surprises."""
+"""An extended Kalman filter over a whole log in compiled C, predictions with its gains and their exact derivatives."""
 
 import ctypes
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
-from dualwinch.codegen.predicted import Predicted
+from dualwinch.codegen.predicted import PredictedSystem
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.lanes import Lanes, lane_flags, lane_sizes
 from dualwinch.codegen.source.operations import Style
@@ -24,13 +24,13 @@ VECTOR = 8
 
 
 @dataclass(frozen=True)
-class Course:
-    """What a filter is given of a log.
+class FilterData:
+    """Inputs and readings that a filter goes through.
 
     Attributes:
         inputs: (samples, inputs).
         readings: (samples, readings); NaN is no reading.
-        start: (states,) what is expected before the first reading.
+        start: (states,) expected before the first reading.
     """
 
     inputs: Floats
@@ -43,33 +43,33 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Spread:
-    """How far things scatter.
+class FilterCovariances:
+    """Covariances that a filter starts from.
 
     Attributes:
-        start: (states, states) covariance of what is expected before the first reading.
-        walk: (states,) what a sample adds to the variances.
-        readings: (readings,) variances of the sensors' noise.
+        initial: (states, states) of the state expected before the first reading, P0.
+        process: (states,) variances that each sample adds, the diagonal of Q.
+        measurement: (readings,) variances of the sensors' noise, the diagonal of R.
     """
 
-    start: Floats
-    walk: Floats
-    readings: Floats
+    initial: Floats
+    process: Floats
+    measurement: Floats
 
 
 @dataclass(frozen=True)
-class Weights:
-    """Gains of a filter, and how likely the log is in its eyes.
+class FilterPass:
+    """One pass of an extended Kalman filter: its gains, and the likelihood of its innovations.
 
     Attributes:
         outcome: as `Outcome`, of how it ended.
         done: samples gone through.
-        gains: (samples, readings, states) from surprises to corrections; zeros where nothing was read.
-        whitening: (samples, readings, readings) from surprises to ones that are white, of variance 1; likewise.
-        counts, squares, logarithms: (readings,) for each sensor: how many readings, the squares of their whitened
-            surprises, and the logarithms of the surprises' variances before that, summed.
-        noise: (readings,) variance that each sensor's noise turns out to have; NaN without readings.
-        states, deviations: (samples, states) what is expected after each sample's readings, and its standard deviation;
+        gains: (samples, readings, states) Kalman gains, from innovations to corrections; zeros where nothing was read.
+        whitening: (samples, readings, readings) from innovations to white ones of variance 1; likewise.
+        counts, squares, logarithms: (readings,) sums for each sensor: number of readings, squares of the whitened
+            innovations, logarithms of the innovations' variances.
+        noise: (readings,) variance of each sensor's noise by one step of expectation maximisation, or NaN.
+        states, deviations: (samples, states) filtered state after each sample's readings, and its standard deviation;
             or None.
         covariances: (samples, watched, states) the last states' rows of its covariance; or None.
     """
@@ -87,26 +87,26 @@ class Weights:
     covariances: Floats | None = None
 
     @property
-    def unlikelihood(self) -> float:
+    def negative_log_likelihood(self) -> float:
         """Minus the logarithm of the likelihood, but for a constant."""
         return float((self.squares + self.logarithms).sum() / 2)
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """What was expected with given gains.
+class FixedGainPrediction:
+    """Predictions one sample ahead with given gains.
 
     Attributes:
-        outcome, done: as of `Weights`.
-        normal: (p + 1, p + 1) sums over all readings of the products of the whitened surprises' slopes by p numbers,
-            and, last, of the surprises themselves.
-        surprises: (samples, readings) whitened; NaN where nothing was read; or None.
+        outcome, done: as of `FilterPass`.
+        normal: (p + 1, p + 1) normal equations: sums over all readings of the products of the whitened innovations'
+            derivatives by p parameters and, last, of the innovations themselves.
+        innovations: (samples, readings) whitened; NaN where nothing was read; or None.
     """
 
     outcome: int
     done: int
     normal: Floats
-    surprises: Floats | None
+    innovations: Floats | None
 
 
 @dataclass(frozen=True)
@@ -114,138 +114,151 @@ class Predictor:
     """A compiled filter; Python's lock is released while it runs."""
 
     _sizes: dict[str, int]
-    _weigh: "ctypes._NamedFuncPointer"
+    _filter: "ctypes._NamedFuncPointer"
     _predict: "ctypes._NamedFuncPointer"
     _smooth: "ctypes._NamedFuncPointer"
 
-    def weigh(
+    def filter(
         self,
         parameters: Floats,
-        course: Course,
-        spread: Spread,
+        data: FilterData,
+        covariances: FilterCovariances,
         *,
         outlier: float = np.inf,
         gains: bool = True,
         rows: bool = False,
         watched: int = 0,
-        into: Weights | None = None,
-    ) -> Weights:
-        """The gains of every sample, by an extended Kalman filter.
+        into: FilterPass | None = None,
+    ) -> FilterPass:
+        """Run the extended Kalman filter over all samples.
 
         Args:
             parameters: (parameters,).
-            course: the log.
-            spread: variances.
-            outlier: surprise, over its standard deviation, from which on a reading counts less (Huber).
+            data: inputs and readings.
+            covariances: P0, Q and R.
+            outlier: innovation, over its standard deviation, beyond which a reading counts less (Huber's loss).
             gains: whether gains and whitening are kept; else their arrays have no samples.
-            rows: whether what is expected is kept.
-            watched: of how many states, the last ones, rows of the covariance are kept.
-            into: of the same course, and no longer needed: its arrays of gains are written anew.
+            rows: whether filtered states are kept.
+            watched: number of states, the last ones, whose rows of the covariance are kept.
+            into: an earlier pass over the same data that is no longer needed; its arrays of gains are overwritten.
         """
-        samples, states, readings = len(course.inputs), self._sizes["STATES"], self._sizes["READINGS"]
-        weighed = samples if gains else 0
-        if into is not None and into.gains.shape == (weighed, readings, states):
-            found_gains, whitening = into.gains, into.whitening
+        samples, states, readings = len(data.inputs), self._sizes["STATES"], self._sizes["READINGS"]
+        kept_samples = samples if gains else 0
+        if into is not None and into.gains.shape == (kept_samples, readings, states):
+            gain_rows, whitening = into.gains, into.whitening
         else:
-            found_gains, whitening = np.zeros((weighed, readings, states)), np.zeros((weighed, readings, readings))
+            gain_rows = np.zeros((kept_samples, readings, states))
+            whitening = np.zeros((kept_samples, readings, readings))
         sums, done = np.empty((readings, 4)), ctypes.c_int64()
         kept = [np.full((samples, states), np.nan) for _ in range(2)] if rows else []
-        covariances = np.full((samples, watched, states), np.nan) if watched else None
-        inputs, read, length, start = course.pointers()
-        outcome = self._weigh(
+        covariance_rows = np.full((samples, watched, states), np.nan) if watched else None
+        inputs, read, length, start = data.pointers()
+        vectors = covariances.initial, covariances.process, covariances.measurement
+        outcome = self._filter(
             parameters.ctypes.data,
             inputs,
             read,
             length,
             start,
-            *(vector.ctypes.data for vector in (spread.start, spread.walk, spread.readings)),
+            *(vector.ctypes.data for vector in vectors),
             outlier,
-            *((array.ctypes.data if gains else None) for array in (found_gains, whitening)),
+            *((array.ctypes.data if gains else None) for array in (gain_rows, whitening)),
             sums.ctypes.data,
             *((array.ctypes.data for array in kept) if rows else (None, None)),
             watched,
-            None if covariances is None else covariances.ctypes.data,
+            None if covariance_rows is None else covariance_rows.ctypes.data,
             ctypes.byref(done),
         )
         counts, squares, logarithms, noise = sums.T
         with np.errstate(invalid="ignore"):
             noise = noise / counts
-        found, spreads = kept if rows else (None, None)
-        return Weights(
-            outcome, done.value, found_gains, whitening, counts, squares, logarithms, noise, found, spreads, covariances
+        return FilterPass(
+            outcome=outcome,
+            done=done.value,
+            gains=gain_rows,
+            whitening=whitening,
+            counts=counts,
+            squares=squares,
+            logarithms=logarithms,
+            noise=noise,
+            states=kept[0] if rows else None,
+            deviations=kept[1] if rows else None,
+            covariances=covariance_rows,
         )
 
-    def smooth(self, parameters: Floats, course: Course, weights: Weights) -> tuple[Floats, Floats]:
-        """What the last states were by all readings, those that came later among them.
+    def smooth(self, parameters: Floats, data: FilterData, filtered: FilterPass) -> tuple[Floats, Floats]:
+        """Estimate the last states from all readings, later ones included (modified Bryson–Frazier smoother).
 
         Args:
             parameters: (parameters,).
-            course: the log.
-            weights: with rows, and covariances of the states that are watched.
+            data: inputs and readings.
+            filtered: a pass with rows, and covariances of the states that are watched.
 
         Returns:
             (samples, watched) means, and (samples, watched, watched) their covariances.
 
         Raises:
-            ValueError: weights without rows or covariances.
+            ValueError: a pass without rows or covariances.
         """
-        if weights.states is None or weights.covariances is None:
-            raise ValueError("weights: must have rows and covariances")
-        samples, watched, _ = weights.covariances.shape
-        means, spreads = np.full((samples, watched), np.nan), np.full((samples, watched, watched), np.nan)
-        inputs, read, length, _ = course.pointers()
+        if filtered.states is None or filtered.covariances is None:
+            raise ValueError("filtered: must have rows and covariances")
+        samples, watched, _ = filtered.covariances.shape
+        means, covariances = np.full((samples, watched), np.nan), np.full((samples, watched, watched), np.nan)
+        inputs, read, length, _ = data.pointers()
         self._smooth(
             parameters.ctypes.data,
             inputs,
             read,
             length,
-            *(array.ctypes.data for array in (weights.states, weights.gains, weights.whitening)),
+            *(array.ctypes.data for array in (filtered.states, filtered.gains, filtered.whitening)),
             watched,
-            weights.covariances.ctypes.data,
+            filtered.covariances.ctypes.data,
             means.ctypes.data,
-            spreads.ctypes.data,
+            covariances.ctypes.data,
         )
-        return means, spreads
+        return means, covariances
 
-    def predict(self, parameters: Floats, course: Course, weights: Weights, *, rows: bool = False) -> Prediction:
-        """What is expected with given gains, and its exact slopes by the fitted numbers.
+    def predict(
+        self, parameters: Floats, data: FilterData, filtered: FilterPass, *, rows: bool = False
+    ) -> FixedGainPrediction:
+        """Predict all readings with given gains, with exact derivatives by the fitted parameters.
 
         Args:
             parameters: (parameters,).
-            course: the log.
-            weights: gains for each of its samples.
-            rows: whether the surprises are kept.
+            data: inputs and readings.
+            filtered: gains for each of its samples.
+            rows: whether the innovations are kept.
         """
         width, readings = self._sizes["FITTED"] + 1, self._sizes["READINGS"]
         normal, done = np.empty((width, width)), ctypes.c_int64()
-        surprises = np.full((len(course.inputs), readings), np.nan) if rows else None
-        inputs, read, length, start = course.pointers()
+        innovations = np.full((len(data.inputs), readings), np.nan) if rows else None
+        inputs, read, length, start = data.pointers()
         outcome = self._predict(
             parameters.ctypes.data,
             inputs,
             read,
             length,
             start,
-            weights.gains.ctypes.data,
-            weights.whitening.ctypes.data,
+            filtered.gains.ctypes.data,
+            filtered.whitening.ctypes.data,
             normal.ctypes.data,
-            None if surprises is None else surprises.ctypes.data,
+            None if innovations is None else innovations.ctypes.data,
             ctypes.byref(done),
         )
-        return Prediction(outcome, done.value, normal, surprises)
+        return FixedGainPrediction(outcome, done.value, normal, innovations)
 
 
-def prediction_source(system: Predicted, compiler: Compiler) -> str:
+def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
     """C99 translation unit of a filter over a log."""
     functions = {function.name(): function for function in system.functions}
-    weighed = {name: _product(each, (), "1") for name, each in functions.items() if name != "move"}
+    by_state = {name: _product(each, (), "1") for name, each in functions.items() if name != "move"}
     fitted = {name: _product(each, system.fitted, "LANES") for name, each in functions.items() if name != "move"}
     by_parts = _product(system.move, system.fitted, "1")
-    linear = [_linear(functions[name], product) for name, product in (weighed | {"move": by_parts}).items()]
+    linear = [_linear(functions[name], product) for name, product in (by_state | {"move": by_parts}).items()]
     sloped = [product.slopes for product in fitted.values()]
     hoisted = hoisted_all([*functions.values(), *linear, *sloped])
     lanes = {each.name(): Lanes(not compiler.is_clang, shared=("parameters", "derived")) for each in sloped}
-    macros = {f"{name}_BY_STATE": product for name, product in weighed.items()} | {"MOVE_BY_ALL": by_parts}
+    macros = {f"{name}_BY_STATE": product for name, product in by_state.items()} | {"MOVE_BY_ALL": by_parts}
     macros |= {f"{name}_BY_ALL": product for name, product in fitted.items()}
     defines = [f"#define {name.upper()} {' '.join(product.statements)}" for name, product in macros.items()]
     sizes = {"ONE_STEP_DERIVED": 0, "LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
@@ -259,7 +272,7 @@ def prediction_source(system: Predicted, compiler: Compiler) -> str:
         "lanes.h",
         c_source(hoisted, Style(compares=True), lanes),
         "\n".join(defines) + "\n",
-        *(f"filter/{name}" for name in ("linear.h", "weigh.c", "predict.c", "smooth.c")),
+        *(f"filter/{name}" for name in ("linear.h", "kalman.c", "predict.c", "smooth.c")),
     )
 
 
@@ -286,7 +299,7 @@ def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
 
 
 @cache
-def compile_predictor(system: Predicted, compiler: Compiler | None = None) -> Predictor:
+def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None) -> Predictor:
     """Compile (or find in the cache) and load a filter.
 
     Args:
@@ -299,10 +312,10 @@ def compile_predictor(system: Predicted, compiler: Compiler | None = None) -> Pr
     chosen = compiler or find_compiler()
     loaded = ctypes.CDLL(str(library(prediction_source(system, chosen), chosen, lane_flags(chosen))))
     pointer, count, done = ctypes.c_void_p, ctypes.c_int64, ctypes.POINTER(ctypes.c_int64)
-    loaded.weigh.argtypes = (
+    loaded.filter.argtypes = (
         [pointer] * 3 + [count] + [pointer] * 4 + [ctypes.c_double] + [pointer] * 5 + [count, pointer, done]
     )
     loaded.smooth.argtypes = [pointer] * 3 + [count] + [pointer] * 3 + [count] + [pointer] * 3
     loaded.predict.argtypes = [pointer] * 3 + [count] + [pointer] * 5 + [done]
-    loaded.weigh.restype = loaded.predict.restype = loaded.smooth.restype = ctypes.c_int
-    return Predictor(system.sizes, loaded.weigh, loaded.predict, loaded.smooth)
+    loaded.filter.restype = loaded.predict.restype = loaded.smooth.restype = ctypes.c_int
+    return Predictor(system.sizes, loaded.filter, loaded.predict, loaded.smooth)

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers.prediction import Course, Spread, compile_predictor
+from dualwinch.codegen.drivers.prediction import FilterCovariances, FilterData, compile_predictor
 from dualwinch.identification.levels import Levels
 from dualwinch.identification.noise import first_noise
 from dualwinch.identification.predictor import machine_of, parameter_names, predicted
@@ -46,14 +46,14 @@ class Textbook:
     covariances: list[np.ndarray]
     slopes: list[np.ndarray]
     ahead: list[np.ndarray]
-    unlikelihood: float
+    negative_log_likelihood: float
 
 
-def in_numpy(experiment: Experiment, vector: np.ndarray, course: Course, spread: Spread) -> Textbook:
+def in_numpy(experiment: Experiment, vector: np.ndarray, course: FilterData, spread: FilterCovariances) -> Textbook:
     """An extended Kalman filter as in a textbook, all sensors at once."""
     system = predicted(machine_of(experiment), FITTED)
     n, motion = len(course.start), system.move.size1_in("motion")
-    x, P = course.start.copy(), spread.start.copy()
+    x, P = course.start.copy(), spread.initial.copy()
     found = Textbook([], [], [], [], 0.0)
 
     def called(function: ca.Function, *given: Any) -> dict[str, np.ndarray]:
@@ -68,11 +68,11 @@ def in_numpy(experiment: Experiment, vector: np.ndarray, course: Course, spread:
         seen = called(system.sense, x, given, vector)
         there = np.isfinite(read)
         H = seen["jac_reading_state"][there]
-        surprise, R = (read - seen["reading"])[there], np.diag(spread.readings[there])
+        surprise, R = (read - seen["reading"])[there], np.diag(spread.measurement[there])
         S = H @ P @ H.T + R
         K = P @ H.T @ np.linalg.inv(S)
         x, P = x + K @ surprise, P - K @ S @ K.T
-        found.unlikelihood += (surprise @ np.linalg.solve(S, surprise) + np.linalg.slogdet(S)[1]) / 2
+        found.negative_log_likelihood += (surprise @ np.linalg.solve(S, surprise) + np.linalg.slogdet(S)[1]) / 2
         found.states.append(x)
         found.covariances.append(P)
         held = called(system.prepare, x, given, vector)
@@ -87,7 +87,7 @@ def in_numpy(experiment: Experiment, vector: np.ndarray, course: Course, spread:
             A = moved["jac_next_motion_motion"] @ A + moved["jac_next_motion_hold"] @ held["jac_hold_state"]
         A = np.vstack([A, held["jac_rest_state"]])
         found.slopes.append(A)
-        x, P = np.concatenate([parts[-1]["next_motion"], held["rest"]]), A @ P @ A.T + np.diag(spread.walk)
+        x, P = np.concatenate([parts[-1]["next_motion"], held["rest"]]), A @ P @ A.T + np.diag(spread.process)
         found.ahead.append(x)
     return found
 
@@ -114,14 +114,14 @@ def test_the_filter_is_the_textbooks(experiment: Experiment, window: slice) -> N
     (section,) = found.sections
     (weights,) = found.weigh(experiment, levels, rows=True)
     course, covariance = found.course(experiment, levels, section)
-    spread = Spread(covariance, found.walk(experiment, levels), levels.noise)
+    spread = FilterCovariances(covariance, found.walk(experiment, levels), levels.noise)
     textbook = in_numpy(experiment, found.vector(experiment, levels), course, spread)
     states, deviations = np.array(textbook.states), np.sqrt([np.diag(each) for each in textbook.covariances])
     assert weights.states is not None
     assert weights.deviations is not None
     assert (np.abs(weights.states - states) <= 1e-5 * deviations + 1e-9).all()
     np.testing.assert_allclose(weights.deviations[:, :6], deviations[:, :6], rtol=1e-4)
-    assert weights.unlikelihood == pytest.approx(textbook.unlikelihood, rel=1e-6)
+    assert weights.negative_log_likelihood == pytest.approx(textbook.negative_log_likelihood, rel=1e-6)
 
 
 def test_the_smoother_is_the_textbooks() -> None:
@@ -129,7 +129,9 @@ def test_the_smoother_is_the_textbooks() -> None:
     (section,) = found.sections
     course, covariance = found.course(MACHINE, levels, section)
     walk = found.walk(MACHINE, levels)
-    textbook = in_numpy(MACHINE, found.vector(MACHINE, levels), course, Spread(covariance, walk, levels.noise))
+    textbook = in_numpy(
+        MACHINE, found.vector(MACHINE, levels), course, FilterCovariances(covariance, walk, levels.noise)
+    )
     states, deviations = smoothed(textbook, walk)
     ((_, means, covariances),) = found.smooth(MACHINE, levels)
     spreads = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
@@ -148,15 +150,15 @@ def test_gains_written_in_the_place_of_others_are_the_same() -> None:
     assert again.gains is other.gains
     np.testing.assert_array_equal(again.gains, fresh.gains)
     np.testing.assert_array_equal(again.whitening, fresh.whitening)
-    assert again.unlikelihood == fresh.unlikelihood
+    assert again.negative_log_likelihood == fresh.negative_log_likelihood
 
 
 def test_with_its_own_gains_a_prediction_is_the_filters() -> None:
     found, levels = filters()
     (weights,) = found.weigh(MACHINE, levels)
     (prediction,) = found.predict(found.vector(MACHINE, levels), MACHINE, levels, [weights], rows=True)
-    assert prediction.surprises is not None
-    squares = np.nansum(prediction.surprises**2, axis=0)
+    assert prediction.innovations is not None
+    squares = np.nansum(prediction.innovations**2, axis=0)
     np.testing.assert_allclose(squares, weights.squares, rtol=1e-9)
     assert prediction.normal[-1, -1] == pytest.approx(weights.squares.sum(), rel=1e-9)
 
@@ -212,7 +214,7 @@ def test_numbers_that_are_zero_may_be_left_out() -> None:
     np.testing.assert_allclose(same.squares, weights.squares, rtol=1e-6)
     (liked,) = without.weigh(MACHINE, levels, gains=False)
     assert liked.gains.size == 0
-    assert liked.unlikelihood == pytest.approx(same.unlikelihood, rel=1e-12)
+    assert liked.negative_log_likelihood == pytest.approx(same.negative_log_likelihood, rel=1e-12)
 
 
 def test_missing_sensors_are_never_looked_at() -> None:

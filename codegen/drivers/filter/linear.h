@@ -29,7 +29,7 @@ typedef struct {
   double move[PARTS * LINEAR_MOVE_SLOPES + 1];
 } Slopes;
 
-static void derive_to_weigh(const double *parameters, Derived *derived) {
+static void derive_to_filter(const double *parameters, Derived *derived) {
   derive_linear_sense(parameters, derived->linear_sense);
   derive_linear_prepare(parameters, derived->linear_prepare);
   derive_linear_move(parameters, derived->linear_move);

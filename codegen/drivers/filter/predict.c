@@ -1,6 +1,6 @@
 /* Goes through a log with given gains, with the exact slopes of what is expected by the fitted numbers: LANES samples of the
    run, then their slopes side by side, a sample in each lane, then the tangents through these samples one after the other,
-   a fitted number in each lane. Comes after weigh.c. */
+   a fitted number in each lane. Comes after kalman.c. */
 
 /* LANES samples of the run: what their slopes depend on. Element i of sample t is at [i * LANES + t]. */
 typedef struct {
@@ -9,7 +9,7 @@ typedef struct {
 #if HAS_ONE_STEP
   LANE_ARRAY one_step[(ONE_STEP_SLOPES + 1) * LANES];
 #endif
-  double surprise[READINGS * LANES];
+  double innovation[READINGS * LANES];
   int in_one_step[LANES];
 } Stretch;
 
@@ -118,12 +118,12 @@ static void carry_by_parts(const Stretch *of, int t, const double *parameters, c
   }
 }
 
-/* Goes through the log with gains and whitening as `weigh` gives them. normal ((FITTED + 1)²), overwritten: sums over all
-   readings of the products of the whitened surprises' slopes by the fitted numbers and, last, of the surprises themselves.
-   surprises (samples × READINGS, whitened; NaN where nothing was read) may be null. Else as `weigh`. */
+/* Goes through the log with gains and whitening as `filter` gives them. normal ((FITTED + 1)²), overwritten: sums over all
+   readings of the products of the whitened innovations' slopes by the fitted numbers and, last, of the innovations themselves.
+   innovations (samples × READINGS, whitened; NaN where nothing was read) may be null. Else as `filter`. */
 EXPORT int predict(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                    const double *start, const double *gains, const double *whitening, double *normal,
-                   double *surprises, int64_t *done) {
+                   double *innovations, int64_t *done) {
   Derived derived;
   Stretch of;
   double state[STATES], next[STATES], expected[READINGS], hold[HOLD], margin = 0;
@@ -144,9 +144,9 @@ EXPORT int predict(const double *parameters, const double *inputs, const double 
       put(of.input + stepped, input, INPUTS);
       sense(state, input, parameters, derived.sense, expected);
       for (int i = 0; i < READINGS; ++i) {
-        const double surprise = readings[(k + stepped) * READINGS + i] - expected[i];
-        of.surprise[stepped * READINGS + i] = surprise;
-        if (!absent(surprise)) add(state, surprise, gain + i * STATES, STATES);
+        const double innovation = readings[(k + stepped) * READINGS + i] - expected[i];
+        of.innovation[stepped * READINGS + i] = innovation;
+        if (!absent(innovation)) add(state, innovation, gain + i * STATES, STATES);
       }
       put(of.after + stepped, state, STATES);
       prepare(state, input, parameters, derived.prepare, next + MOTION, hold);
@@ -162,21 +162,21 @@ EXPORT int predict(const double *parameters, const double *inputs, const double 
     one_step_slopes_lanes(of.after, of.hold, parameters, derived.one_step_slopes, of.one_step);
 #endif
     for (int t = 0; t < stepped; ++t, ++k) {
-      const double *gain = gains + k * GAINS, *by = whitening + k * WHITENING, *surprise = of.surprise + t * READINGS;
+      const double *gain = gains + k * GAINS, *by = whitening + k * WHITENING, *innovation = of.innovation + t * READINGS;
       sense_ways(of.sense + t, tangents, directions, raw);
       for (int i = 0; i < READINGS; ++i) {
-        if (absent(surprise[i])) continue;
+        if (absent(innovation[i])) continue;
         for (int s = 0; s < STATES; ++s) add(tangents + s * WAYS, -gain[i * STATES + s], raw + i * WAYS, WAYS);
-        raw[i * WAYS + FITTED] = -surprise[i];
+        raw[i * WAYS + FITTED] = -innovation[i];
       }
       for (int i = 0; i < READINGS; ++i) {
-        if (surprises) *surprises++ = surprise[i];
-        if (absent(surprise[i])) continue;
+        if (innovations) *innovations++ = innovation[i];
+        if (absent(innovation[i])) continue;
         memset(white, 0, sizeof white);
         for (int j = 0; j <= i; ++j)
-          if (!absent(surprise[j])) add(white, -by[i * READINGS + j], raw + j * WAYS, WAYS);
+          if (!absent(innovation[j])) add(white, -by[i * READINGS + j], raw + j * WAYS, WAYS);
         for (int a = 0; a <= FITTED; ++a) add(sums + a * WAYS, white[a], white, WAYS);
-        if (surprises) surprises[-1] = white[FITTED];
+        if (innovations) innovations[-1] = white[FITTED];
       }
       prepare_ways(of.prepare + t, tangents, directions, next_tangents + MOTION * WAYS, held);
 #if HAS_ONE_STEP

@@ -4,10 +4,10 @@ static inline void take_columns(double *to, const double *from, int rows) {
 }
 
 /* What the last `watched` states were, by all readings: the modified Bryson–Frazier smoother (Bierman, Factorization
-   Methods for Discrete Sequential Estimation, 1977), which goes backwards with the gains of `weigh`.
-   states (samples × STATES) and covariances (samples × watched × STATES): as `weigh` gives them. smoothed
-   (samples × watched) and spreads, their covariances (samples × watched²), are overwritten. Else as `weigh`. Comes after
-   weigh.c. */
+   Methods for Discrete Sequential Estimation, 1977), which goes backwards with the gains of `filter`.
+   states (samples × STATES) and covariances (samples × watched × STATES): as `filter` gives them. smoothed
+   (samples × watched) and spreads, their covariances (samples × watched²), are overwritten. Else as `filter`. Comes after
+   kalman.c. */
 EXPORT int smooth(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                   const double *states, const double *gains, const double *whitening, int64_t watched,
                   const double *covariances, double *smoothed, double *spreads) {
@@ -15,11 +15,11 @@ EXPORT int smooth(const double *parameters, const double *inputs, const double *
   Slopes slopes;
   double pull[STATES] = {0}, certainty[STATES * STATES] = {0}; /* slopes and curvature by what comes later */
   double turned[STATES], product[STATES * STATES], kept[STATES * STATES], expected[READINGS], h[READINGS * STATES];
-  double surprise[READINGS], white[READINGS], white_h[READINGS * STATES], moved[STATES], by_state[STATES * STATES];
+  double innovation[READINGS], white[READINGS], white_h[READINGS * STATES], moved[STATES], by_state[STATES * STATES];
   double margin, sense_by_state[LINEAR_SENSE_SLOPES + 1];
   LANE_ARRAY identity[STATES * COLUMNS], columns[STATES * COLUMNS], sensed[READINGS * COLUMNS];
   put_identity(identity);
-  derive_to_weigh(parameters, &derived);
+  derive_to_filter(parameters, &derived);
   for (int64_t k = samples - 1; k >= 0; --k) {
     for (int64_t i = 0; i < watched; ++i) {
       const double *row = covariances + (k * watched + i) * STATES;
@@ -44,11 +44,11 @@ EXPORT int smooth(const double *parameters, const double *inputs, const double *
     const double *gain = gains + k * GAINS, *by = whitening + k * WHITENING;
     for (int i = 0; i < READINGS; ++i) {
       const double read = readings[k * READINGS + i];
-      surprise[i] = absent(read) ? 0 : read - expected[i];
+      innovation[i] = absent(read) ? 0 : read - expected[i];
     }
     memset(white, 0, sizeof white);
     memset(white_h, 0, sizeof white_h);
-    add_product(white, by, READINGS, surprise, READINGS, READINGS, 1);
+    add_product(white, by, READINGS, innovation, READINGS, READINGS, 1);
     add_product(white_h, by, READINGS, h, READINGS, READINGS, STATES);
     memset(kept, 0, sizeof kept); /* share of a state that a correction leaves: 1 - gain h */
     for (int i = 0; i < STATES; ++i) {

@@ -18,20 +18,20 @@ static void spread(double *covariance, const Slopes *slopes, const double *walk)
 }
 
 /* Gains of a sample, one sensor after the other.
-   surprise: readings less what was expected; h (READINGS × COLUMNS): slopes of the readings by the state. Row i of
-   whitening is by the whole surprise, whatever the order of the sensors; row i of gains is what surprise i corrects of the
+   innovation: readings less what was expected; h (READINGS × COLUMNS): slopes of the readings by the state. Row i of
+   whitening is by the whole innovation, whatever the order of the sensors; row i of gains is what innovation i corrects of the
    state; rows of absent readings are not written. corrected (STATES): the sum of all corrections. sums (4 each): how many
-   readings, the squares of whitened surprises, logarithms of their variances, and the squares that sensors' own noise
+   readings, the squares of whitened innovations, logarithms of their variances, and the squares that sensors' own noise
    would have. */
-static void weigh_sample(double *covariance, const double *surprise, const double *h, const double *variances,
+static void measurement_update(double *covariance, const double *innovation, const double *h, const double *variances,
                          double outlier, double *gains, double *whitening, double *corrected, double *sums) {
   LANE_ARRAY along[COLUMNS], column[COLUMNS];
   memset(corrected, 0, STATES * sizeof *corrected);
   for (int i = 0; i < READINGS; ++i) {
-    if (absent(surprise[i])) continue;
+    if (absent(innovation[i])) continue;
     const double *slope = h + i * COLUMNS;
-    double own[READINGS] = {0}; /* the surprise that is left of it, by all */
-    double variance = variances[i], left = surprise[i];
+    double own[READINGS] = {0}; /* the innovation that is left of it, by all */
+    double variance = variances[i], left = innovation[i];
     int by[STATES + 1], count = 0; /* the states that it is of */
     for (int k = 0; k < STATES; ++k) by[count] = k, count += slope[k] != 0;
     memset(along, 0, sizeof along);
@@ -41,7 +41,7 @@ static void weigh_sample(double *covariance, const double *surprise, const doubl
       const int k = by[n];
       variance += slope[k] * along[k], left -= slope[k] * corrected[k];
       for (int j = 0; j < i; ++j)
-        if (!absent(surprise[j])) own[j] -= slope[k] * gains[j * STATES + k];
+        if (!absent(innovation[j])) own[j] -= slope[k] * gains[j * STATES + k];
     }
     const double square = left * left / variance, deviation = sqrt(variance);
     const double weight = square > outlier * outlier ? outlier / sqrt(square) : 1;
@@ -53,8 +53,8 @@ static void weigh_sample(double *covariance, const double *surprise, const doubl
     add(corrected, left, column, STATES);
     memcpy(gains + i * STATES, column, STATES * sizeof *gains);
     for (int j = 0; j < i; ++j)
-      if (!absent(surprise[j])) add(gains + j * STATES, own[j], column, STATES);
-    const double kept = variances[i] / variance; /* share of the surprise that stays after the correction */
+      if (!absent(innovation[j])) add(gains + j * STATES, own[j], column, STATES);
+    const double kept = variances[i] / variance; /* share of the innovation that stays after the correction */
     sums[4 * i] += 1, sums[4 * i + 1] += weight * square, sums[4 * i + 2] += log(variance);
     sums[4 * i + 3] += weight * square * kept * variances[i] + (1 - kept) * variances[i];
   }
@@ -63,22 +63,22 @@ static void weigh_sample(double *covariance, const double *surprise, const doubl
 /* The gains of every sample: gains (samples × READINGS × STATES), whitening (samples × READINGS²); rows of absent readings
    are left as they are; both may be null.
    start (STATES), first_covariance (STATES²): what is expected before the first sample; walk (STATES): what a sample adds to
-   its variances; variances (READINGS) of the sensors' noise; outlier: surprise over its deviation from which on a reading
+   its variances; variances (READINGS) of the sensors' noise; outlier: innovation over its deviation from which on a reading
    counts less (Huber). sums (4 a sensor) is overwritten. states and deviations (samples × STATES), what is expected after
    each sample's readings and how well it is known, and covariances (samples × watched × STATES), the rows of the last
    `watched` states then, may be null.
    Returns the outcome: an expectation that is not finite or leaves the track ends it; *done: samples gone through. */
-EXPORT int weigh(const double *parameters, const double *inputs, const double *readings, int64_t samples,
+EXPORT int filter(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                  const double *start, const double *first_covariance, const double *walk, const double *variances,
                  double outlier, double *gains, double *whitening, double *sums, double *states, double *deviations,
                  int64_t watched, double *covariances, int64_t *done) {
   Derived derived;
   Slopes slopes;
-  double state[STATES], next[STATES], corrected[STATES], expected[READINGS], surprise[READINGS], margin = 0;
+  double state[STATES], next[STATES], corrected[STATES], expected[READINGS], innovation[READINGS], margin = 0;
   double by_state[LINEAR_SENSE_SLOPES + 1], own_gains[GAINS], own_whitening[WHITENING];
   LANE_ARRAY covariance[STATES * COLUMNS], h[READINGS * COLUMNS], identity[STATES * COLUMNS];
   put_identity(identity);
-  derive_to_weigh(parameters, &derived);
+  derive_to_filter(parameters, &derived);
   memcpy(state, start, sizeof state);
   memset(sums, 0, 4 * READINGS * sizeof *sums);
   memset(covariance, 0, sizeof covariance);
@@ -87,8 +87,8 @@ EXPORT int weigh(const double *parameters, const double *inputs, const double *r
   for (int64_t k = 0; k < samples; ++k) {
     linear_sense(state, inputs, parameters, derived.linear_sense, expected, by_state);
     sense_columns(by_state, identity, h);
-    for (int i = 0; i < READINGS; ++i) surprise[i] = readings[i] - expected[i];
-    weigh_sample(covariance, surprise, h, variances, outlier, gains ? gains + k * GAINS : own_gains,
+    for (int i = 0; i < READINGS; ++i) innovation[i] = readings[i] - expected[i];
+    measurement_update(covariance, innovation, h, variances, outlier, gains ? gains + k * GAINS : own_gains,
                  whitening ? whitening + k * WHITENING : own_whitening, corrected, sums);
     for (int i = 0; i < STATES; ++i) state[i] += corrected[i];
     if (states) {
