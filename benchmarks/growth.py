@@ -20,8 +20,8 @@ from benchmarks.peers.candidates import GAIN
 from benchmarks.peers.peer import UnavailableError
 from dualwinch.codegen import DualwinchError
 from dualwinch.codegen.drivers.batch import LANES
-from dualwinch.simulation.batch.cores import cores
 from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Simulation
 
 HORIZONS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0)

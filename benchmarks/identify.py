@@ -34,9 +34,9 @@ from dualwinch.identification.summary import hardly_known, hardly_told
 from dualwinch.identification.unknowns import Prior, Unknown
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.cores import cores
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.simulate import simulate
 
 SEED = 18

@@ -22,8 +22,8 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.environments.single import HOLD
 from dualwinch.environments.task import Task
 from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.paired_run import paper_controller
 from dualwinch.tuning.tune import tune
 
 Floats: TypeAlias = NDArray[np.float64]

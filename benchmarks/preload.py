@@ -20,9 +20,8 @@ from dualwinch.controllers.coordinations.differential_tension import Differentia
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.simulation.analysis.least_preload import least_preload
 from dualwinch.simulation.analysis.required_force import within_authority
+from dualwinch.simulation.ensembles.comparison import Comparison, compare, paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.paired import Comparison
-from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
 from dualwinch.tuning.constraint import NO_HEAVIER, NO_LOUDER, NO_PEAK, NO_SLACK, QUIET
 
 CHATTER = {"sea": QUIET, "rig": NO_LOUDER}

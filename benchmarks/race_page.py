@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.document import markdown, put
-from dualwinch.simulation.ensembles.paired import Interval
+from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.tuning.race.ablations import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER
 from dualwinch.tuning.race.summary import below_words, ratio_words, spaced
 

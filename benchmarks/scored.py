@@ -8,8 +8,7 @@ import numpy as np
 from benchmarks.document import markdown, times
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
-from dualwinch.simulation.ensembles.paired import Comparison
-from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
+from dualwinch.simulation.ensembles.comparison import Comparison, compare, paper_controller
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.tune import tune
 

@@ -28,7 +28,7 @@ from dualwinch.identification.sections import Filters, Section
 from dualwinch.identification.sensed import READINGS, sensed
 from dualwinch.model.plant import Torques
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators.rk4 import rk4
 from dualwinch.simulation.loop.between import MOTION_TEMPLATE, ZeroOrderHold, problem_of

@@ -92,6 +92,9 @@ from .simulation.batch.rollout import BatchResult as BatchResult
 from .simulation.batch.rollout import rollout as rollout
 from .simulation.batch.sensitivities import Sensitivities as Sensitivities
 from .simulation.batch.sensitivities import sensitivities as sensitivities
+from .simulation.ensembles.comparison import Comparison as Comparison
+from .simulation.ensembles.comparison import compare as compare
+from .simulation.ensembles.comparison import paper_controller as paper_controller
 from .simulation.ensembles.distributions import Choice as Choice
 from .simulation.ensembles.distributions import Distribution as Distribution
 from .simulation.ensembles.distributions import LogUniform as LogUniform
@@ -99,13 +102,9 @@ from .simulation.ensembles.distributions import Normal as Normal
 from .simulation.ensembles.distributions import Uniform as Uniform
 from .simulation.ensembles.ensemble import Drawn as Drawn
 from .simulation.ensembles.ensemble import Ensemble as Ensemble
-from .simulation.ensembles.ensemble import Scenario as Scenario
-from .simulation.ensembles.paired import Comparison as Comparison
-from .simulation.ensembles.paired_run import compare as compare
-from .simulation.ensembles.paired_run import paper_controller as paper_controller
 from .simulation.ensembles.result import EnsembleResult as EnsembleResult
+from .simulation.ensembles.result import save_ensemble as save_ensemble
 from .simulation.ensembles.run import run_ensemble as run_ensemble
-from .simulation.ensembles.storage import save_ensemble as save_ensemble
 from .simulation.exogenous.sensors import Sensors as Sensors
 from .simulation.experiment import Experiment as Experiment
 from .simulation.experiment import Simulation as Simulation
@@ -117,6 +116,7 @@ from .simulation.paper import case as case
 from .simulation.results.result import Result as Result
 from .simulation.results.storage import load_result as load_result
 from .simulation.results.storage import save as save
+from .simulation.scenario import Scenario as Scenario
 from .simulation.simulate import simulate as simulate
 from .simulation.stepper.observation import Observation as Observation
 from .simulation.stepper.stepper import Stepper as Stepper

@@ -24,7 +24,7 @@ from dualwinch.identification.rest import stretches
 from dualwinch.identification.start import starting
 from dualwinch.identification.unrecorded import NAMES
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.batch.threads import run_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import Structure
 

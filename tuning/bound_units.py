@@ -5,7 +5,7 @@ import re
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.signals.units import UNITS, factor
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.margin_statistic import MarginStatistic
 
 ANGLES = {"deg": 1.0, "rad": 180 / math.pi}

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import behind_number, nearest
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
+from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.bound_units import in_si
 from dualwinch.tuning.margin_statistic import MarginStatistic, margin_statistic

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
+from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.tuning.margin_statistic import margin_statistic
 

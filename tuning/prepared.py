@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.progress import DRAWING, REFERENCES, SILENT, Watch

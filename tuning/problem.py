@@ -10,9 +10,10 @@ from itertools import product
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check
-from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.margin_statistic import MarginStatistic
 from dualwinch.tuning.space import Interval, Point, Space

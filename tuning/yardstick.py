@@ -5,7 +5,7 @@ from dataclasses import replace
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.limits import Limits
-from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.comparison import paper_controller
 
 
 def yardstick(own: Controller) -> Controller:

@@ -17,7 +17,7 @@ import dualwinch
 from benchmarks.document import markdown, put, times
 from benchmarks.independent.judge import Conditions, Judge, Runs
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.experiment import Experiment
 
 CONDITIONS = {

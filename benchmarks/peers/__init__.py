@@ -18,7 +18,7 @@ from benchmarks.peers import (
 )
 from benchmarks.peers.candidates import ROLLOUTS
 from benchmarks.peers.peer import Peer
-from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Simulation
 
 LIMIT = "hand-c"

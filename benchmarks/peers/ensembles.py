@@ -11,12 +11,13 @@ from benchmarks.peers.peer import Answer, Run, UnavailableError
 from dualwinch.codegen import CompilerNotFoundError
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
-from dualwinch.simulation.batch.jobs import run_all
-from dualwinch.simulation.batch.pairs import Pairs
+from dualwinch.simulation.batch.grid import Pairs
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+from dualwinch.simulation.batch.threads import run_all
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.metrics.metrics import Metrics
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.simulate import simulate
 
 SEED = 7

@@ -22,10 +22,9 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.html import readable_unit
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.comparison import CONFIDENCE, RESAMPLES, Comparison, paper_controller
+from dualwinch.simulation.ensembles.comparison import compare as run
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.paired import CONFIDENCE, RESAMPLES, Comparison
-from dualwinch.simulation.ensembles.paired_run import compare as run
-from dualwinch.simulation.ensembles.paired_run import paper_controller
 from dualwinch.simulation.experiment import Experiment
 
 PAPER = "paper"

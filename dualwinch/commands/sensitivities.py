@@ -12,8 +12,7 @@ from dualwinch.commands.terminal import terminal
 from dualwinch.config.renamed import current
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
-from dualwinch.simulation.batch.differentiable import differentiable_numbers
-from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.simulation.batch.sensitivities import differentiable_numbers, sensitivities
 from dualwinch.simulation.check import check_memory
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import BUILT_IN

@@ -15,8 +15,7 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.html import readable, readable_unit
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.differentiable import described
-from dualwinch.simulation.batch.sensitivities import Sensitivities
+from dualwinch.simulation.batch.sensitivities import Sensitivities, described
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metrics_with
 from dualwinch.simulation.results.content import Content, plain

@@ -16,9 +16,8 @@ from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, rese
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.result import EnsembleResult
+from dualwinch.simulation.ensembles.result import EnsembleResult, ensemble_writer, save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.ensembles.storage import ensemble_writer, save_ensemble
 from dualwinch.simulation.metrics.metrics import metrics_with
 
 SCENARIOS, SEED = 100, 0

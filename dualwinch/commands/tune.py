@@ -23,7 +23,7 @@ from dualwinch.commands.tuning_stress import check_stress, print_stress
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.plugins.recall import recall
-from dualwinch.simulation.batch.cores import cores
+from dualwinch.simulation.batch.threads import cores
 from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.result import write_best, write_study

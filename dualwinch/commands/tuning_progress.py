@@ -13,7 +13,7 @@ from rich.spinner import Spinner
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from dualwinch.simulation.ensembles.statistic import Statistic
+    from dualwinch.simulation.ensembles.result import Statistic
     from dualwinch.tuning.progress import Progress
 
 EVERY = 10.0

@@ -19,7 +19,7 @@ from dualwinch.identification.excitation.motions import Room, dimensions, motion
 from dualwinch.identification.unknowns import Prior, Unknown, keys_of, unknowns_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference, own_duration
-from dualwinch.simulation.batch.jobs import run_all
+from dualwinch.simulation.batch.threads import run_all
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]

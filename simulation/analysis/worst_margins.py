@@ -13,11 +13,11 @@ from dualwinch.simulation.analysis.complementary import BOTH, complementary
 from dualwinch.simulation.analysis.cruises import cruises
 from dualwinch.simulation.analysis.least_margins import KINDS, least_margins
 from dualwinch.simulation.analysis.loop_cruise import in_calm, resistance, with_taut_ropes
-from dualwinch.simulation.batch.jobs import Item, Outcome, map_all
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch.threads import Item, Outcome, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
+from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
 

@@ -1,20 +1,25 @@
 """Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
+from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
-from dualwinch.simulation.batch.jobs import run_all
-from dualwinch.simulation.batch.pairs import Pairs
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch.grid import Pairs
+from dualwinch.simulation.batch.scenarios import Progress, Scenarios, run_in_groups
+from dualwinch.simulation.batch.threads import cores, run_all
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.metrics.metrics import final_states, metrics_of
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run, words_of
+from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
 
@@ -111,3 +116,44 @@ def _rollout(
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
     metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=found.completed, own=pairs.metrics)
     return BatchResult(found.outcomes, found.end_times, vars(metrics), columns, interrupted=not whole)
+
+
+BLOCKS = 2
+"""Blocks of lanes a thread runs in a portion: with one, a thread that is done early would wait for the others."""
+
+
+def in_portions(scenarios: Iterable[Scenario], size: int) -> Iterator[list[Scenario]]:
+    """Scenarios in lists of `size`, the last one shorter; each is drawn while the one before is run."""
+    stream = iter(scenarios)
+    with ThreadPoolExecutor(1) as pool:
+        following = pool.submit(lambda: list(islice(stream, size)))
+        while portion := following.result():
+            following = pool.submit(lambda: list(islice(stream, size)))
+            yield portion
+
+
+def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]:
+    """How many scenarios like `experiment` are run at a time, and on how many threads.
+
+    Args:
+        experiment: one of them.
+        threads: at most; default: one a core. Fewer where reference and given signals would take more than half of
+            the memory.
+
+    Raises:
+        ConfigurationError: not even one thread's would fit.
+    """
+    wanted = threads or cores()
+    if hasattr(os, "sysconf"):
+        room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+        given = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
+        signals = len(exogenous_names(experiment.controller))
+        sample = 8 * (signals + LANES * given)  # what is random is drawn while it is used
+        if experiment.samples * sample > room:
+            raise ConfigurationError(
+                f"simulation.duration = {experiment.duration:g}: must be <= "
+                f"{room // sample * experiment.simulation.sample_time:.6g} s in an ensemble, to keep reference and "
+                "given signals within half of the memory"
+            )
+        wanted = min(wanted, room // (experiment.samples * sample))
+    return BLOCKS * LANES * wanted, wanted

@@ -1,7 +1,8 @@
-"""How runs change with their numbers: exact derivatives of the error, of other columns and of the figures of merit."""
+"""Which numbers of an experiment runs can be differentiated by, and why not by others."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,22 +12,156 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.setpoint import Setpoint, later
-from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import Mark, Quantity, nearest
-from dualwinch.simulation.batch.groups import Progress, Scenarios, run_in_groups
-from dualwinch.simulation.batch.jobs import run_all
-from dualwinch.simulation.batch.tangent_seeds import TangentSeeds
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, nearest
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.simulation.batch.grid import Pairs
+from dualwinch.simulation.batch.scenarios import Progress, Scenarios, check_shape, experiment_of, run_in_groups
+from dualwinch.simulation.batch.threads import run_all
+from dualwinch.simulation.check import check
+from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
+from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop
 from dualwinch.simulation.loop.start import start_slopes
-from dualwinch.simulation.loop.structure import Structure, described_parameters
+from dualwinch.simulation.loop.structure import Structure, described_parameters, parameters_of, structure_of
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import metrics_of, metrics_with
 from dualwinch.simulation.metrics.own import slopes_of
 from dualwinch.simulation.results.outcomes import WORDS, not_run
+from dualwinch.simulation.scenario import Scenario
+
+
+def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
+    """Raise `ConfigurationError` where a run has no derivative by a number; of names that are unknown say nothing."""
+    taken = described_parameters(structure_of(experiment))
+    known, values = described(experiment), leaves(experiment)
+    for name in names:
+        if name not in known:
+            continue
+        reason = _reason(known[name])
+        if not reason and name not in taken and not shaped_by(name):
+            reason = "it has no value" if values[name] is None else "no run changes with it alone"
+        if reason:
+            raise ConfigurationError(f"no sensitivity to '{name}': {reason}")
+
+
+def differentiable_numbers(experiment: Experiment) -> dict[str, float]:
+    """Key → value of every number that runs of an experiment have a derivative by."""
+    ahead = {key: value for key, value in leaves(experiment).items() if shaped_by(key)}
+    found = {}
+    for key, value in (parameters_of(experiment) | ahead).items():
+        try:
+            check_differentiable([key], experiment)
+            check_shaped(experiment, key)
+        except ConfigurationError:
+            continue
+        if value or Mark.SCALES_DRAWS not in described(experiment)[key].marks:
+            found[key] = float(value)
+    return found
+
+
+def described(experiment: Experiment) -> dict[str, Leaf]:
+    """Every key of an experiment, and of what the controller believes of its plant, with what it is."""
+    return {**describe_parts(experiment), **described_parameters(structure_of(experiment))}
+
+
+MARKS = {
+    Mark.READS_IN_STEPS: "it rounds what is read",
+    Mark.TIMING: "it sets the instants of the samples",
+    Mark.SHAPES_CODE: "it is written into the compiled code",
+}
+"""What stands against a derivative by what is marked so."""
+
+KINDS = {int: "it is a whole number", bool: "it is a switch", str: "it is a choice or a text", tuple: "it is a list"}
+"""The same, by the type of a value."""
+
+GROUPS = {
+    "metrics.": "no run changes with it, only a figure of merit",
+    "reference.": "the reference is laid out ahead of a run",
+    "sensors.outage": "outages begin and end with samples",
+    "controller.nominal.": "it sets what the controller believes; ask for nominal.*",
+}
+"""The same, by what a key begins with."""
+
+
+def _reason(leaf: Leaf) -> str:
+    """What stands against a derivative by a number; empty: nothing that its description says."""
+    by_mark = (reason for mark, reason in MARKS.items() if mark in leaf.marks)
+    by_kind = (reason for kind, reason in KINDS.items() if leaf.kind is kind)
+    by_group = (reason for beginning, reason in GROUPS.items() if leaf.key.startswith(beginning))
+    return next(chain(by_mark, by_kind, by_group), "")
+
 
 Floats = NDArray[np.float64]
+
+
+class TangentSeeds:
+    """Numbers that vary, of sets (n) in scenarios (m): those the loop takes, and those that shape signals ahead of it.
+
+    Attributes:
+        names: keys of the numbers, p of them.
+        pairs: what the loop takes of every pair.
+        signals: names of the signals that some of the numbers shape.
+    """
+
+    def __init__(self, names: Sequence[str], parameters: ArrayLike, scenarios: Scenarios) -> None:
+        """Check that everything goes together.
+
+        Raises:
+            ConfigurationError: as by `Pairs`, or there is no derivative by a number.
+        """
+        self.names, self._values = tuple(names), np.asarray(parameters, float)
+        if not names:
+            raise ConfigurationError("names: must be at least one number to differentiate by")
+        check_shape(self.names, self._values)
+        taken = names
+        if scenarios:
+            first = experiment_of(scenarios[0])
+            check_differentiable(names, first)
+            loop = described_parameters(structure_of(first))
+            taken = [name for name in names if name in loop or not shaped_by(name)]
+        self.pairs = Pairs(taken, self._values[:, [self.names.index(name) for name in taken]], scenarios)
+        self._shaped = {name: signals for name in self.names if (signals := shaped_by(name))}
+        self.signals = tuple(dict.fromkeys(signal for signals in self._shaped.values() for signal in signals))
+        if self._shaped:
+            for i, j in self.pairs.indices.tolist():
+                self._check(i, j)
+
+    def _check(self, i: int, j: int) -> None:
+        try:
+            check(experiment := self._receiving(i, j))
+            for name in self._shaped:
+                check_shaped(experiment, name)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"parameters[{i}]: {error}") from error
+
+    def _receiving(self, i: int, j: int) -> Experiment:
+        """The experiment whose signals a pair receives."""
+        values = dict(zip(self.names, self._values[i].tolist(), strict=True))
+        return with_leaves(self.pairs.experiment(j), {name: values[name] for name in self._shaped})
+
+    def outside(self, i: int, j: int) -> Floats:
+        """What a pair receives from outside, (samples, exogenous)."""
+        return exogenous_signals(self._receiving(i, j)) if self._shaped else self.pairs.signals(j)
+
+    def directions(self, chosen: range, width: int) -> Floats:
+        """Directions in what the loop takes, (its numbers, width): those of some of the names, the others 0."""
+        directions = np.zeros((len(self.pairs.names), width))
+        for column, number in enumerate(chosen):
+            if self.names[number] in self.pairs.names:
+                directions[self.pairs.names.index(self.names[number]), column] = 1.0
+        return directions
+
+    def moved(self, i: int, j: int, chosen: range, width: int) -> Floats:
+        """Slopes of the signals by some of the names, (samples, signals, width)."""
+        moved = np.zeros((self.pairs.samples, len(self.signals), width))
+        for column, number in enumerate(chosen):
+            for signal in self._shaped.get(self.names[number], ()):
+                slope = signal_slope(self._receiving(i, j), signal, self.names[number])
+                moved[:, self.signals.index(signal), column] = slope
+        return moved
+
 
 TINY = 1e-100
 """Step of the complex-step derivative: exact, as nothing is subtracted."""

@@ -11,13 +11,13 @@ from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.batch.family import families
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch.scenarios import families
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.metrics.metrics import metrics_with
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run
+from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
 

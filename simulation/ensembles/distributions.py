@@ -10,15 +10,13 @@ times as long for each of them, and a second to import.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, TypeAlias
+from typing import Annotated, Any, ClassVar
 
 import annotated_types as at
 
 from dualwinch.model.quantities.part import Part, Registry
 from dualwinch.model.quantities.quantity import Quantity, Rule
-
-Value: TypeAlias = float | int | bool | str
-"""A value of an experiment."""
+from dualwinch.simulation.scenario import Value
 
 
 class Distribution(Part):

@@ -3,17 +3,16 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import nearest
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.ensembles.distributions import Distribution, Value
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.distributions import Distribution
 from dualwinch.simulation.exogenous.first_words import MOST, first_words
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario, Value
 
 SEED_KEY = "simulation.seed"
 """Key of the seed of a scenario's own signals: drawn as well, unless the ensemble says otherwise."""
@@ -55,47 +54,6 @@ class Drawn:
 
 def _scaled(factor: Value, nominal: Value) -> float:
     return float(factor) * float(nominal)
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """One draw of an ensemble: what was drawn. What is simulated follows from it, and is made where it is asked for.
-
-    Attributes:
-        index: its number in the ensemble, from 0.
-        base: what is simulated, but for the draws.
-        nominal: the plant the controller was designed for, without the draws.
-        draws: key → drawn value, ``simulation.seed`` among them.
-        vertex: whether it is a vertex of the box of draws, not a draw like the others.
-        hard: whether somebody picked it because it is hard: it counts in what is the worst, and not in a mean.
-        overwhelming: whether it is harder than any draw: bounds on what is the worst need not be kept to quite.
-    """
-
-    index: int
-    base: Experiment
-    nominal: Plant
-    draws: dict[str, Value]
-    vertex: bool = False
-    hard: bool = False
-    overwhelming: bool = False
-
-    @cached_property
-    def experiment(self) -> Experiment:
-        """What is simulated, the drawn values in it.
-
-        Raises:
-            ConfigurationError: a drawn value is out of its range.
-        """
-        return with_leaves(self.base, self.draws)
-
-    def having(self, settings: Mapping[str, Any]) -> "Scenario":
-        """The scenario with other values of some keys, whether these were drawn or not.
-
-        Raises:
-            ConfigurationError: a value that the base refuses.
-        """
-        draws = {key: value for key, value in self.draws.items() if key not in settings}
-        return replace(self, base=with_leaves(self.base, settings), draws=draws)
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,110 @@
-"""The result of an ensemble: what each scenario came to, and statistics over all of them."""
+"""A named statistic of a figure of merit over scenarios: ``mean.mse``, ``p95.chatter``, ``worst.peak_tension``."""
 
+import json
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.files import atomic
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.statistic import KINDS, Statistic, statistic_from
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.metrics import BUILT_IN, Metrics, metrics_with
+from dualwinch.simulation.results.content import Content, plain
+from dualwinch.simulation.results.formats import FORMATS
+
+SMALL_IS_BAD = frozenset({"min_tension"})
+"""Built-in figures of merit whose bad end is the small one; of the others it is the large one."""
+
+KINDS = ("mean", "median", "p95", "worst")
+"""What a statistic can be: ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """One statistic of one figure of merit.
+
+    Attributes:
+        kind: one of `KINDS`.
+        metric: name of the figure of merit.
+        own: what computes it, where it is none of the built-in ones.
+    """
+
+    kind: str
+    metric: str
+    own: Metric | None = None
+
+    @property
+    def name(self) -> str:
+        """Such as ``mean.mse``."""
+        return f"{self.kind}.{self.metric}"
+
+    @property
+    def quantity(self) -> Quantity:
+        """Unit and meaning of the figure of merit."""
+        return self.own.quantity if self.own else describe(Metrics)[self.metric].quantity
+
+    @property
+    def unit(self) -> str:
+        """Unit of the figure of merit."""
+        return self.quantity.unit
+
+    @property
+    def small_is_bad(self) -> bool:
+        """Whether the figure of merit's bad end is the small one."""
+        return self.own.small_is_bad if self.own else self.metric in SMALL_IS_BAD
+
+    def over(self, values: NDArray[np.float64]) -> float:
+        """The statistic over the figure of merit of some scenarios (n,), what is not finite left out; NaN without any.
+
+        A run that ended early measured something else: give the values of completed scenarios alone.
+        """
+        values = values[np.isfinite(values)]
+        if not len(values):
+            return np.nan
+        match self.kind:
+            case "mean":
+                return float(values.mean())
+            case "median":
+                return float(np.median(values))
+            case "p95":
+                return float(np.quantile(values, 0.05 if self.small_is_bad else 0.95))
+            case _:
+                return float(values.min() if self.small_is_bad else values.max())
+
+
+def statistic_from(text: str, own: Sequence[Metric] = ()) -> Statistic:
+    """The statistic of a name; a figure of merit alone means its mean.
+
+    Args:
+        text: the name.
+        own: the experiment's own metrics.
+
+    Raises:
+        ConfigurationError: unknown statistic or figure of merit.
+    """
+    kind, dot, metric = text.strip().rpartition(".")
+    if not dot:
+        kind = "mean"
+    if kind not in KINDS:
+        raise ConfigurationError(f"'{text.strip()}': unknown statistic '{kind}'; must be {', '.join(KINDS)}")
+    parts = {part.table(): part for part in own}
+    known = (*BUILT_IN, *parts)
+    if metric not in known:
+        raise ConfigurationError(
+            f"'{text.strip()}': unknown metric '{metric}'; did you mean '{nearest(metric, known)}'?"
+        )
+    return Statistic(kind, metric, parts.get(metric))
 
 
 @dataclass(frozen=True)
@@ -93,3 +189,81 @@ class EnsembleResult:
 
     def _over(self, statistic: Statistic) -> float:
         return statistic.over(self.metrics[statistic.metric][self.completed])
+
+
+def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> Content:
+    """What a file holds: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
+    experiment = result.ensemble.experiment
+    drawn = {**describe(Experiment), **describe_parts(experiment)}
+    merits = describe(metrics_with(experiment.metrics))
+    columns: dict[str, tuple[NDArray[Any], Quantity]] = {
+        "scenario": (np.arange(len(result)), Quantity("", "number of the scenario")),
+        **{key: (values, drawn[key].quantity) for key, values in result.draws.items()},
+        "outcome": (np.array(result.outcomes), Quantity("", "how the run ended")),
+        "end_time": (result.end_times, Quantity("s", "time at which the run ended")),
+        **{name: (values, merits[name].quantity) for name, values in result.metrics.items()},
+    }
+    facts = {
+        **notes,
+        "ensemble": result.ensemble.name,
+        "ensemble_seed": result.seed,
+        "scenarios_asked": result.asked,
+        "outcomes": result.outcome_counts,
+        "statistics": result.statistics,
+        "experiment": leaves(experiment),
+        "distributions": {
+            key: {"kind": drawn.distribution.kind, **asdict(drawn)}
+            for key, drawn in result.ensemble.distributions.items()
+        },
+    }
+    values = {name: values for name, (values, _) in columns.items()}
+    return Content(values, {name: quantity for name, (_, quantity) in columns.items()}, plain(facts))
+
+
+def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
+    """Write a result to a file; the file appears whole or not at all.
+
+    As with a single run (`simulation.results.storage.save`) a CSV file's units stand beside it in
+    ``FILE-metadata.json``; the other formats carry units, seed, statistics, the nominal experiment, how values were
+    drawn, and notes inside.
+
+    Args:
+        result: what to write.
+        path: its suffix chooses the format: csv, parquet, npz, json.
+        notes: further texts to keep with the result, such as the ensemble's TOML.
+
+    Raises:
+        ConfigurationError: unknown suffix.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    ensemble_writer(path)(content_of(result, notes or {}), path)
+
+
+def ensemble_writer(path: str | PathLike[str]) -> Callable[[Content, Path], None]:
+    """What writes the format of a path's suffix.
+
+    Raises:
+        ConfigurationError: unknown suffix.
+    """
+    path = Path(path)
+    try:
+        return WRITERS[path.suffix.lower()]
+    except KeyError:
+        allowed = ", ".join(WRITERS)
+        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
+
+
+def _write_json(content: Content, path: Path) -> None:
+    rows = zip(*(values.tolist() for values in content.columns.values()), strict=True)
+    scenarios = [plain(dict(zip(content.columns, row, strict=True))) for row in rows]
+    text = json.dumps({**content.facts, "units": content.units, "scenarios": scenarios}, indent=1, allow_nan=False)
+    with atomic(path) as unfinished:
+        unfinished.write_text(text + "\n", encoding="utf-8")
+
+
+WRITERS: dict[str, Callable[[Content, Path], None]] = {
+    **{suffix: FORMATS[suffix].write for suffix in (".csv", ".parquet", ".npz")},
+    ".json": _write_json,
+}
+"""Suffix → what writes it."""

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dualwinch.simulation.ensembles.paired import COMPARED, CONFIDENCE, Comparison
+from dualwinch.simulation.ensembles.comparison import COMPARED, CONFIDENCE, Comparison
 from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import (
     BLUE,

@@ -11,12 +11,13 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.stepping import compile_stepping
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
-from dualwinch.simulation.batch.cores import cores
-from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import final_states, metrics_of
 from dualwinch.simulation.results.outcomes import words_of
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.stepper.given import COMMANDS, KINDS, CommandName, Sensed
 from dualwinch.simulation.stepper.lanes import Lanes
 from dualwinch.simulation.stepper.observation import Observation

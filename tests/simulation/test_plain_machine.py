@@ -12,7 +12,7 @@ from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch import rollout as module
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.simulate import simulate
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.statistic import Statistic, statistic_from
+from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.constraint import NO_PEAK, NO_SLACK, Constraint, constraints_from, constraints_with
 from dualwinch.tuning.objective import objectives_from

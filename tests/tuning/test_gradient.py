@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.simulation.ensembles.statistic import statistic_from
+from dualwinch.simulation.ensembles.result import statistic_from
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.optimisers.gradient import SCOUTS, Gradient
 from dualwinch.tuning.optimisers.linearise import linearise

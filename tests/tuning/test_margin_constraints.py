@@ -15,8 +15,8 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraint import Constraint, constraints_from
 from dualwinch.tuning.objective import objectives_from
 from dualwinch.tuning.optimisers.deciding import deciding

@@ -5,7 +5,7 @@ from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal
-from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.tuning.yardstick import is_yardstick, yardstick
 
 

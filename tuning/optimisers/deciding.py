@@ -1,8 +1,8 @@
 """Which scenarios decide what a point of the space is worth: the others need no gradient."""
 
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.runs import counts, run_pairs
 from dualwinch.tuning.space import Point

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.batch.sensitivities import compile_ahead as sensitivities_ahead
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.margin_statistic import MarginStatistic
 from dualwinch.tuning.optimisers.local_model import Model, closeness
 from dualwinch.tuning.optimisers.margin_slopes import margin_slopes

@@ -1,6 +1,6 @@
 """Names of gains and statistics as figures and tables show them."""
 
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 
 ABBREVIATIONS = ("mse", "mae")
 

@@ -8,10 +8,10 @@ from matplotlib.lines import Line2D
 
 from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure, time_axis
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.plots.names import shown_name, shown_unit
 from dualwinch.tuning.problem import HELD_OUT, Problem
 from dualwinch.tuning.scoring.verdict import Verdict

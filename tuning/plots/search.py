@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dualwinch.model.quantities.quantity import behind_number
-from dualwinch.simulation.ensembles.statistic import statistic_from
+from dualwinch.simulation.ensembles.result import statistic_from
 from dualwinch.simulation.plots.style import (
     BLUE,
     GREY,

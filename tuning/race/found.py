@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.race.entry import names
 from dualwinch.tuning.race.front import ERROR
 from dualwinch.tuning.race.pairs import Pair, Ratio, holm, ratio_of

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.ensembles.paired import CONFIDENCE, Interval
+from dualwinch.simulation.ensembles.comparison import CONFIDENCE, Interval
 
 Floats = NDArray[np.float64]
 

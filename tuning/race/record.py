@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from dualwinch.simulation.ensembles.paired import CONFIDENCE
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.comparison import CONFIDENCE
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.problem import HELD_OUT, SELECTION
 from dualwinch.tuning.race.found import Found
 from dualwinch.tuning.race.pairs import LEAST_DIFFERENCE, RULE, Pair, Ratio

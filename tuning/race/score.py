@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dualwinch.simulation.analysis.least_error import least_mse
-from dualwinch.simulation.batch.family import experiment_of
+from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning import clock
 from dualwinch.tuning.prepared import prepare

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.race.entry import Entry
 
 Floats = NDArray[np.float64]

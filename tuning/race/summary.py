@@ -2,8 +2,8 @@
 
 import math
 
-from dualwinch.simulation.ensembles.paired import CONFIDENCE, Interval
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.comparison import CONFIDENCE, Interval
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.race.ablations import NO_OBSERVER, PAPER
 from dualwinch.tuning.race.found import MEAN_ERROR, Found
 from dualwinch.tuning.race.pairs import RULE

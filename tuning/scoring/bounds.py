@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.runs import over

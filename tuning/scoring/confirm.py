@@ -7,7 +7,7 @@ so many, but the one that is chosen can.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.by_ensemble import RESERVE
 from dualwinch.tuning.problem import MARGIN
 from dualwinch.tuning.scoring.evaluate import Evaluator

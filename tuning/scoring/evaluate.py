@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.hardness import Hardness

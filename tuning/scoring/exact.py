@@ -6,7 +6,7 @@ from dataclasses import replace
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 
 
 def exact(scenarios: Sequence[Scenario]) -> list[Scenario]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.prepared import Prepared
 from dualwinch.tuning.scoring.runs import worst_of
 

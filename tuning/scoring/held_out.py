@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.bounds import bounds_in
 from dualwinch.tuning.scoring.evaluation import Candidate
 from dualwinch.tuning.scoring.machines import machine_name

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.problem import Problem
 
 HARDEST = 2

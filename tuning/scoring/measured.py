@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 
 UNMEASURED = 1e9
 """What stands for a statistic of no completed scenario, and the largest magnitude of any other."""

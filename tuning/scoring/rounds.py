@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.problem import SELECTION, Problem
 from dualwinch.tuning.scoring.exact import every_second_exact
 from dualwinch.tuning.scoring.plan import Plan

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.outcomes import WORDS
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.scoring.measured import measured
 

@@ -20,8 +20,9 @@ from dataclasses import dataclass, replace
 from itertools import cycle, islice
 
 from dualwinch.simulation.analysis.required_force import Demand, demand
-from dualwinch.simulation.batch.jobs import map_all
-from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+from dualwinch.simulation.batch.threads import map_all
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.exact import exact
 
 LOOKED_AT = 600

@@ -9,8 +9,8 @@ import numpy as np
 
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning import clock
 from dualwinch.tuning.constraint import Constraint
 from dualwinch.tuning.prepared import Prepared

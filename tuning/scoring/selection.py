@@ -11,8 +11,8 @@ from functools import partial
 import numpy as np
 
 from dualwinch.simulation.analysis.required_force import within_authority
-from dualwinch.simulation.batch.family import experiment_of
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch.scenarios import experiment_of
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.problem import HELD_OUT, MARGIN
 from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
 from dualwinch.tuning.scoring.confirm import confirmed

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
 from dualwinch.tuning.scoring.runs import joined, row_of, worst_of
 from dualwinch.tuning.scoring.scorer import Scorer

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.problem import Problem
 from dualwinch.tuning.space import Space
 from dualwinch.tuning.space_record import space_from

@@ -6,9 +6,9 @@ import numpy as np
 
 from dualwinch.codegen.drivers.batch import compile_batch
 from dualwinch.controllers.controller import Controller
-from dualwinch.simulation.batch.jobs import map_all
-from dualwinch.simulation.batch.pairs import Pairs
+from dualwinch.simulation.batch.grid import Pairs
 from dualwinch.simulation.batch.sweep import run_grid
+from dualwinch.simulation.batch.threads import map_all
 from dualwinch.tuning.stress.limits import Reached
 from dualwinch.tuning.stress.scaling import Scaling
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.statistic import Statistic
+from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import NO_PEAK, Constraint, constraints_from
 from dualwinch.tuning.scoring.measured import measured

@@ -18,8 +18,9 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.check import check
-from dualwinch.simulation.ensembles.ensemble import Ensemble, Scenario
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.stress.imperfection import Imperfection, believed
 
 SWITCHED_AT = 1.0

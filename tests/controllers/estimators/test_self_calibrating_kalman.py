@@ -33,9 +33,9 @@ from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.simulate import simulate
 
 T, SIGMA = 1e-3, 6e-4

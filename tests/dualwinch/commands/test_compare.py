@@ -10,8 +10,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.ensembles.paired import Comparison, Contender
-from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.comparison import Comparison, Contender, paper_controller
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 
 SHORT = ("--scenarios", "3", "--seed", "5", "--set", "simulation.duration=0.2")

@@ -12,7 +12,7 @@ from dualwinch.cli import main
 from dualwinch.commands.sensitivities import values_of
 from dualwinch.commands.sensitivities_tables import per
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.differentiable import differentiable_numbers
+from dualwinch.simulation.batch.sensitivities import differentiable_numbers
 
 MASS, BIAS = "plant.vehicle.mass", "sensors.position_bias"
 SHORT = ("--case", "4", "--set", "simulation.duration=0.5")

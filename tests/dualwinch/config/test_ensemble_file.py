@@ -15,8 +15,8 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.result import save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.ensembles.storage import save_ensemble
 from dualwinch.simulation.paper import case
 from tests.own_distributions import Triangular
 
@@ -304,7 +304,7 @@ def test_config_prints_an_ensemble_that_simulate_reads(tmp_path: Path, capsys: p
 def test_an_interrupt_writes_what_was_finished(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dualwinch.simulation.ensembles.collector import Collector, Finished
+    from dualwinch.simulation.ensembles.run import Collector, Finished
 
     add = Collector.add
 

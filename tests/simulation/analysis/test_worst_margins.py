@@ -18,10 +18,10 @@ from dualwinch.simulation.analysis.least_margins import KINDS
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.worst_margins import UNSTABLE, UNSTEADY, MarginSurvey, cruise_points
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.scenario import Scenario
 
 PAPER = case(4)
 LAWS: tuple[dict[str, Any], ...] = (

@@ -9,9 +9,8 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.doubts import doubtful
-from dualwinch.simulation.batch.family import experiment_of, families
 from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.batch.scenarios import doubtful, experiment_of, families
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble

@@ -7,9 +7,9 @@ from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.portions import BLOCKS, in_portions, portion_size
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch.rollout import BLOCKS, in_portions, portion_size
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.scenario import Scenario
 
 SEA = load_ensemble("sea")
 

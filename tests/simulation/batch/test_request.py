@@ -7,12 +7,12 @@ import pytest
 
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch import request
-from dualwinch.simulation.batch.request import check_batch
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.batch import scenarios as module
+from dualwinch.simulation.batch.scenarios import check_batch
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.scenario import Scenario
 
 COORDINATION = "controller.coordination."
 
@@ -82,7 +82,7 @@ def test_the_sample_time_cannot_vary() -> None:
 
 def test_thousands_of_sound_rows_are_looked_at_by_the_column(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[Experiment] = []
-    monkeypatch.setattr(request, "check", calls.append)
+    monkeypatch.setattr(module, "check", calls.append)
     names = ["controller.nftsm.beta", COORDINATION + "preload", "controller.nftsm.p"]
     values = np.column_stack([np.linspace(0.1, 1, 5000), np.linspace(1e3, 3e3, 5000), np.full(5000, 7.0)])
     scenarios = [replace(case(4), simulation=Simulation(seed=seed)) for seed in range(3)]

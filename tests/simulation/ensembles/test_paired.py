@@ -12,12 +12,11 @@ from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.portions import BLOCKS
-from dualwinch.simulation.ensembles import paired_run
+from dualwinch.simulation.batch.rollout import BLOCKS
+from dualwinch.simulation.ensembles import comparison
+from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_ratio, paper_controller
 from dualwinch.simulation.ensembles.distributions import Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
-from dualwinch.simulation.ensembles.paired import COMPARED, paired_ratio
-from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
 from dualwinch.simulation.ensembles.run import run_ensemble
 
 
@@ -111,7 +110,7 @@ def test_the_seed_determines_the_intervals() -> None:
 
 
 def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls, whole = [], paired_run.rollout
+    calls, whole = [], comparison.rollout
 
     def interrupted(*words, **options):
         calls.append(1)
@@ -119,7 +118,7 @@ def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: p
             raise KeyboardInterrupt
         return whole(*words, **options)
 
-    monkeypatch.setattr(paired_run, "rollout", interrupted)
+    monkeypatch.setattr(comparison, "rollout", interrupted)
     result = compare({"a": paper_controller(), "b": stronger()}, sea, 40, 0, threads=1)
     assert result.partial
     assert {len(contender.outcomes) for contender in result.contenders.values()} == {BLOCKS * LANES}

@@ -11,15 +11,14 @@ import pytest
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.portions import BLOCKS
-from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.ensembles import collector
+from dualwinch.simulation.batch.rollout import BLOCKS, rollout
+from dualwinch.simulation.ensembles import run as module
 from dualwinch.simulation.ensembles.distributions import Choice
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Scenario
-from dualwinch.simulation.ensembles.result import EnsembleResult
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.result import SMALL_IS_BAD, EnsembleResult
 from dualwinch.simulation.ensembles.run import POINTS, rollout_scenarios, run_ensemble
-from dualwinch.simulation.ensembles.statistic import SMALL_IS_BAD
 from dualwinch.simulation.metrics.metrics import BUILT_IN
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.simulate import simulate
 
 
@@ -184,7 +183,7 @@ def test_memory_does_not_grow_beyond_the_metrics() -> None:
 def test_traces_are_kept_of_so_many_scenarios_and_extremes_of_all(
     monkeypatch: pytest.MonkeyPatch, ten: EnsembleResult
 ) -> None:
-    monkeypatch.setattr(collector, "SAMPLED", 4)
+    monkeypatch.setattr(module, "SAMPLED", 4)
     result = run_ensemble(lasting(1.0), 10, 7)
     assert result.traces is not None
     assert ten.traces is not None

@@ -8,9 +8,8 @@ import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.result import EnsembleResult
+from dualwinch.simulation.ensembles.result import WRITERS, EnsembleResult, save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.ensembles.storage import WRITERS, save_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 
 MASS = "plant.vehicle.mass"

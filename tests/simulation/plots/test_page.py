@@ -19,7 +19,7 @@ from dualwinch.simulation.analysis.certificate import certify
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import margins
-from dualwinch.simulation.ensembles.paired_run import compare
+from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.linear import bode, mode_shapes

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from dualwinch.simulation.ensembles.paired import Interval
+from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.tuning.race.pairs import Pair, Ratio, holm, ratio_of
 
 RANDOM = np.random.default_rng(4)

@@ -8,7 +8,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.ensembles.paired_run import compare, paper_controller
+from dualwinch.simulation.ensembles.comparison import compare, paper_controller
 from dualwinch.tuning.race import run as race_run
 from dualwinch.tuning.race.front import COSTS
 from dualwinch.tuning.race.record import to_record

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.by_ensemble import RESERVE
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.scoring.confirm import DISTANCE, confirmed

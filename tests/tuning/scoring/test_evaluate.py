@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
-from dualwinch.simulation.ensembles.ensemble import Scenario
-from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.comparison import paper_controller
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.prepared import STRESS, prepare
 from dualwinch.tuning.scoring.evaluate import HOPELESS, LEADERS, MOST_TRIED, SURVEYED, Evaluator
 from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation

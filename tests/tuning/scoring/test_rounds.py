@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.scoring.plan import Plan
 from dualwinch.tuning.scoring.rounds import to_choose_in, unseen

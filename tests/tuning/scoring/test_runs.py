@@ -8,7 +8,7 @@ import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.statistic import statistic_from
+from dualwinch.simulation.ensembles.result import statistic_from
 from dualwinch.tuning.constraint import constraints_from
 from dualwinch.tuning.scoring.runs import LEEWAY, counts, leeways, over, worst_of
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.analysis.required_force import demand, required_force, within_authority
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.scenarios import (
     BEHIND,
     FURTHEST,

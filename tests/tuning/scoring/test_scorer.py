@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import linearise as lineariser
 from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import MARGIN

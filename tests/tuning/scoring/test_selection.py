@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from dualwinch.simulation.ensembles.ensemble import Scenario
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.simulation.ensembles.ensemble import Scenario
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.problem import SELECTION, Problem
 from dualwinch.tuning.scoring.evaluate import Evaluator

@@ -5,7 +5,7 @@ import pytest
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman
-from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.plots.files import encode
 from dualwinch.tuning.constraint import constraints_from
 from dualwinch.tuning.stress.amounts import Amount

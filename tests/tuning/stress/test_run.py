@@ -12,7 +12,7 @@ from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.paired_run import paper_controller
+from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraint import constraints_from

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.paired_run import paper_controller
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.stress.imperfection import imperfections, union
 from dualwinch.tuning.stress.scaling import Scaling, between

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.batch.family import Scenarios, experiment_of
-from dualwinch.simulation.batch.request import check_batch
+from dualwinch.simulation.batch.scenarios import Scenarios, check_batch, experiment_of
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop

@@ -1,13 +1,13 @@
 """Runs many jobs on threads; compiled code works there without Python's lock."""
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import TypeVar
 
-from dualwinch.simulation.batch.cores import cores
-
 Item = TypeVar("Item")
+
 Outcome = TypeVar("Outcome")
 
 
@@ -59,3 +59,8 @@ def map_all(work: Callable[[Item], Outcome], items: Sequence[Item], threads: int
     if not run_all([partial(one, index) for index in range(len(items))], threads):
         raise KeyboardInterrupt
     return [found[index] for index in range(len(items))]
+
+
+def cores() -> int:
+    """Number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,418 @@
+"""Families: scenarios of a batch that share an experiment and differ in columns of plain numbers."""
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.disturbance import given_signals
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, nearest
+from dualwinch.model.quantities.tree import leaves, rules, with_leaves
+from dualwinch.simulation.check import check, fastest_swing, substeps_for
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.integrators.solver import is_automatic, solver_of
+from dualwinch.simulation.loop.start import starts
+from dualwinch.simulation.loop.structure import Structure, described_parameters, parameters_of, structure_of
+from dualwinch.simulation.results.outcomes import WORDS
+from dualwinch.simulation.scenario import Scenario
+
+Scenarios = Sequence[Experiment | Scenario]
+
+IN_COMMON = frozenset({Mark.TIMING, Mark.SHAPES_CODE, Mark.SHAPES_CODE_AT_ZERO})
+"""Marks of numbers that are the same in a whole family."""
+
+GROUPS_IN_COMMON = ("controller.", "reference.", "metrics.", "plant.track.")
+"""What the keys of others begin with: of what a controller believes, and of where a run goes, more follows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Scenarios that share an experiment and differ in plain numbers.
+
+    Attributes:
+        members: their places in the batch, (n,).
+        experiment: what they share; where they differ it has the numbers of none of them.
+        nominal: the plant that their controllers were designed for; None: that of the experiment.
+        drawn: keys of all that was drawn.
+        columns: key → the members' own numbers, (n,).
+    """
+
+    members: NDArray[np.int64]
+    experiment: Experiment
+    nominal: Plant | None
+    drawn: frozenset[str]
+    columns: dict[str, NDArray[Any]]
+
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """What `parameters_of` gives of the experiment."""
+        return parameters_of(self.experiment, self.nominal)
+
+    @cached_property
+    def vectors(self) -> NDArray[np.float64]:
+        """The same of every member, in that order, (n, parameters)."""
+        vectors = np.tile(np.array(list(self.numbers.values())), (len(self.members), 1))
+        for number, key in enumerate(self.numbers):
+            if key in self.columns:
+                vectors[:, number] = self.columns[key]
+        return vectors
+
+    @property
+    def groups(self) -> dict[str, Any]:
+        """Field of an experiment → the group there, with columns for its numbers."""
+        held = {field.name: getattr(self.experiment, field.name) for field in fields(Experiment)}
+        return {
+            name: with_leaves(group, self.columns, f"{name}.") for name, group in held.items() if is_dataclass(group)
+        }
+
+
+def families(scenarios: Scenarios) -> list[Family]:
+    """Scenarios as families; mostly there is one.
+
+    Words, and numbers from which more follows than what they are in the compiled code and in random signals, are the
+    same in a family.
+
+    Raises:
+        ConfigurationError: such a value is out of its range; the message names the scenario.
+    """
+    found: list[Family] = []
+    for places in _grouped(range(len(scenarios)), map(_likeness, scenarios)):
+        first = scenarios[places[0]]
+        if isinstance(first, Experiment):
+            found.append(Family(np.array(places), first, None, frozenset(), {}))
+        else:
+            found += _of_draws({place: given for place in places if isinstance(given := scenarios[place], Scenario)})
+    return found
+
+
+def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[Family]:
+    """The families of draws of one experiment, by their places, in which the same values are words."""
+    place, first = next(iter(drawn.items()))
+    shaped = _having(first, place, [key for key, value in first.draws.items() if not _is_number(value)])
+    plain = plain_numbers(shaped)
+    columns = [key for key in first.draws if key in plain]
+    others = [key for key in first.draws if key not in plain]
+    for places in _grouped(drawn, (tuple(given.draws[key] for key in others) for given in drawn.values())):
+        yield Family(
+            members=np.array(places),
+            experiment=_having(drawn[places[0]], places[0], others),
+            nominal=first.nominal,
+            drawn=frozenset(first.draws),
+            columns={key: np.array([drawn[place].draws[key] for place in places]) for key in columns},
+        )
+
+
+def _grouped(places: Iterable[int], likeness: Iterable[Hashable]) -> Iterable[list[int]]:
+    groups: dict[Hashable, list[int]] = {}
+    for place, like in zip(places, likeness, strict=True):
+        groups.setdefault(like, []).append(place)
+    return groups.values()
+
+
+def _likeness(given: Experiment | Scenario) -> Hashable:
+    if isinstance(given, Experiment):
+        return id(given)
+    draws = (key if _is_number(value) else (key, value) for key, value in given.draws.items())
+    return id(given.base), id(given.nominal), *draws
+
+
+def _having(scenario: Scenario, place: int, keys: Iterable[str]) -> Experiment:
+    """The experiment of a scenario with some of its draws alone."""
+    try:
+        return with_leaves(scenario.base, {key: scenario.draws[key] for key in keys})
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{name_of(scenario, place)}: {error}") from error
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (float, int)) and not isinstance(value, bool)
+
+
+def experiment_of(given: Experiment | Scenario) -> Experiment:
+    """What is simulated."""
+    return given.experiment if isinstance(given, Scenario) else given
+
+
+def name_of(given: Experiment | Scenario, place: int) -> str:
+    """What an error calls a scenario of a batch."""
+    return f"scenario {given.index}" if isinstance(given, Scenario) else f"scenarios[{place}]"
+
+
+def plain_numbers(experiment: Experiment) -> frozenset[str]:
+    """Keys of an experiment's numbers in which scenarios of a family may differ."""
+    others = (*GROUPS_IN_COMMON, *(f"disturbance.{name}." for name in given_signals(experiment.disturbance)))
+    if is_automatic(experiment):
+        others += ("plant.",)
+    return frozenset(
+        key for key, leaf in describe_parts(experiment).items() if _is_plain(leaf) and not key.startswith(others)
+    )
+
+
+def _is_plain(leaf: Leaf) -> bool:
+    return leaf.kind in {float, int} and not leaf.optional and leaf.marks.isdisjoint(IN_COMMON)
+
+
+Flags = NDArray[np.bool_]
+
+BOUNDS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
+"""Bound of a constraint of `annotated_types` → what holds between a value and it."""
+
+
+def doubtful(family: Family) -> Flags:
+    """(members,) whether each is to be looked at by itself."""
+    if not family.columns:
+        return np.ones(len(family.members), bool)
+    try:
+        check(family.experiment)
+    except ConfigurationError:  # its members may be sound all the same
+        return np.ones(len(family.members), bool)
+    known, doubts = describe_parts(family.experiment), np.zeros(len(family.members), bool)
+    for key, column in family.columns.items():
+        doubts |= out_of_range(known[key], column)
+    if not doubts.any():
+        for doubt in _doubts(family):
+            doubts |= doubt
+    return doubts
+
+
+def _doubts(family: Family) -> Iterator[Any]:
+    """What cannot be told from one column alone: rules, sub-steps, states to start from."""
+    groups = family.groups
+    for name, group in groups.items():
+        for _, owner, rule in rules(group, f"{name}."):
+            yield breaks(rule, owner)
+    simulation = family.experiment.simulation
+    if not is_automatic(family.experiment):
+        yield ~(substeps_for(fastest_swing(groups["plant"]), simulation) <= simulation.substeps)
+    first = starts(structure_of(family.experiment), family.vectors)
+    yield ~np.isfinite(first).all(axis=1)
+
+
+def breaks(rule: Rule, group: Any) -> Any:
+    """Where values of a group whose fields may be arrays break a rule; everywhere, where it is one of scalars alone."""
+    try:
+        return ~np.asarray(rule.holds(group), bool)
+    except ValueError:  # the truth of an array
+        return True
+
+
+def out_of_range(leaf: Leaf, column: NDArray[Any]) -> Flags:
+    """(values,) whether each is no finite number within the bounds of a leaf."""
+    wrong = ~np.isfinite(column)
+    for constraint in leaf.constraints:
+        for word, holds in BOUNDS.items():
+            bound = getattr(constraint, word, None)
+            if bound is not None:
+                wrong |= ~holds(column, bound)
+    if leaf.kind is int and column.dtype.kind not in "iu":
+        wrong |= column != np.rint(column)
+    return wrong
+
+
+Floats = NDArray[np.float64]
+
+
+def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> list[Family]:
+    """The scenarios of a batch as families.
+
+    Raises:
+        ConfigurationError: it cannot be run as asked; see `simulation.batch.rollout.rollout`.
+    """
+    if not scenarios:
+        raise ConfigurationError("scenarios: must be at least one experiment")
+    kin = families(scenarios)
+    first = kin[0].experiment
+    structure = structure_of(first)
+    described = described_parameters(structure)
+    known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, known)}'?")
+    check_shape(names, values)
+    columns = dict(zip(names, values.T, strict=True))
+    _check_bounds(columns, described)
+    scaling = [name for name in names if Mark.SCALES_DRAWS in described[name].marks]
+    for family in kin:
+        _check_family(family, scenarios, scaling)
+        if structure_of(family.experiment) != structure or family.experiment.samples != first.samples:
+            place = family.members[0]
+            raise ConfigurationError(f"scenarios[{place}]: must have the structure and the length of scenarios[0]")
+    _check_together(columns, kin, scenarios, structure)
+    return kin
+
+
+def check_shape(names: Sequence[str], values: Floats) -> None:
+    """Raise `ConfigurationError` where values are not sets with a value for each name."""
+    if values.ndim != 2 or values.shape[1] != len(names):
+        raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
+
+
+def _check_family(family: Family, scenarios: Scenarios, scaling: Iterable[str]) -> None:
+    """Members in doubt are shown to `check`, which has the words for what is wrong with them."""
+    for place in family.members[doubtful(family)]:
+        try:
+            check(experiment_of(scenarios[place]))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{name_of(scenarios[place], place)}: {error}") from error
+    for name in scaling:
+        values = family.columns[name] if name in family.columns else leaves(family.experiment)[name]
+        silent = np.broadcast_to(values == 0, len(family.members))
+        if silent.any():  # what is drawn is drawn for the scenario, and without any there is nothing to scale
+            place = family.members[silent.argmax()]
+            where = name_of(scenarios[place], place)
+            raise ConfigurationError(f"{where}: {name} = 0: must be > 0 where it varies (without it nothing is drawn)")
+
+
+def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) -> None:
+    """Each value's own range, whole columns at a time."""
+    for name, column in columns.items():
+        leaf = described[name]
+        wrong, allowed = out_of_range(leaf, column), leaf.allowed or "finite"
+        if leaf.kind is int:
+            allowed = f"a whole number {leaf.allowed}".strip()
+        elif leaf.kind is bool:
+            wrong |= (column != 0) & (column != 1)
+            allowed = "0 or 1"
+        if wrong.any():
+            row = int(wrong.argmax())
+            raise ConfigurationError(f"parameters[{row}]: {name} = {column[row]:g}: must be {allowed}")
+
+
+def _check_together(
+    columns: Mapping[str, Floats], kin: Sequence[Family], scenarios: Scenarios, structure: Structure
+) -> None:
+    """Rules between values: rows that break one are shown to `check`, which has the words for it."""
+    if not columns:
+        return
+    rows = len(next(iter(columns.values())))
+    whole_plant = any(name.startswith("plant.") for name in columns)
+    if whole_plant:  # ropes, drums and loads of each scenario
+        suspects = [(place, range(rows)) for place in range(len(scenarios))]
+    else:
+        first = {family.experiment.controller: family.members[0] for family in reversed(kin)}
+        suspects = [(place, _breaking(controller, columns)) for controller, place in first.items()]
+    described = described_parameters(structure)
+    for place, chosen in suspects:
+        for row in chosen:
+            where = f"parameters[{row}]" + (f" in scenarios[{place}]" if len(scenarios) > 1 else "")
+            values = {name: _typed(described[name], column[row]) for name, column in columns.items()}
+            changed = with_leaves(experiment_of(scenarios[place]), values)
+            try:
+                check(changed)
+                _check_substeps(changed, structure)
+            except ConfigurationError as error:
+                raise ConfigurationError(f"{where}: {error}") from error
+
+
+def _breaking(controller: Controller, columns: Mapping[str, Floats]) -> Iterable[int]:
+    """Rows that break a rule of a controller."""
+    broken = np.zeros(len(next(iter(columns.values()))), bool)
+    for _, group, rule in rules(with_leaves(controller, columns, "controller.")):
+        broken |= breaks(rule, group)
+    return np.flatnonzero(broken)
+
+
+def _check_substeps(experiment: Experiment, structure: Structure) -> None:
+    """A row's own ropes may ask for more sub-steps than the scenarios'."""
+    needed = solver_of(experiment).substeps
+    if needed > structure.substeps:
+        raise ConfigurationError(
+            f"simulation.substeps = {structure.substeps}: must be >= {needed} for ropes as stiff as these"
+        )
+
+
+def _typed(leaf: Leaf, value: float) -> float | int:
+    return math.floor(value) if leaf.kind is int else float(value)
+
+
+Progress = Callable[[float], None] | None
+
+
+class Interruptible(Protocol):
+    """A result of a batch."""
+
+    @property
+    def interrupted(self) -> bool: ...  # noqa: D102
+
+
+Result = TypeVar("Result", bound=Interruptible)
+
+
+def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scenarios, progress: Progress) -> Result:
+    """The result of a batch, of groups of scenarios with the same sub-steps each: no pair depends on its neighbours.
+
+    Args:
+        run: gives the result of scenarios that go together; a dataclass of arrays (n, m, ...) and dictionaries of such.
+        scenarios: m of them.
+        progress: called now and then with the share that is done.
+
+    Raises:
+        ConfigurationError: scenarios of different groups do not go together.
+    """
+    groups: dict[int, list[int]] = {}
+    for family in families(scenarios):
+        experiment = family.experiment
+        substeps = solver_of(experiment).substeps if is_automatic(experiment) else 0
+        groups.setdefault(substeps, []).extend(family.members.tolist())
+    if len(groups) <= 1:
+        return run(scenarios, progress)
+    _check_alike(scenarios, [indices[0] for indices in groups.values()])
+    results, done = [], 0
+    for indices in groups.values():
+        if results and results[-1].interrupted:
+            results.append(_left_out(results[-1], len(indices)))
+            continue
+
+        def report(share: float, before: int = done, count: int = len(indices)) -> None:
+            if progress:
+                progress((before + share * count) / len(scenarios))
+
+        results.append(run([scenarios[index] for index in indices], report))
+        done += len(indices)
+    return _merged(results, list(groups.values()))
+
+
+def _check_alike(scenarios: Scenarios, indices: list[int]) -> None:
+    experiments = [experiment_of(scenarios[index]) for index in indices]
+    shapes = [(replace(structure_of(experiment), substeps=0), experiment.samples) for experiment in experiments]
+    for index, shape in zip(indices, shapes, strict=True):
+        if shape != shapes[0]:
+            raise ConfigurationError(f"scenarios[{index}]: must have the structure and the length of scenarios[0]")
+
+
+def _left_out(result: Any, count: int) -> Any:
+    """The result of scenarios that an interrupt left out, shaped like another."""
+
+    def emptied(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: emptied(table) for name, table in value.items()}
+        if not isinstance(value, np.ndarray):
+            return value
+        nothing = WORDS[Outcome.NOT_RUN] if value.dtype.kind == "U" else np.nan
+        return np.full((len(value), count, *value.shape[2:]), nothing, value.dtype)
+
+    return replace(result, **{f.name: emptied(getattr(result, f.name)) for f in fields(result)})
+
+
+def _merged(results: list[Result], groups: list[list[int]]) -> Result:
+    """Results of groups as one, the scenarios in their order."""
+    order = np.argsort(np.concatenate(groups))
+
+    def joined(values: list[Any]) -> Any:
+        if isinstance(values[0], np.ndarray):
+            return np.concatenate(values, axis=1)[:, order]
+        if isinstance(values[0], dict):
+            return {name: joined([value[name] for value in values]) for name in values[0]}
+        return any(values) if isinstance(values[0], bool) else values[0]
+
+    first: Any = results[0]
+    return type(first)(**{f.name: joined([getattr(result, f.name) for result in results]) for f in fields(first)})
