@@ -91,6 +91,7 @@ def test_a_study_in_a_file(attack: int, processes: ForkServerContext, tmp_path: 
         check(optuna.load_study(study_name=STUDY, storage=kept).trials)
 
 
+@pytest.mark.external
 def test_a_study_in_a_database(attack: int, processes: ForkServerContext, url: str) -> None:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     for seed in range(attack):
@@ -110,6 +111,7 @@ def test_a_study_in_a_database(attack: int, processes: ForkServerContext, url: s
         storage.engine.dispose()
 
 
+@pytest.mark.external
 def test_trials_that_wait_beyond_what_was_asked_for_are_left(url: str) -> None:
     store = begin(url, "surplus")
     budget = store.budget()
@@ -126,6 +128,7 @@ def test_trials_that_wait_beyond_what_was_asked_for_are_left(url: str) -> None:
     store.close()
 
 
+@pytest.mark.external
 @pytest.mark.parametrize("moment", ["set_user_attr", "create_study"])
 def test_a_study_killed_while_it_is_begun_is_begun_anew(moment: str, url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     class Killed(BaseException):
@@ -151,6 +154,7 @@ def test_a_study_killed_while_it_is_begun_is_begun_anew(moment: str, url: str, m
     store.close()
 
 
+@pytest.mark.external
 def test_a_worker_that_was_only_asleep_finishes_nothing_twice(processes: ForkServerContext, url: str) -> None:
     begin(url).close()
     sleeper = started(processes, work_in_database, url)

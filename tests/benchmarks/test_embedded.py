@@ -10,7 +10,10 @@ from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not on this machine: {', '.join(missing())}")
+pytestmark = [
+    pytest.mark.external,
+    pytest.mark.skipif(bool(missing()), reason=f"not on this machine: {', '.join(missing())}"),
+]
 
 LIMIT = 5000
 """Instructions a step: 10 kHz at 84 MHz then uses less than 60 %, at one instruction a cycle."""

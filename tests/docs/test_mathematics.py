@@ -9,6 +9,8 @@ from sphinx.errors import ExtensionError
 
 from docs.generated.mathematics import mathml
 
+pytestmark = pytest.mark.external
+
 
 def test_aligned_lines_are_a_table() -> None:
     assert mathml(r"\begin{aligned} a &= b, \\ c &= d \end{aligned}", "block").count("<mtr>") == 2

@@ -13,7 +13,7 @@ from dualwinch.lab.wasm import build
 from dualwinch.lab.wasm.build import modules
 from tests.lab.in_node import of_id, zig_is_there
 
-pytestmark = pytest.mark.skipif(not zig_is_there(), reason="needs zig")
+pytestmark = [pytest.mark.external, pytest.mark.skipif(not zig_is_there(), reason="needs zig")]
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from dualwinch.lab.content import Content
 from dualwinch.lab.wasm.settings import MOTIONS
 from tests.lab.in_node import content_of, needs_node, run_in_node
 
-pytestmark = needs_node
+pytestmark = [pytest.mark.external, needs_node]
 
 NEAR = 1e-9
 """Difference in m that positions may have."""

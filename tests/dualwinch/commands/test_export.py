@@ -81,6 +81,7 @@ end
 """What Octave is asked: the closed loop as written, all of Cases 1 to 4, and steps from given states."""
 
 
+@pytest.mark.external
 def test_mex_functions_run_the_closed_loop_in_octave(tmp_path: Path) -> None:
     octave = shutil.which("octave-cli") or shutil.which("octave")
     if octave is None or shutil.which("mkoctfile") is None:

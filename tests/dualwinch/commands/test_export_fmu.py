@@ -249,6 +249,7 @@ def test_fuzzing_finds_no_trap_no_value_that_is_not_finite_and_no_torque_beyond_
     assert min(map(int, re.findall(r"\d+", done.stdout))) > 10_000
 
 
+@pytest.mark.external
 def test_sources_compile_for_windows_and_strictly(exported: Exported, tmp_path: Path) -> None:
     for what, version in (("plant", 2), ("controller", 3)):
         with ZipFile(exported(what, version)) as files:

@@ -14,6 +14,7 @@ from dualwinch.simulation.paper import case
 from tests.fmus import Instance
 
 
+@pytest.mark.external
 @pytest.mark.parametrize(("platform", "magic"), [("darwin64", b"\xcf\xfa\xed\xfe"), ("aarch64-linux", b"\x7fELF")])
 def test_binaries_for_other_machines_are_what_they_say(platform: str, magic: bytes, tmp_path: Path) -> None:
     path = tmp_path / "controller.fmu"

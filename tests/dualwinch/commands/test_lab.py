@@ -35,6 +35,7 @@ def own_run_in(page: str) -> dict[str, Any]:
     return json.loads(found[1])
 
 
+@pytest.mark.external
 @needs_zig
 @pytest.mark.usefixtures("small")
 def test_the_page_is_one_file(tmp_path: Path) -> None:
@@ -47,6 +48,7 @@ def test_the_page_is_one_file(tmp_path: Path) -> None:
     assert len(page.encode()) < 1e6
 
 
+@pytest.mark.external
 @needs_zig
 @pytest.mark.usefixtures("small")
 def test_a_run_of_ones_own_is_in_the_page(tmp_path: Path) -> None:

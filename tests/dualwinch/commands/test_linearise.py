@@ -105,6 +105,7 @@ def test_from_python() -> None:
     assert fastest.label == "rope 2 – drum 2"
 
 
+@pytest.mark.external
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="needs GNU Octave")
 def test_octave_reads_the_file_and_finds_the_same_poles(tmp_path: Path) -> None:
     system = linearise(x=10.0, v=1.8, dt=1e-3)

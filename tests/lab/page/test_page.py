@@ -12,6 +12,8 @@ from tests.lab.page.conftest import Lab
 
 Opens = Callable[..., Lab]
 
+pytestmark = pytest.mark.external
+
 
 def digits(text: str) -> float:
     return float(text.replace("\u202f", "").replace("−", "-"))

@@ -2,9 +2,13 @@
 
 from collections.abc import Callable
 
+import pytest
+
 from tests.lab.page.conftest import Lab
 
 Opens = Callable[..., Lab]
+
+pytestmark = pytest.mark.external
 
 NAMELESS = """() => [...document.querySelectorAll('input, select, button, #machine, [role="img"], [tabindex="0"]')]
   .filter((element) => !(element.labels?.length || element.getAttribute('aria-label') || element.textContent.trim()))

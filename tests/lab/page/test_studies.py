@@ -12,6 +12,8 @@ from tests.lab.page.conftest import Lab
 
 Opens = Callable[..., Lab]
 
+pytestmark = pytest.mark.external
+
 ANSWERS = [
     ("Make rope 2 go slack", "controller.coordination.preload", "800"),
     ("Find L₀ for −76 %", "controller.observer.l0", "5.4"),

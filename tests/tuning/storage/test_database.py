@@ -35,6 +35,8 @@ from tests import postgres
 from tests.spring_law import SPRING, changed
 from tests.tuning.conftest import MakeProblem
 
+pytestmark = pytest.mark.external
+
 TRIALS = 112
 
 WORKER = """
