@@ -16,6 +16,7 @@ from .commands.tuning_setup import tuning_problem as tuning_problem
 from .config.ensemble_file import load_ensemble as load_ensemble
 from .config.experiment_file import load as load
 from .config.experiment_file import to_toml as to_toml
+from .config.plugins import register as register
 from .config.settings import override as override
 from .controllers.context import Context as Context
 from .controllers.controller import Controller as Controller
@@ -74,7 +75,6 @@ from .model.ropes.rope_law import RopeLaw as RopeLaw
 from .model.scalar import clip as clip
 from .model.scalar import where as where
 from .model.signals.signal import Signal as Signal
-from .plugins.register import register as register
 from .simulation.analysis.certificate import Certificate as Certificate
 from .simulation.analysis.certificate import certify as certify
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint

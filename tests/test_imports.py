@@ -1,11 +1,13 @@
-"""What may import what, read from the sources: files do not import in a circle, and folders import downwards only.
+"""What may import what, read from the sources: neither files nor sub-packages import in a circle, and folders import
+downwards only. A class name stands once.
 
 All imports count, also those inside functions and for type checkers alone. Not read is the stub of `dualwinch` itself,
 the list of all floors' names for users.
 """
 
 import ast
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -14,11 +16,62 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FLOORS = ("codegen", "model", "controllers", "simulation", "identification", "tuning", "lab")
+FLOORS = ("codegen", "model", "controllers", "simulation", "config", "identification", "tuning", "lab")
 """Folders at the repository's top that are packages of `dualwinch`, the lowest first."""
-FACE = ("plugins", "config", "reports", "environments", "commands", "cli")
+FACE = ("reports", "environments", "commands", "cli")
 """`dualwinch`'s own folders, likewise; all stand above `FLOORS`."""
 ORDER = (*FLOORS, *FACE)
+
+CYCLIC: set[str] = {
+    "simulation.check",
+    "simulation.exogenous",
+    "simulation.experiment",
+    "simulation.integrators",
+    "simulation.loop",
+    "simulation.metrics",
+    "tuning.bound_units",
+    "tuning.constraint",
+    "tuning.margin_statistic",
+    "tuning.plots",
+    "tuning.prepared",
+    "tuning.problem",
+    "tuning.progress",
+    "tuning.race",
+    "tuning.scoring",
+    "tuning.stress",
+    "tuning.summary",
+    "tuning.tune",
+    "tuning.tuned",
+}
+"""Sub-packages that are still in a cycle with others; a change takes some away, and adds none."""
+
+TWICE: set[str] = {
+    "Choice",
+    "Claim",
+    "Column",
+    "Content",
+    "Demand",
+    "Environment",
+    "Expected",
+    "Finished",
+    "Force",
+    "Found",
+    "Interval",
+    "Lanes",
+    "Limits",
+    "Motion",
+    "Page",
+    "Pairs",
+    "Prepared",
+    "Problem",
+    "Row",
+    "Runs",
+    "Search",
+    "Sensed",
+    "Signal",
+    "Structure",
+}
+"""Names of more than one class, likewise."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +154,58 @@ def circle(dependencies: dict[str, set[str]]) -> list[str]:
     return []
 
 
+def sub_package(module: str) -> str:
+    """``simulation.loop`` of ``dualwinch.simulation.loop.closed_loop``; a module directly in a package is its own."""
+    return ".".join(module.split(".")[1:3])
+
+
+def cycles(dependencies: Mapping[str, set[str]]) -> set[frozenset[str]]:
+    """Largest sets of nodes each of which reaches all others of its set (strongly connected components)."""
+
+    @cache
+    def reached(node: str) -> frozenset[str]:
+        found, border = set(dependencies[node]), list(dependencies[node])
+        while border:
+            further = dependencies.get(border.pop(), set()) - found
+            found |= further
+            border += further
+        return frozenset(found)
+
+    return {
+        frozenset(other for other in reached(node) if node in reached(other))
+        for node in dependencies
+        if node in reached(node)
+    }
+
+
+@cache
+def sub_packages() -> dict[str, set[str]]:
+    """What every sub-package imports from others."""
+    found: dict[str, set[str]] = {sub_package(module): set() for module in modules()}
+    for one in imports():
+        imported = target(one.name)
+        if imported and sub_package(imported) != sub_package(one.module):
+            found[sub_package(one.module)].add(sub_package(imported))
+    return found
+
+
+def class_names() -> Counter[str]:
+    """How many classes of the product have each name; names that begin with an underscore are a file's own."""
+    trees = (ast.parse(path.read_text(encoding="utf-8")) for path in modules().values())
+    classes = (node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    return Counter(name for name in classes if not name.startswith("_"))
+
+
+def test_sub_packages_do_not_import_in_a_circle() -> None:
+    found = cycles(sub_packages())
+    assert set().union(*found) == CYCLIC, "; ".join(" ↔ ".join(sorted(cycle)) for cycle in found)
+
+
+def test_a_class_name_stands_once() -> None:
+    found = {name for name, count in class_names().items() if count > 1}
+    assert found == TWICE, ", ".join(sorted(found ^ TWICE))
+
+
 def test_all_modules_are_read() -> None:
     found = modules()
     assert {"dualwinch", "dualwinch.cli.app", "dualwinch.codegen.sampled", "dualwinch.model.linear"} <= set(found)
@@ -145,6 +250,8 @@ def test_every_kind_of_import_is_found(line: str, name: str) -> None:
 
 
 def test_a_circle_and_an_import_upwards_are_noticed() -> None:
+    assert cycles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set()}) == {frozenset("abc")}
+    assert cycles({"a": {"b"}, "b": {"a"}, "c": {"a", "d"}, "d": {"c"}}) == {frozenset("ab"), frozenset("cd")}
     found = circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})
     assert "→".join(found) in {"a→b→c→a", "b→c→a→b", "c→a→b→c"}
     assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from dualwinch.config.plugins import load_plugin
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.plugins.files import load_plugin
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case

@@ -70,8 +70,7 @@ def use_parts(plugins: list[str] | None) -> None:
     Raises:
         ConfigurationError: a file or module cannot be imported, or a part not be registered.
     """
-    from dualwinch.plugins.entry_points import EntryPointWarning, load_entry_points
-    from dualwinch.plugins.files import load_plugin
+    from dualwinch.config.plugins import EntryPointWarning, load_entry_points, load_plugin
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EntryPointWarning)

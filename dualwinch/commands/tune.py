@@ -22,7 +22,6 @@ from dualwinch.commands.tuning_setup import configuration, definition_of
 from dualwinch.commands.tuning_stress import check_stress, print_stress
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.plugins.recall import recall
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import Problem
@@ -30,6 +29,7 @@ from dualwinch.tuning.result import write_best, write_study
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.noted_parts import Noted, in_words, noted_parts
 from dualwinch.tuning.storage.opening import check_storage, is_database, kept_definition, open_store
+from dualwinch.tuning.storage.recall import recall
 from dualwinch.tuning.storage.store import Budget
 from dualwinch.tuning.summary import controller_in_words
 from dualwinch.tuning.tune import tune as run

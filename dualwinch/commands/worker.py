@@ -6,7 +6,6 @@ from contextlib import closing
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import problem_from
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.plugins.recall import recall
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.progress import SEARCHING
@@ -14,6 +13,7 @@ from dualwinch.tuning.scoring.evaluate import Evaluator
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.database import Database
 from dualwinch.tuning.storage.opening import check_storage, is_database, quiet
+from dualwinch.tuning.storage.recall import recall
 from dualwinch.tuning.study import search
 
 

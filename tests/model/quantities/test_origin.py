@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.quantities.origin import built_in, digest, named, origin, source_of
-from dualwinch.plugins.files import load_plugin
 from tests.own_parts import StateFeedback
 from tests.spring_law import SPRING, changed
 
@@ -43,7 +43,7 @@ def helped(folder: Path, helper: str) -> str:
     (folder / "helper_of_springs.py").write_text(helper)
     (folder / "law.py").write_text("from helper_of_springs import Damping\n" + changed(("= 2e4", "= Damping.VALUE")))
     program = (
-        "from dualwinch.plugins.files import load_plugin; from dualwinch.model.quantities.origin import digest\n"
+        "from dualwinch.config.plugins import load_plugin; from dualwinch.model.quantities.origin import digest\n"
         "from dualwinch.controllers.laws.registry import POSITION_LAWS\n"
         f"load_plugin({str(folder / 'law.py')!r}); print(digest(POSITION_LAWS['spring']))"
     )

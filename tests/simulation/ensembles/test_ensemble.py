@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.plugins import register
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.loop.structure import parameters_of, shaping_keys, structure_of

@@ -18,9 +18,9 @@ from optuna.trial import TrialState
 from dualwinch.cli import main
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.commands.tuning_setup import definition_of, tuning_problem
+from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.plugins.files import load_plugin
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.prepared import prepare
 from dualwinch.tuning.problem import Problem

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from dualwinch.config.plugins import register
 from dualwinch.config.settings import describe_choices, known_keys, leaf_of, override, with_settings
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.coordinations.force_position import ForcePosition
@@ -17,7 +18,6 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, owners
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.plugins.register import register
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from tests.own_metrics import Room

@@ -9,11 +9,11 @@ from dualwinch.cli import main
 from dualwinch.cli.options import ESTIMATORS as ESTIMATORS_IN_HELP
 from dualwinch.cli.options import LAWS
 from dualwinch.config.experiment_file import load
+from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.origin import PLUGIN
-from dualwinch.plugins.files import load_plugin
 from tests.spring_law import SPRING, changed
 
 SHORT = ("--set", "simulation.duration=0.05")

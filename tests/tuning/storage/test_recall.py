@@ -13,14 +13,14 @@ from dualwinch.cli import main
 from dualwinch.commands.tune import Options, tune
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import tuning_problem
+from dualwinch.config.plugins import load_plugin
 from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.plugins.files import load_plugin
-from dualwinch.plugins.recall import recall
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.storage.noted_parts import Noted, in_words, noted, noted_parts
+from dualwinch.tuning.storage.recall import recall
 from tests.own_parts import DriftFree, StateFeedback
 from tests.spring_law import SPRING, changed
 

@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 
+from dualwinch.config.plugins import load_plugin, registries
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Part
-from dualwinch.plugins.files import load_plugin
-from dualwinch.plugins.register import registries
 from dualwinch.tuning.storage.noted_parts import Noted, check_parts, noted
 
 

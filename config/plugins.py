@@ -1,4 +1,12 @@
-"""Plugins: Python files and modules that define parts, imported and registered."""
+"""Parts from outside of the package: registered, imported from files and modules, found among what is installed.
+
+Installed packages offer theirs as entry points of the group ``dualwinch.parts``. They name them in their
+``pyproject.toml``, each a module or a class::
+
+    [project.entry-points."dualwinch.parts"]
+    mine = "my_package.laws"
+    other = "my_package.observers:Other"
+"""
 
 import hashlib
 import importlib
@@ -6,17 +14,73 @@ import importlib.util
 import inspect
 import sys
 import traceback
+import warnings
 from collections.abc import Iterator
+from functools import cache
 from importlib.abc import InspectLoader
 from importlib.machinery import ModuleSpec
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
+import dualwinch.simulation.ensembles.ensemble  # noqa: F401  registries that no experiment holds
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.origin import PLUGIN
-from dualwinch.model.quantities.part import Part
-from dualwinch.plugins.register import register, registries
+from dualwinch.model.quantities.description import check_keys, every_leaf
+from dualwinch.model.quantities.origin import PLUGIN, named
+from dualwinch.model.quantities.part import Part, Registry, base_of
+from dualwinch.model.quantities.wrong_parts import check_defaults
+from dualwinch.simulation.experiment import Experiment
+
+PartType = TypeVar("PartType", bound=type[Part])
+
+GROUP = "dualwinch.parts"
+"""Name of the group of entry points."""
+
+
+def register(part: PartType) -> PartType:
+    """Give a part of your own its kind in files and on command lines; also a decorator.
+
+    From then on it is what a built-in part is: ``controller.kind = "mine"`` in files, ``--set``, `dualwinch.override`
+    and searches for gains. Without it, objects of the class work all the same, from Python.
+
+    Args:
+        part: a frozen dataclass that subclasses `PositionLaw`, `Estimator`, `Coordination` or another base of parts.
+            Defined again, as by a notebook's cell that runs again, it takes the place of what it was.
+
+    Returns:
+        The same class.
+
+    Raises:
+        ConfigurationError: the class cannot be a part, or its kind or one of its keys is taken by another.
+    """
+    if not (isinstance(part, type) and issubclass(part, Part)):
+        shown = part.__name__ if isinstance(part, type) else repr(part)
+        raise ConfigurationError(f"{shown}: must be a class that subclasses {_bases()}")
+    if part.registry is None:
+        raise ConfigurationError(f"{named(part)}: must subclass {_bases()}")
+
+    def instead(owner: type) -> bool:
+        """Whether another stands in the same table, and is never there together with it."""
+        return not part.table() and issubclass(owner, base_of(part))
+
+    with part.registry.with_part(part):
+        leaves = list(every_leaf(Experiment))
+        own = {leaf.key: leaf for owner, leaf in leaves if owner is part}
+        if own:
+            check_defaults(part)
+        check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part and not instead(owner)))
+    return part
+
+
+def registries() -> Iterator[Registry[Any]]:
+    """Every registry there is."""
+    yield from (base.registry for base in Part.__subclasses__() if base.registry is not None)
+
+
+def _bases() -> str:
+    names = [base.__name__ for base in Part.__subclasses__() if base.registry is not None]
+    return f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def load_plugin(plugin: str) -> None:
@@ -121,3 +185,30 @@ def _reason(error: Exception, path: Path | None) -> str:
     where = f"line {frames[-1].lineno}: " if frames else ""
     text = " ".join(str(error).split())
     return f"{where}{text}" if isinstance(error, ConfigurationError) else f"{where}{type(error).__name__}: {text}"
+
+
+class EntryPointWarning(UserWarning):
+    """An installed package offers a part that cannot be had."""
+
+
+@cache
+def load_entry_points() -> None:
+    """Register what installed packages offer, once; a package that fails is a warning, never an error."""
+    for entry in entry_points(group=GROUP):
+        try:
+            _load(entry)
+        except Exception as error:  # noqa: BLE001  another's package must not stop anything here
+            text = " ".join(str(error).split())
+            reason = text if isinstance(error, ConfigurationError) else f"{type(error).__name__}: {text}"
+            owner = entry.dist.name if entry.dist else "a package without a name"
+            told = f"{owner}: its part '{entry.name}' ({GROUP}, {entry.value}) is left out: {reason}"
+            warnings.warn(told, EntryPointWarning, stacklevel=2)
+
+
+def _load(entry: EntryPoint) -> None:
+    found = entry.load()
+    parts = list(parts_of(found)) if isinstance(found, ModuleType) else [found]
+    if not parts:
+        raise ConfigurationError("defines no part")
+    for part in parts:
+        register(part)

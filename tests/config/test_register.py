@@ -8,6 +8,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.config.experiment_file import loads, to_toml
+from dualwinch.config.plugins import register, registries
 from dualwinch.config.settings import override
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
@@ -15,7 +16,6 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Key, Quantity
-from dualwinch.plugins.register import register, registries
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate

@@ -7,12 +7,12 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, loads_ensemble, reset
+from dualwinch.config.plugins import register
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.plugins.register import register
 from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.result import save_ensemble
