@@ -88,7 +88,9 @@ def test_they_are_shown_and_named() -> None:
     assert "pull_spread" in html
     assert "standard deviation of F1 - F2" in html
     assert f"pull_spread {result.metrics['pull_spread']:.4g} N" in repr(result)
-    assert result.metrics.quantities["room"] == Room.quantity
+    room = result.metrics.quantities["room"]
+    assert (room.unit, room.meaning) == (Room.quantity.unit, Room.quantity.meaning)
+    assert (room.label, room.small_is_bad) == ("room", True)
     assert pickle.loads(pickle.dumps(result.metrics)) == result.metrics  # noqa: S301
     with pytest.raises(UnknownNameError, match="unknown metric 'rom'; did you mean 'room'"):
         _ = result.metrics["rom"]

@@ -9,10 +9,9 @@ from typing import Any
 
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
-from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.metrics.metrics import metrics_with
+from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.tuning.problem import HELD_OUT, SELECTION
 from dualwinch.tuning.scoring.evaluation import Evaluation
 from dualwinch.tuning.scoring.ranking import pareto_front
@@ -70,7 +69,6 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
         configuration: TOML of ensemble or experiment.
     """
     problem, verdict, plan = tuned.problem, tuned.verdict, tuned.verdict.plan
-    merits = describe(metrics_with(problem.experiment.metrics))
     content = {
         **facts,
         "seeds": {
@@ -114,7 +112,9 @@ def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], config
         "paper": _scores(verdict.scores["paper"].evaluation),
         "held_out": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.held_out},
         "within_authority": verdict.within_authority.tolist() if verdict.held_out else [],
-        "metric_units": {name: leaf.quantity.unit for name, leaf in merits.items()},
+        "metric_units": {
+            name: quantity.unit for name, quantity in metric_quantities(problem.experiment.metrics).items()
+        },
         "cost": {"trials": len(tuned.trials), "seconds": tuned.cost.seconds, **asdict(tuned.cost)},
         "interrupted": tuned.interrupted,
         "configuration": configuration,

@@ -20,11 +20,10 @@ from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.description import describe
 from dualwinch.reports.claims import claims
 from dualwinch.simulation.comparison import reductions
 from dualwinch.simulation.loop.engine import EngineName
-from dualwinch.simulation.metrics.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
@@ -147,7 +146,7 @@ def _write_metrics(path: Path, runs: Runs, variants: Variants) -> None:
     ]
     content = {
         "versions": versions(),
-        "units": {name: leaf.quantity.unit for name, leaf in describe(Metrics).items()},
+        "units": {name: quantity.unit for name, quantity in metric_quantities().items()},
         "runs": records,
         "reductions": _finite(reductions(runs) or {}),
         "paper_reductions": REDUCTIONS,

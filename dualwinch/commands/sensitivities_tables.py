@@ -11,13 +11,12 @@ from rich import box
 from rich.table import Table
 
 from dualwinch.commands.terminal import styled, terminal
-from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.html import readable, readable_unit
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.sensitivities import Sensitivities, described
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.metrics.metrics import metrics_with
+from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.results.content import Content, plain
 
 Floats = NDArray[np.float64]
@@ -95,14 +94,14 @@ def content_of(effects: Effects) -> Content:
 
 def as_json(effects: Effects) -> str:
     """Outcome, numbers, figures of merit with their gradients, and the largest slopes of columns, as JSON."""
-    found, merits = effects.found, describe(metrics_with(effects.experiment.metrics))
+    found, merits = effects.found, metric_quantities(effects.experiment.metrics)
     content = {
         "outcome": str(found.outcomes[0, 0]),
         "keys": {key: {"value": value, "unit": effects.units[key]} for key, value in effects.values.items()},
         "metrics": {
             name: {
                 "value": float(values[0, 0]),
-                "unit": merits[name].quantity.unit,
+                "unit": merits[name].unit,
                 "gradient": dict(zip(effects.values, found.gradients[name][0, 0].tolist(), strict=True)),
             }
             for name, values in found.metrics.items()
@@ -120,10 +119,10 @@ def print_effects(effects: Effects, metrics: Sequence[str]) -> None:
     console, found = terminal(), effects.found
     law, outcome = effects.experiment.controller.law.kind, str(found.outcomes[0, 0]).replace("_", " ")
     console.print(styled("bold", law, f": {outcome}"))
-    merits = describe(metrics_with(effects.experiment.metrics))
+    merits = metric_quantities(effects.experiment.metrics)
     for metric in metrics:
-        value, unit = float(found.metrics[metric][0, 0]), merits[metric].quantity.unit
-        console.print(styled("bold", metric, f" = {_cell(value, unit)}: {readable(merits[metric].quantity.meaning)}"))
+        value, unit = float(found.metrics[metric][0, 0]), merits[metric].unit
+        console.print(styled("bold", metric, f" = {_cell(value, unit)}: {readable(merits[metric].meaning)}"))
         table = _table("derivative", "changes by")
         for number, key in enumerate(effects.values):
             slope = float(found.gradients[metric][0, 0, number])

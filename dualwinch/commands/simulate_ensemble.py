@@ -14,11 +14,11 @@ from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.toml_text import parse_assignment
-from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.html import readable_unit
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, ensemble_writer, save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.metrics.metrics import metrics_with
+from dualwinch.simulation.metrics.metrics import metric_quantities
 
 SCENARIOS, SEED = 100, 0
 """How many scenarios are drawn, and from which seed, where nothing else is asked for."""
@@ -95,8 +95,8 @@ def print_ensemble(result: EnsembleResult) -> None:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("")
     statistics = result.statistics
-    for name, leaf in describe(metrics_with(result.ensemble.experiment.metrics)).items():
-        unit = "" if leaf.quantity.unit == "1" else leaf.quantity.unit.replace("^2", "²")
+    for name, quantity in metric_quantities(result.ensemble.experiment.metrics).items():
+        unit = readable_unit(quantity.unit)
         table.add_row(name, *(measured(value) for value in statistics[name].values()), unit)
     console.print(table)
     if len(result.outcome_counts) > 1 or "completed" not in result.outcome_counts:

@@ -7,9 +7,8 @@ from dualwinch.lab.catalogue.cases import cases, claims, reproduced
 from dualwinch.lab.catalogue.keys import chosen, described
 from dualwinch.lab.catalogue.rig import drawn
 from dualwinch.lab.wasm.structures import Structure
-from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.metrics.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metric_quantities
 
 
 def catalogue(structures: Sequence[Structure], rig: Ensemble, version: str) -> dict[str, Any]:
@@ -32,8 +31,8 @@ def catalogue(structures: Sequence[Structure], rig: Ensemble, version: str) -> d
         "structures": entries,
         "keys": chosen(structures) | keys,
         "metrics": [
-            {"name": name, "unit": leaf.quantity.unit, "meaning": leaf.quantity.meaning}
-            for name, leaf in describe(Metrics).items()
+            {"name": name, "unit": quantity.unit, "meaning": quantity.meaning}
+            for name, quantity in metric_quantities().items()
         ],
         "cases": cases(structures[0]),
         "paper": reproduced(),

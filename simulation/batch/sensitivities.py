@@ -12,7 +12,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions.setpoint import Setpoint, later
-from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, nearest
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.grid import Pairs
@@ -26,7 +26,7 @@ from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop
 from dualwinch.simulation.loop.start import start_slopes
 from dualwinch.simulation.loop.structure import Structure, described_parameters, parameters_of, structure_of
 from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.metrics.metrics import metrics_of, metrics_with
+from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
 from dualwinch.simulation.metrics.own import slopes_of
 from dualwinch.simulation.results.outcomes import WORDS, not_run
 from dualwinch.simulation.scenario import Scenario
@@ -285,7 +285,7 @@ def _sensitivities(
     run = _compiled(seeds, columns)
     shape, p = pairs.shape, len(seeds.names)
     kept = -(-pairs.samples // stride) if stride else 0
-    merits = describe(metrics_with(pairs.structure.metrics))
+    merits = metric_quantities(pairs.structure.metrics)
     result = Sensitivities(
         names=seeds.names,
         outcomes=not_run(shape, ()).outcomes,

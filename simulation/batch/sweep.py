@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.batch.scenarios import families
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import structure_of
-from dualwinch.simulation.metrics.metrics import metrics_with
+from dualwinch.simulation.metrics.metric import MetricQuantity
+from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run
 from dualwinch.simulation.scenario import Scenario
 
@@ -50,9 +50,9 @@ class Grid(Runs):
     quantities: Mapping[str, Quantity]
 
     @property
-    def merits(self) -> dict[str, Quantity]:
-        """Figure of merit → unit and meaning."""
-        return {name: leaf.quantity for name, leaf in describe(metrics_with(self.experiment.metrics)).items()}
+    def merits(self) -> dict[str, MetricQuantity]:
+        """Figure of merit → what it is."""
+        return metric_quantities(self.experiment.metrics)
 
     @property
     def shape(self) -> tuple[int, ...]:

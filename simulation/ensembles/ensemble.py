@@ -4,13 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.distributions import Distribution
-from dualwinch.simulation.exogenous.first_words import MOST, first_words
+from dualwinch.simulation.exogenous.streams import DIGITS, LARGEST, named_words
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario, Value
 
@@ -19,9 +17,6 @@ SEED_KEY = "simulation.seed"
 
 EDGE = 0.02
 """Share of all draws that lie beyond the box of draws, on either side of every value."""
-
-DIGITS = 53
-"""Binary digits of a draw: all that a float has, and of a seed as many as every file format keeps."""
 
 AT_ONCE = 64
 """Scenarios that are drawn together: enough that each of them costs little."""
@@ -102,20 +97,20 @@ class Ensemble:
 
         Args:
             indices: numbers of the scenarios, from 0.
-            seed: the ensemble's seed, a whole number >= 0.
+            seed: the ensemble's seed, a whole number from 0 to 2^64 - 1.
             vertex: whether every value lies at an end of its distribution, by chance at the lower or the upper: a
                 vertex of the box of draws, which a few draws hardly ever come near.
 
         Raises:
-            ConfigurationError: a number that is too large.
+            ConfigurationError: a number or a seed that is too large.
         """
-        if max(indices, default=0) > MOST:
-            raise ConfigurationError(f"scenario {max(indices)}: must be a whole number from 0 to {MOST}")
+        if max(indices, default=0) > LARGEST:
+            raise ConfigurationError(f"scenario {max(indices)}: must be a whole number from 0 to {LARGEST}")
         drawn = self._drawn
         names = [
             key if of is None or of.together is None else f"together: {of.together}" for key, (of, _) in drawn.items()
         ]
-        words = (first_words(seed, indices, names) >> np.uint64(64 - DIGITS)).T.tolist()
+        words = named_words(seed, indices, names).T.tolist()
         plant = self.experiment.plant
         return [
             Scenario(index, self.experiment, plant, self._values(row, vertex=vertex), vertex)

@@ -18,13 +18,10 @@ from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.metrics.metrics import BUILT_IN, Metrics, metrics_with
+from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
+from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
 from dualwinch.simulation.results.content import Content, plain
 from dualwinch.simulation.results.formats import FORMATS
-
-SMALL_IS_BAD = frozenset({"min_tension"})
-"""Built-in figures of merit whose bad end is the small one; of the others it is the large one."""
 
 KINDS = ("mean", "median", "p95", "worst")
 """What a statistic can be: ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
@@ -50,9 +47,9 @@ class Statistic:
         return f"{self.kind}.{self.metric}"
 
     @property
-    def quantity(self) -> Quantity:
-        """Unit and meaning of the figure of merit."""
-        return self.own.quantity if self.own else describe(Metrics)[self.metric].quantity
+    def quantity(self) -> MetricQuantity:
+        """What the figure of merit is."""
+        return metric_quantities([self.own] if self.own else [])[self.metric]
 
     @property
     def unit(self) -> str:
@@ -62,7 +59,7 @@ class Statistic:
     @property
     def small_is_bad(self) -> bool:
         """Whether the figure of merit's bad end is the small one."""
-        return self.own.small_is_bad if self.own else self.metric in SMALL_IS_BAD
+        return self.quantity.small_is_bad
 
     def over(self, values: NDArray[np.float64]) -> float:
         """The statistic over the figure of merit of some scenarios (n,), what is not finite left out; NaN without any.
@@ -195,13 +192,13 @@ def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> Content:
     """What a file holds: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
     experiment = result.ensemble.experiment
     drawn = {**describe(Experiment), **describe_parts(experiment)}
-    merits = describe(metrics_with(experiment.metrics))
+    merits = metric_quantities(experiment.metrics)
     columns: dict[str, tuple[NDArray[Any], Quantity]] = {
         "scenario": (np.arange(len(result)), Quantity("", "number of the scenario")),
         **{key: (values, drawn[key].quantity) for key, values in result.draws.items()},
         "outcome": (np.array(result.outcomes), Quantity("", "how the run ended")),
         "end_time": (result.end_times, Quantity("s", "time at which the run ended")),
-        **{name: (values, merits[name].quantity) for name, values in result.metrics.items()},
+        **{name: (values, merits[name]) for name, values in result.metrics.items()},
     }
     facts = {
         **notes,

@@ -1,12 +1,52 @@
 """Base of figures of merit that users add to the built-in ones."""
 
+import math
 from abc import abstractmethod
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from dualwinch.model.quantities.html import readable_unit
 from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.metrics.sample import Sample
+
+
+@dataclass(frozen=True)
+class MetricQuantity(Quantity):
+    """What a figure of merit is, and how people read it.
+
+    Attributes:
+        label: its name in tables and figures.
+        formula: in LaTeX.
+        shown: the unit that people read it in (default: its own), how many of those are one of its own, and the
+            format of a number in that unit.
+        small_is_bad: whether its bad end, and so what is the worst of many runs, is the smallest.
+    """
+
+    label: str = ""
+    formula: str = ""
+    shown: tuple[str, float, str] = ("", 1.0, ".4g")
+    small_is_bad: bool = False
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit that people read it in; nothing for a pure number."""
+        return self.shown[0] or readable_unit(self.unit)
+
+    @property
+    def scale(self) -> float:
+        """Factor from its own unit to that."""
+        return self.shown[1]
+
+    @property
+    def axis(self) -> str:
+        """Label and unit, as on an axis."""
+        return f"{self.label} ({self.shown_unit})" if self.shown_unit else self.label
+
+    def text(self, value: float, form: str = "") -> str:
+        """A value as a table shows it, without its unit; a dash where there was nothing to measure."""
+        return "–" if math.isnan(value) else f"{self.scale * value:{form or self.shown[2]}}"
 
 
 class Metric(Part):

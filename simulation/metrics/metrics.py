@@ -1,7 +1,7 @@
 """Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
 
 from collections.abc import Iterator, KeysView, Mapping, Sequence
-from dataclasses import dataclass, fields, make_dataclass
+from dataclasses import dataclass, fields, make_dataclass, replace
 from functools import cache
 from typing import Annotated, Any
 
@@ -13,9 +13,24 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.html import readable, readable_unit, table
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, sqrt, where
-from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.own import states_before, values_of
 from dualwinch.simulation.metrics.sample import Sample
+
+MILLIMETRES, SQUARE_MILLIMETRES, PERCENT = ("mm", 1e3, ".3g"), ("mm²", 1e6, ".3g"), ("%", 1e2, ".4g")
+"""Units that people read figures of merit in, how many of those are one of their own, and formats."""
+
+
+def _merit(
+    unit: str,
+    meaning: str,
+    label: str,
+    formula: str,
+    shown: tuple[str, float, str] = ("", 1.0, ".4g"),
+    *,
+    small_is_bad: bool = False,
+) -> MetricQuantity:
+    return MetricQuantity(unit, meaning, "", label, formula, shown, small_is_bad)
 
 
 @dataclass(frozen=True)
@@ -30,26 +45,108 @@ class Metrics:
     saturated torques is of the commands.
     """
 
-    mae: Annotated[float, Quantity("m", "mean |e|, whole run")]
-    max_abs_error: Annotated[float, Quantity("m", "largest |e|, whole run")]
-    mse: Annotated[float, Quantity("m^2", "mean e^2, whole run")]
-    steady_mae: Annotated[float, Quantity("m", "mean |e|, steady state")]
-    steady_max_abs_error: Annotated[float, Quantity("m", "largest |e|, steady state")]
-    steady_mse: Annotated[float, Quantity("m^2", "mean e^2, steady state")]
-    saturated_share: Annotated[float, Quantity("1", "share of samples with the force command beyond its limit")]
-    torque_saturated_share: Annotated[float, Quantity("1", "share of samples with a motor torque at its limit")]
-    slack_share: Annotated[float, Quantity("1", "share of samples with a rope at zero tension")]
-    peak_tension: Annotated[float, Quantity("N", "largest tension of both ropes, at the samples")]
-    min_tension: Annotated[float, Quantity("N", "smallest tension of both ropes, at the samples")]
-    chatter: Annotated[float, Quantity("N", "mean absolute change of tension from sample to sample, of both ropes")]
-    energy: Annotated[float, Quantity("J", "work of both motors, braking counted like driving")]
-    torque_rate: Annotated[float, Quantity("N m/s", "mean absolute change of motor torque a second, of both winches")]
-    continuous_load: Annotated[float, Quantity("N m", "root mean square of the motor torques, of both winches")]
+    mae: Annotated[
+        float, _merit("m", "mean |e|, whole run", "mean |e|", r"\frac{1}{N}\sum_k \lvert e_k\rvert", MILLIMETRES)
+    ]
+    max_abs_error: Annotated[
+        float, _merit("m", "largest |e|, whole run", "max |e|", r"\max_k \lvert e_k\rvert", MILLIMETRES)
+    ]
+    mse: Annotated[
+        float, _merit("m^2", "mean e^2, whole run", "mean e²", r"\frac{1}{N}\sum_k e_k^2", SQUARE_MILLIMETRES)
+    ]
+    steady_mae: Annotated[
+        float,
+        _merit(
+            *("m", "mean |e|, steady state", "steady mean |e|"),
+            r"\frac{1}{N_s}\sum_{k\in S} \lvert e_k\rvert",
+            MILLIMETRES,
+        ),
+    ]
+    steady_max_abs_error: Annotated[
+        float,
+        _merit("m", "largest |e|, steady state", "steady max |e|", r"\max_{k\in S} \lvert e_k\rvert", MILLIMETRES),
+    ]
+    steady_mse: Annotated[
+        float,
+        _merit(
+            *("m^2", "mean e^2, steady state", "steady mean e²"),
+            r"\frac{1}{N_s}\sum_{k\in S} e_k^2",
+            SQUARE_MILLIMETRES,
+        ),
+    ]
+    saturated_share: Annotated[
+        float,
+        _merit(
+            *("1", "share of samples with the force command beyond its limit", "saturated"),
+            r"\frac{1}{N}\sum_k [u_k \ne u_{\mathrm{sat},k}]",
+            PERCENT,
+        ),
+    ]
+    torque_saturated_share: Annotated[
+        float,
+        _merit(
+            *("1", "share of samples with a motor torque at its limit", "torque saturated"),
+            r"\frac{1}{N}\sum_k [\tau_{1,k}\ \mathrm{or}\ \tau_{2,k}\ \mathrm{at\ a\ limit}]",
+            PERCENT,
+        ),
+    ]
+    slack_share: Annotated[
+        float,
+        _merit(
+            *("1", "share of samples with a rope at zero tension", "slack"),
+            r"\frac{1}{N}\sum_k [\min(F_{1,k}, F_{2,k}) \le 0]",
+            PERCENT,
+        ),
+    ]
+    peak_tension: Annotated[
+        float,
+        _merit(
+            *("N", "largest tension of both ropes, at the samples", "peak tension"),
+            r"\max_k \max(F_{1,k}, F_{2,k})",
+        ),
+    ]
+    min_tension: Annotated[
+        float,
+        _merit(
+            *("N", "smallest tension of both ropes, at the samples", "least tension"),
+            r"\min_k \min(F_{1,k}, F_{2,k})",
+            small_is_bad=True,
+        ),
+    ]
+    chatter: Annotated[
+        float,
+        _merit(
+            *("N", "mean absolute change of tension from sample to sample, of both ropes", "chatter"),
+            r"\frac{1}{2(N-1)}\sum_{k\ge 1}\sum_i \lvert F_{i,k}-F_{i,k-1}\rvert",
+        ),
+    ]
+    energy: Annotated[
+        float,
+        _merit(
+            *("J", "work of both motors, braking counted like driving", "energy"),
+            r"T_s\sum_k \sum_i \lvert G_i\,\tau_{i,k}\,\omega_{i,k}\rvert",
+            ("kJ", 1e-3, ".4g"),
+        ),
+    ]
+    torque_rate: Annotated[
+        float,
+        _merit(
+            *("N m/s", "mean absolute change of motor torque a second, of both winches", "torque rate"),
+            r"\frac{1}{2(N-1)\,T_s}\sum_{k\ge 1}\sum_i \lvert \tau_{i,k}-\tau_{i,k-1}\rvert",
+        ),
+    ]
+    continuous_load: Annotated[
+        float,
+        _merit(
+            *("N m", "root mean square of the motor torques, of both winches", "continuous load"),
+            r"\sqrt{\frac{1}{2N}\sum_k \sum_i \tau_{i,k}^2}",
+        ),
+    ]
 
     @property
-    def quantities(self) -> dict[str, Quantity]:
-        """Name → unit and meaning of every figure of merit."""
-        return {name: leaf.quantity for name, leaf in describe(type(self)).items()}
+    def quantities(self) -> dict[str, MetricQuantity]:
+        """Name → what every figure of merit is."""
+        return metric_quantities_of(type(self))
 
     def __getitem__(self, name: str) -> float:
         """One figure of merit by its name.
@@ -93,13 +190,32 @@ BUILT_IN = tuple(describe(Metrics))
 """Names of the figures of merit that every run has."""
 
 
+def metric_quantities(own: Sequence[Metric] = ()) -> dict[str, MetricQuantity]:
+    """Figure of merit → what it is and how people read it: the built-in ones, and an experiment's own."""
+    return metric_quantities_of(metrics_with(own))
+
+
+def metric_quantities_of(metrics: type[Metrics]) -> dict[str, MetricQuantity]:
+    """The same of the fields of a type of `metrics_with`."""
+    known = {name: leaf.quantity for name, leaf in describe(metrics).items()}
+    return {name: quantity for name, quantity in known.items() if isinstance(quantity, MetricQuantity)}
+
+
 def metrics_with(own: Sequence[Metric]) -> type[Metrics]:
     """`Metrics` with a field for each of some figures of merit of users' own."""
-    return _metrics_with(tuple((metric.table(), metric.quantity) for metric in own))
+    return _metrics_with(tuple((metric.table(), _quantity_of(metric)) for metric in own))
+
+
+def _quantity_of(metric: Metric) -> MetricQuantity:
+    """What a user's own figure of merit is."""
+    label = metric.kind.replace("-", " ")
+    if isinstance(metric.quantity, MetricQuantity):
+        return replace(metric.quantity, label=metric.quantity.label or label, small_is_bad=metric.small_is_bad)
+    return MetricQuantity(**vars(metric.quantity), label=label, small_is_bad=metric.small_is_bad)
 
 
 @cache
-def _metrics_with(own: tuple[tuple[str, Quantity], ...]) -> type[Metrics]:
+def _metrics_with(own: tuple[tuple[str, MetricQuantity], ...]) -> type[Metrics]:
     if not own:
         return Metrics
     added = [(name, Annotated[float, quantity]) for name, quantity in own]
@@ -108,7 +224,7 @@ def _metrics_with(own: tuple[tuple[str, Quantity], ...]) -> type[Metrics]:
     )
 
 
-def _restored(own: tuple[tuple[str, Quantity], ...], values: tuple[float, ...]) -> Metrics:
+def _restored(own: tuple[tuple[str, MetricQuantity], ...], values: tuple[float, ...]) -> Metrics:
     return _metrics_with(own)(*values)
 
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dualwinch.simulation.ensembles.comparison import COMPARED, CONFIDENCE, Comparison
+from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import (
     BLUE,
@@ -29,8 +30,8 @@ from dualwinch.simulation.plots.style import (
 COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
 """A colour for each controller, the first being what the others are compared with; then again, with other dashes."""
 
-PANELS = (("mse", "mean square error (mm²)", 1e6), ("chatter", "chatter (N/sample)", 1.0))
-"""Figure of merit, axis and factor of the panels that show the scenarios."""
+PANELS = ("mse", "chatter")
+"""Figures of merit of the panels that show the scenarios."""
 
 
 def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
@@ -44,10 +45,8 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
     others = list(result.contenders)[1:]
     height = 3.0 + (0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0)
     words = f"{len(result)} scenarios of “{plain(result.ensemble.name)}”, seed {result.seed}, the same for all"
-    draw: list[Callable[..., None]] = [
-        partial(_shares, metric=metric, axis=axis, factor=factor) for metric, axis, factor in PANELS
-    ]
-    top, layout = [metric for metric, _, _ in PANELS], {}
+    draw: list[Callable[..., None]] = [partial(_shares, metric=metric) for metric in PANELS]
+    top, layout = [*PANELS], {}
     if others:
         draw.append(_ratios)
         layout = {"height_ratios": (2.2, height - 3.0)}
@@ -72,17 +71,16 @@ def _looks(names: list[str]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _shares(
-    axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]], *, metric: str, axis: str, factor: float
-) -> None:
+def _shares(axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]], *, metric: str) -> None:
+    quantity = metric_quantities()[metric]
     for name, contender in result.contenders.items():
-        values = np.sort(factor * contender.metrics[metric][contender.completed])
+        values = np.sort(quantity.scale * contender.metrics[metric][contender.completed])
         if len(values):
             axes.step(values, np.arange(1, len(values) + 1) / len(values), where="post", **looks[name])
     logarithmic(axes, (1, 2, 5))
     axes.set_ylim(0, 1)
     axes.set_title(metric.upper() if metric == "mse" else metric)
-    axes.set_xlabel(axis)
+    axes.set_xlabel(quantity.axis)
 
 
 def _ratios(axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]]) -> None:

@@ -6,10 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dualwinch.model.quantities.description import describe
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.metrics.metrics import Metrics
+from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure, time_axis
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.plots.names import shown_name, shown_unit
@@ -65,7 +64,7 @@ def held_out(verdict: Verdict) -> Figure | None:
     with house_style():
         figure = new_figure(4.6, "Scenarios that nobody tuned on", f"Distribution over {scenarios} held-out scenarios")
         for axes, metric in zip(figure.subplots(2, 2).flat, DISTRIBUTED, strict=True):
-            quantity = describe(Metrics)[metric].quantity
+            quantity = metric_quantities()[metric]
             values = {name: _completed(verdict, name, metric) for name in CONTENDERS}
             everything = np.concatenate(list(values.values()))
             log = bool(len(everything)) and everything.min() > 0 and everything.max() > 20 * everything.min()
