@@ -19,13 +19,13 @@ from dualwinch import tuning_problem
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.experiment import Simulation
 from dualwinch.tuning.optimisers import Optimiser, optimiser
-from dualwinch.tuning.optimisers.gradient import Gradient
-from dualwinch.tuning.prepared import Prepared, prepare
-from dualwinch.tuning.progress import SILENT, Progress, Silent, Watch
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.storage.memory import Memory
+from dualwinch.tuning.optimisers.gradient import GradientSearch
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.progress import SILENT, NoTuningProgress, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
+from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.opening import quiet
-from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.study import search
 
 GAINS = (
@@ -52,7 +52,7 @@ class Race:
 
 
 @dataclass
-class Improvements(Silent):
+class Improvements(NoTuningProgress):
     """The best feasible objective over what it had cost, in rollouts.
 
     Attributes:
@@ -61,11 +61,11 @@ class Improvements(Silent):
         found: (rollouts, objective in m²) after each batch.
     """
 
-    method: Gradient
+    method: GradientSearch
     gradient_cost: float
     found: list[tuple[float, float]] = field(default_factory=list)
 
-    def progress(self, progress: Progress, until: float | None, trials: int | None) -> None:  # noqa: ARG002
+    def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
         """Remember where the search stands."""
         if progress.best and progress.best.feasible:
             spent = progress.trials + self.gradient_cost * self.method.gradients
@@ -85,7 +85,7 @@ def race(seed: int, gradient_cost: float) -> Race:
     """Both methods on the same problem."""
     prepared = prepare(tuning_problem(case=4, space=GAINS, seed=seed))
     best = _search(prepared, "tpe", optimiser("tpe", prepared, seed), TRIALS)
-    method = Gradient(prepared, seed)
+    method = GradientSearch(prepared, seed)
     watch = Improvements(method, gradient_cost)
     _search(prepared, "gradient", method, int(ALLOWED), watch)
     needed = next((spent for spent, value in watch.found if value <= best and spent <= ALLOWED), None)
@@ -114,8 +114,10 @@ def table(races: Sequence[Race]) -> str:
     return markdown(headings, rows)
 
 
-def _search(prepared: Prepared, name: str, proposer: Optimiser, trials: int, watch: Watch = SILENT) -> float:
-    progress = search(name, proposer, Memory(Budget(trials)), Evaluator(prepared), watch)
+def _search(
+    prepared: TrainingSet, name: str, proposer: Optimiser, trials: int, watch: TuningProgress = SILENT
+) -> float:
+    progress = search(name, proposer, MemoryStorage(SearchBudget(trials)), Evaluator(prepared), watch)
     if progress.best is None or not progress.best.feasible:
         raise RuntimeError(f"{name}: found no candidate that keeps to the constraints")
     return progress.best.objectives[0]

@@ -11,10 +11,10 @@ from benchmarks.document import put
 from benchmarks.scored import SEED, scored, searched
 from dualwinch import tuning_problem
 from dualwinch.controllers.controller import Controller
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.problem import TuningProblem
 
 
-def without(*gains: str, settings: tuple[str, ...] = ()) -> Problem:
+def without(*gains: str, settings: tuple[str, ...] = ()) -> TuningProblem:
     """The default problem of the sea, some gains left as they are, which is 0, and with some settings."""
     space = tuning_problem(ensemble="sea").space.names
     return tuning_problem(

@@ -9,10 +9,10 @@ import time
 import numpy as np
 
 from dualwinch.commands.tuning_setup import tuning_problem
-from dualwinch.tuning.constraint import default_constraints
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate
+from dualwinch.tuning.constraints import default_constraints
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.study import BATCH
 
 ROUNDS, SEED = 8, 1

@@ -22,7 +22,7 @@ from dualwinch.simulation.analysis.least_preload import least_preload
 from dualwinch.simulation.analysis.required_force import within_authority
 from dualwinch.simulation.ensembles.comparison import Comparison, compare, paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.tuning.constraint import NO_HEAVIER, NO_LOUDER, NO_PEAK, NO_SLACK, QUIET
+from dualwinch.tuning.constraints import NO_HEAVIER, NO_LOUDER, NO_PEAK, NO_SLACK, QUIET
 
 CHATTER = {"sea": QUIET, "rig": NO_LOUDER}
 """Ensemble → the bound on chatter that is the default there."""

@@ -9,7 +9,7 @@ from benchmarks.document import markdown, times
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
 from dualwinch.simulation.ensembles.comparison import Comparison, compare, paper_controller
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.tune import tune
 
 ROLLOUTS, SEED = 20_000, 1
@@ -77,7 +77,7 @@ class Score:
         return markdown([heading, *HEADINGS], self.rows())
 
 
-def searched(problem: Problem) -> Controller:
+def searched(problem: TuningProblem) -> Controller:
     """The best controller that a search of `ROLLOUTS` finds."""
     return tune(problem, rollouts=ROLLOUTS).best.controller
 

@@ -18,7 +18,7 @@ from dualwinch import tuning_problem
 from dualwinch.controllers.controller import Controller
 from dualwinch.simulation.plots import save
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure
-from dualwinch.tuning.constraint import NO_PEAK, NO_SLACK
+from dualwinch.tuning.constraints import NO_PEAK, NO_SLACK
 
 ALLOWED = (0.05, 0.1, 0.15, 0.25, 0.4)
 """Bounds on the mean chatter, over that of the paper's gains."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from benchmarks.document import markdown, put
 from benchmarks.scored import HEADINGS, HELD_OUT_SEED, ROLLOUTS, SEED, scored
 from dualwinch import tuning_problem
+from dualwinch.tuning.result import TuningResult
 from dualwinch.tuning.tune import tune
-from dualwinch.tuning.tuned import Tuned
 
 LENGTHS = (ROLLOUTS, 5 * ROLLOUTS)
 """Rollouts of the searches."""
@@ -22,12 +22,12 @@ HELD_OUT_SEEDS = (HELD_OUT_SEED, 11, 12, 13, 14, 15)
 """Seeds of the scenarios that score them."""
 
 
-def searched(rollouts: int) -> Tuned:
+def searched(rollouts: int) -> TuningResult:
     """A study whose search takes so many rollouts."""
     return tune(tuning_problem(ensemble="sea", seed=SEED), rollouts=rollouts)
 
 
-def table(studies: Sequence[Tuned]) -> str:
+def table(studies: Sequence[TuningResult]) -> str:
     """The held-out sets, each scored by every study, as a Markdown table."""
     controllers = {f"{length}": study.best.controller for length, study in zip(LENGTHS, studies, strict=True)}
     rows: list[list[str]] = []
@@ -45,7 +45,7 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="figure: .svg, .png or .pdf")
     arguments = parser.parse_args()
-    studies: list[Tuned] = []
+    studies: list[TuningResult] = []
     for length in LENGTHS:
         sys.stderr.write(f"tuning with {length} rollouts\n")
         studies.append(searched(length))
@@ -55,7 +55,7 @@ def main() -> None:
         put(arguments.write, "tuned", text)
     if arguments.plot:
         from dualwinch.simulation.plots import save
-        from dualwinch.tuning.plots.search import front
+        from dualwinch.tuning.plots import front
 
         last = studies[-1]
         save(front(last.problem, last.prepared.constraints, last.trials), arguments.plot)

@@ -121,9 +121,9 @@ from .simulation.simulate import simulate as simulate
 from .simulation.stepper.observation import Observation as Observation
 from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
-from .tuning.race.result import Race as Race
-from .tuning.stress.result import Stress as Stress
+from .tuning.benchmark.result import BenchmarkResult as BenchmarkResult
+from .tuning.result import TuningResult as TuningResult
+from .tuning.robustness.result import RobustnessResult as RobustnessResult
 from .tuning.tune import tune as tune
-from .tuning.tuned import Tuned as Tuned
 
 __version__: str

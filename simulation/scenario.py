@@ -24,7 +24,7 @@ class Scenario:
         draws: key → drawn value, ``simulation.seed`` among them.
         vertex: whether it is a vertex of the box of draws, not a draw like the others.
         hard: whether somebody picked it because it is hard: it counts in what is the worst, and not in a mean.
-        overwhelming: whether it is harder than any draw: bounds on what is the worst need not be kept to quite.
+        beyond_authority: whether it needs more force than actuators have: bounds on the worst have some leeway.
     """
 
     index: int
@@ -33,7 +33,7 @@ class Scenario:
     draws: dict[str, Value]
     vertex: bool = False
     hard: bool = False
-    overwhelming: bool = False
+    beyond_authority: bool = False
 
     @cached_property
     def experiment(self) -> Experiment:

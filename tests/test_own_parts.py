@@ -35,8 +35,7 @@ from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.simulate import simulate
-from dualwinch.tuning.space import Interval
-from dualwinch.tuning.space_entries import space_of
+from dualwinch.tuning.space import ContinuousDimension, space_of
 from tests.own_parts import Belief, DriftFree, StateFeedback, Watched
 
 OWN = Controller(estimator=DriftFree(), law=StateFeedback(), coordination=Watched())
@@ -226,7 +225,7 @@ def test_a_gain_that_may_be_left_open_shifts_no_other() -> None:
 
 
 def test_they_are_searched_for_within_the_bounds_beside_them() -> None:
-    interval = Interval(BANDWIDTH, (BANDWIDTH,), 1.0, 10.0, log=True, unit="rad/s")
+    interval = ContinuousDimension(BANDWIDTH, (BANDWIDTH,), 1.0, 10.0, log=True, unit="rad/s")
     assert space_of({BANDWIDTH: {}}, EXPERIMENT).dimensions == (interval,)
     names = [dimension.name for dimension in space_of({}, EXPERIMENT).dimensions]
     assert BANDWIDTH in names

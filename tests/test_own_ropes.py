@@ -29,7 +29,7 @@ from dualwinch.simulation.loop.structure import parameters_of, structure_of, zer
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import load_result, save
 from dualwinch.simulation.simulate import simulate
-from dualwinch.tuning.space_entries import space_of
+from dualwinch.tuning.space import space_of
 from tests.oracle.sampled import Scenario, run
 from tests.own_ropes import Bedding, Fading, Root, Stiffening
 

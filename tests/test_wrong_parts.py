@@ -11,7 +11,7 @@ from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
-from dualwinch.tuning.space_entries import space_of
+from dualwinch.tuning.space import space_of
 from tests.spring_law import changed
 
 FROZEN = "@dataclass(frozen=True)"

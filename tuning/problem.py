@@ -1,6 +1,6 @@
 """A tuning problem: what varies, in which scenarios, what is minimised and what must be kept to.
 
-It is data and runs nothing; `tuning.prepared` makes it ready for evaluation.
+It is data and runs nothing; `tuning.scoring.training_set` makes it ready for evaluation.
 """
 
 from collections.abc import Iterator
@@ -14,10 +14,9 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.constraint import Constraint
-from dualwinch.tuning.margin_statistic import MarginStatistic
-from dualwinch.tuning.space import Interval, Point, Space
-from dualwinch.tuning.yardstick import yardstick
+from dualwinch.tuning.baseline import baseline_controller
+from dualwinch.tuning.constraints import Constraint, MarginStatistic
+from dualwinch.tuning.space import ContinuousDimension, Point, Space
 
 SELECTION, HELD_OUT = 1_000_000, 2_000_000
 """Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
@@ -38,7 +37,7 @@ REPORTED = (
 
 
 @dataclass(frozen=True)
-class Problem:
+class TuningProblem:
     """A tuning problem.
 
     Attributes:
@@ -88,7 +87,7 @@ class Problem:
         dimensions = [
             dimension
             for dimension in self.space.dimensions
-            if isinstance(dimension, Interval) and not bound.isdisjoint(dimension.keys)
+            if isinstance(dimension, ContinuousDimension) and not bound.isdisjoint(dimension.keys)
         ]
         for ends in product(*((dimension.lower, dimension.upper) for dimension in dimensions)):
             yield self.start | {dimension.name: end for dimension, end in zip(dimensions, ends, strict=True)}
@@ -101,7 +100,7 @@ class Problem:
     @property
     def paper_experiment(self) -> Experiment:
         """The experiment with the paper's controller, whatever law is tuned."""
-        return replace(self.experiment, controller=yardstick(self.experiment.controller))
+        return replace(self.experiment, controller=baseline_controller(self.experiment.controller))
 
     @property
     def paper_point(self) -> Point | None:

@@ -1,187 +1,296 @@
-"""What a study leaves: ``best.toml`` to simulate with, and ``study.json`` with every trial and score."""
+"""A finished study as data."""
 
-import json
-import math
-from collections.abc import Mapping
-from dataclasses import asdict
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
-from dualwinch.codegen.files import atomic
-from dualwinch.codegen.text import one_line
-from dualwinch.model.quantities.quantity import behind_number
-from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.tuning.problem import HELD_OUT, SELECTION
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import pareto_front
-from dualwinch.tuning.scoring.verdict import Score
-from dualwinch.tuning.space_record import space_to_record
-from dualwinch.tuning.summary import contenders, headline, margin_places, where, worth
-from dualwinch.tuning.tuned import Tuned
+import numpy as np
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.quantities.html import page, section, table
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.baseline import assumptions
+from dualwinch.tuning.optimisers import default_method
+from dualwinch.tuning.plots import short, shown_unit
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring import config as plans
+from dualwinch.tuning.scoring.evaluation import EXEMPT
+from dualwinch.tuning.scoring.progress import SearchStatus
+from dualwinch.tuning.scoring.ranking import Evaluation, best_first
+from dualwinch.tuning.scoring.test_set import SelectionResult
+from dualwinch.tuning.scoring.training_set import TrainingSet
+from dualwinch.tuning.space import ContinuousDimension
 
 
-def write_best(path: str | Path, tuned: Tuned, toml: str, facts: Mapping[str, Any]) -> None:
-    """Write the best as a configuration file, with where it comes from as comments.
+@dataclass(frozen=True)
+class TuningCost:
+    """What a study took.
 
-    Args:
-        path: the file.
-        tuned: the study.
-        toml: the experiment with the best's gains.
-        facts: name → value of what else belongs to its provenance, such as code version and date.
+    Attributes:
+        rollouts: of this process, choice and score included.
+        rollout_seconds: wall time in s they took.
+        preparing, searching, judging: wall time in s of the parts.
+        overhead: share of the search's time that was not spent in rollouts.
+        margin_seconds: wall time in s that stability margins took, in all parts.
     """
-    problem, verdict = tuned.problem, tuned.verdict
-    best, scored = verdict.best, verdict.scored
-    others = [name for name in ("start", "paper") if name in verdict.shown]
-    lines = ["The best gains of a study by `dualwinch tune`."]
-    lines += [f"{name}: {value}" for name, value in facts.items()]
-    lines += [worth(tuned), headline(tuned), *contenders(tuned)]
-    lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
-    lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
-    lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
-    lines += [f"{where(tuned)}{', ' * bool(others)}{' and '.join(others)} in brackets:"]
-    for name, value in scored.statistics.items():
-        unit = behind_number(problem.units[name])
-        beside = ", ".join(f"{verdict.statistics(other)[name]:.6g}" for other in others)
-        lines.append(f"    {name} = {value:.6g}{unit}" + (f" ({beside})" if others else ""))
-    lines += ["constraints there:"]
-    lines += [
-        f"    {constraint.label}: {scored.statistics[constraint.statistic.name]:.6g}, "
-        f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
-        for constraint in verdict.constraints
+
+    rollouts: int
+    rollout_seconds: float
+    preparing: float
+    searching: float
+    judging: float
+    overhead: float
+    margin_seconds: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Wall time in s of all parts."""
+        return self.preparing + self.searching + self.judging
+
+
+@dataclass(frozen=True)
+class FinishedStudy:
+    """A finished study.
+
+    Attributes:
+        prepared: what was tuned, with scenarios and bounds.
+        method: name of the optimiser.
+        trials: every finished trial, in order.
+        verdict: the best, and its score beside that of the start and of the paper's gains.
+        progress: what the search took.
+        cost: what all of it took.
+        interrupted: whether an interrupt (Ctrl-C) ended the search.
+    """
+
+    prepared: TrainingSet
+    method: str
+    trials: tuple[Evaluation, ...]
+    verdict: SelectionResult
+    progress: SearchStatus
+    cost: TuningCost
+    interrupted: bool
+
+    @property
+    def problem(self) -> TuningProblem:
+        """What was tuned."""
+        return self.prepared.problem
+
+    @property
+    def trimmed(self) -> dict[str, tuple[float, float]]:
+        """Gains of the best that were trimmed where it was chosen → as the search had them, and as they are."""
+        best = self.verdict.best
+        was = next((trial.point for trial in self.trials if trial.number == best.number), best.point)
+        return {name: (float(was[name]), float(now)) for name, now in best.point.items() if now != was[name]}
+
+    @property
+    def best(self) -> Experiment:
+        """The experiment with the best gains."""
+        return self.problem.tuned(self.verdict.best.point)
+
+    @property
+    def gains(self) -> dict[str, Any]:
+        """Every tuned key of the best and its value."""
+        return self.problem.space.settings(self.verdict.best.point)
+
+
+FEW_PER_GAIN = 30
+"""Trials for each gain below which more of them are the first thing to try."""
+
+EDGE = 0.02
+"""Share of a range at either end in which a gain is said to lie at its bound."""
+
+LEADING = 3
+"""Trials that tell whether a gain lies at its bound."""
+
+NAMES = {"best": "best", "start": "start", "paper": "paper"}
+"""Name of a score in a verdict → what it is called."""
+
+
+def headings(tuned: FinishedStudy) -> dict[str, str]:
+    """Name of each score that says something different → its heading in a table."""
+    verdict = tuned.verdict
+    names = {name: NAMES[name] for name in verdict.shown}
+    if not verdict.improved:
+        names["best"] = "start, kept" if "paper" in names else "start = paper, kept"
+    elif verdict.start_is_papers:
+        names["paper"] = "start = paper"
+    return names
+
+
+def statistics_table(tuned: FinishedStudy) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of every statistic: the best's, the start's and the paper's, and the best over the paper's."""
+    verdict, columns = tuned.verdict, headings(tuned)
+    compared = ["best / paper"] if "paper" in columns else []
+    rows = []
+    for name, value in verdict.scored.statistics.items():
+        theirs = verdict.statistics("paper")[name]
+        ratio = [f"{value / theirs:.3g}" if theirs else "" for _ in compared]
+        values = [f"{verdict.statistics(column)[name]:.4g}" for column in columns]
+        rows.append([name, *values, *ratio, shown_unit(tuned.problem.units[name])])
+    return ["", *columns.values(), *compared, ""], rows
+
+
+def where(tuned: FinishedStudy) -> str:
+    """Where the best was scored; how many scenarios that were."""
+    if not tuned.verdict.held_out:
+        return "in the tuned experiment"
+    fewer = f" ({plans.FULL.held_out} with more time)" if tuned.verdict.plan.draws < plans.FULL.draws else ""
+    return f"in {tuned.verdict.scored.scenarios} held-out scenarios{fewer}"
+
+
+def headline(tuned: FinishedStudy) -> str:
+    """Which trial is the best, or why the start is kept; and where that was scored."""
+    best, trials = tuned.verdict.best, len(tuned.trials)
+    count = f"{trials} trial{'s' * (trials != 1)}"
+    if tuned.verdict.improved:
+        trimmed = [f"{name} trimmed from {was:.4g} to {now:.4g}" for name, (was, now) in tuned.trimmed.items()]
+        having = f", with {' and '.join(trimmed)}," if trimmed else ""
+        words = f"trial {best.number} of {trials}{having} is the best; scored {where(tuned)}"
+        passed_over = len(tuned.verdict.passed_over)
+        return words + f", where {passed_over} that had looked better failed" if passed_over else words
+    return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
+
+
+def worth(tuned: FinishedStudy) -> str:
+    """What was gained, and what that rests on."""
+    gained = comparison(tuned) if tuned.verdict.improved else "no improvement: the start is kept"
+    return f"{gained}; {assumptions(tuned.problem.ensemble)}"
+
+
+def contenders(tuned: FinishedStudy) -> list[str]:
+    """What the best is compared with: what stands under each heading."""
+    start = controller_in_words(tuned.problem.experiment.controller)
+    paper = controller_in_words(tuned.problem.paper_experiment.controller)
+    words = [f"paper: {paper} with the paper's gains"]
+    return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
+
+
+def margin_places(tuned: FinishedStudy) -> list[str]:
+    """Where each bounded stability margin is the worst: the best's, and the paper's."""
+    verdict, words = tuned.verdict, headings(tuned)
+    return [
+        f"{statistic.name} ({words[name]}): {attained.words}"
+        for statistic in tuned.problem.margins
+        for name in verdict.shown
+        if (attained := verdict.scores[name].attained.get(statistic.name))
     ]
-    if places := margin_places(tuned):
-        lines += ["least stability margins:", *(f"    {words}" for words in places)]
-    lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in tuned.gains.items())]
-    with atomic(Path(path)) as unfinished:
-        unfinished.write_text(
-            "".join(f"# {one_line(line)}".rstrip() + "\n" for line in lines) + "\n" + toml, encoding="utf-8"
+
+
+def endings(tuned: FinishedStudy) -> str:
+    """How the best's runs ended where it is scored."""
+    scored = tuned.verdict.scored
+    if scored.scenarios == 1:
+        return next(iter(scored.outcomes)).replace("_", " ")
+    return ", ".join(
+        f"{count} of {scored.scenarios} {word.replace('_', ' ')}" for word, count in scored.outcomes.items()
+    )
+
+
+def controller_in_words(controller: Controller) -> str:
+    """Law, estimator and coordination of a controller."""
+    estimator = controller.estimator.kind
+    filtered = "no estimator" if estimator == "none" else f"estimator {estimator}"
+    return f"{controller.law.kind} ({filtered}, {controller.coordination.kind})"
+
+
+def comparison(tuned: FinishedStudy) -> str:
+    """How the first objective of the best compares with the paper's, and with the start's."""
+    verdict, name = tuned.verdict, tuned.problem.objectives[0].name
+    words = [times(verdict.improvement(name), "the paper's")]
+    if "start" in verdict.shown:
+        words.append(times(verdict.improvement(name, "start"), "the start's"))
+    return f"{name} is {' and '.join(words)}"
+
+
+def times(ratio: float, whose: str) -> str:
+    """A ratio of theirs to ours in words: how many times lower ours is, or how many times theirs, if that is worse."""
+    if not (ratio > 0 and np.isfinite(ratio)):
+        return f"not comparable with {whose}"
+    if f"{ratio:.3g}" == "1":
+        return f"as large as {whose}"
+    return f"{_digits(ratio)} times lower than {whose}" if ratio > 1 else f"{_digits(1 / ratio)} × {whose} (worse)"
+
+
+def _digits(ratio: float) -> str:
+    """Three digits, without an exponent, thousands apart."""
+    rounded = float(f"{ratio:.3g}")
+    return f"{rounded:,.0f}".replace(",", " ") if rounded >= 100 else f"{rounded:.3g}"
+
+
+def authority(tuned: FinishedStudy) -> str:
+    """How many of the scenarios no gains can hold, and what the best is worth in the others; empty for none."""
+    verdict = tuned.verdict
+    beyond = int((~verdict.within_authority).sum())
+    if not (beyond and verdict.held_out):
+        return ""
+    within = times(verdict.improvement_within_authority(), "the paper's")
+    return (
+        f"{beyond} of the scenarios are infeasible: they need more force than the motors can deliver; in the feasible "
+        f"ones the mean MSE is {within}"
+    )
+
+
+def advice(tuned: FinishedStudy) -> list[str]:
+    """What would help where the start is kept or the best breaks a constraint; empty where there is no need."""
+    verdict, problem = tuned.verdict, tuned.problem
+    if verdict.improved and verdict.scored.feasible:
+        return []
+    found: list[str] = []
+    wanted = FEW_PER_GAIN * len(problem.space.dimensions)
+    if len(tuned.trials) < wanted:
+        found.append(f"more trials (--time, --trials, --resume): {wanted} or more for this many gains")
+    if hardest := _hardest(tuned):
+        found.append(f"a looser bound (--constraint): {hardest}")
+    if at_bounds := _at_bounds(tuned):
+        found.append(f"wider bounds (--space): the best trials lie at those of {', '.join(at_bounds)}")
+    if tuned.method != (usual := default_method(len(problem.objectives))):
+        found.append(f"another method (--method {usual})")
+    return found or ["another start (--set), another seed (--seed), or more gains (--space)"]
+
+
+def _hardest(tuned: FinishedStudy) -> str:
+    """The constraint that most of the complete trials break, where hardly any keeps to all."""
+    whole = [trial for trial in tuned.trials if not trial.pruned]
+    if sum(trial.feasible for trial in whole) > len(whole) // 10:
+        return ""
+    counts = {
+        constraint.label: sum(trial.violations[constraint.label] > 0 for trial in whole)
+        for constraint in tuned.prepared.constraints
+    }
+    label = max(counts, key=lambda name: counts[name], default="")
+    return f"{counts[label]} of {len(whole)} complete trials break {label}" if label and counts[label] else ""
+
+
+def _at_bounds(tuned: FinishedStudy) -> list[str]:
+    """Gains that lie at a bound in all of the best trials that the search has found; at 0 nothing can be wider."""
+    searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
+    points = [searched[index].point for index in best_first(searched)[:LEADING]]
+
+    def at_a_bound(dimension: ContinuousDimension, share: float) -> bool:
+        return share >= 1 - EDGE or (share <= EDGE and dimension.lower != 0)
+
+    return [
+        short(dimension.name)
+        for dimension in tuned.problem.space.dimensions
+        if isinstance(dimension, ContinuousDimension)
+        and len(points) == LEADING
+        and all(at_a_bound(dimension, dimension.encoded(point[dimension.name])) for point in points)
+    ]
+
+
+class TuningResult(FinishedStudy):
+    """A finished study that shows what it has found; fields are those of `FinishedStudy`."""
+
+    def __repr__(self) -> str:
+        return f"Tuned({'; '.join(filter(None, (worth(self), headline(self), authority(self))))})"
+
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        headings, rows = statistics_table(self)
+        words = [headline(self), endings(self), authority(self), *contenders(self)]
+        gains = [[key, f"{value:.6g}" if isinstance(value, float) else str(value)] for key, value in self.gains.items()]
+        return page(
+            worth(self),
+            ". ".join(filter(None, words)),
+            section("statistics", table(headings, rows, numbers=range(1, len(headings) - 1)), is_open=True),
+            section("tuned gains", table(["key", "value"], gains, numbers=(1,)), is_open=True),
         )
-
-
-def write_study(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], configuration: str) -> None:
-    """Write everything a report needs: the problem, every trial as columns, the best and the held-out scores.
-
-    Args:
-        path: the file, JSON.
-        tuned: the study.
-        facts: provenance.
-        configuration: TOML of ensemble or experiment.
-    """
-    problem, verdict, plan = tuned.problem, tuned.verdict, tuned.verdict.plan
-    content = {
-        **facts,
-        "seeds": {
-            "tuning": problem.seed,
-            "selection": problem.seed + SELECTION,
-            "held_out": problem.seed + HELD_OUT,
-        },
-        "scenarios": {
-            "tuning": len(tuned.prepared.scenarios),
-            "selection": plan.draws + plan.last_draws if verdict.held_out else 0,
-            "held_out": verdict.scored.scenarios if verdict.held_out else 0,
-        },
-        "objectives": [{"name": objective.name, "unit": objective.unit} for objective in problem.objectives],
-        "constraints": [
-            {
-                "text": constraint.text,
-                "label": constraint.label,
-                "statistic": constraint.statistic.name,
-                "at_least": constraint.at_least,
-                "bound": constraint.bound,
-                "unit": constraint.statistic.unit,
-            }
-            for constraint in tuned.prepared.constraints
-        ],
-        "space": space_to_record(problem.space),
-        "units": problem.units,
-        "trials": trial_columns(tuned),
-        "pareto_front": [tuned.trials[index].number for index in pareto_front(tuned.trials)],
-        "best": {
-            "trial": verdict.best.number if verdict.improved else None,
-            "trimmed": tuned.trimmed,
-            "start_kept": verdict.obstacle or None,
-            "passed_over": list(verdict.passed_over),
-            "settings": tuned.gains,
-            "tuning": _scores(verdict.best),
-            "selection": _scores(verdict.selection),
-            "held_out": _scores(verdict.scored if verdict.held_out else None),
-        },
-        "margins": {name: _attained(score) for name, score in verdict.scores.items()},
-        "start": _scores(verdict.scores["start"].evaluation),
-        "paper": _scores(verdict.scores["paper"].evaluation),
-        "held_out": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.held_out},
-        "within_authority": verdict.within_authority.tolist() if verdict.held_out else [],
-        "metric_units": {
-            name: quantity.unit for name, quantity in metric_quantities(problem.experiment.metrics).items()
-        },
-        "cost": {"trials": len(tuned.trials), "seconds": tuned.cost.seconds, **asdict(tuned.cost)},
-        "interrupted": tuned.interrupted,
-        "configuration": configuration,
-    }
-    with atomic(Path(path)) as unfinished:
-        unfinished.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def trial_columns(tuned: Tuned) -> dict[str, Any]:
-    """The trials as columns, JSON-ready: each a list with an entry a trial, some of them in named groups."""
-    problem, trials = tuned.problem, tuned.trials
-    return {
-        "number": [trial.number for trial in trials],
-        "origin": [trial.candidate.origin for trial in trials],
-        "state": ["pruned" if trial.pruned else "complete" for trial in trials],
-        "feasible": [trial.feasible for trial in trials],
-        "scenarios": [trial.scenarios for trial in trials],
-        "outcomes": [trial.outcomes for trial in trials],
-        "parameters": {name: [trial.point[name] for trial in trials] for name in problem.space.names},
-        "objectives": {
-            objective.name: [trial.objectives[index] for trial in trials]
-            for index, objective in enumerate(problem.objectives)
-        },
-        "violations": {name: [trial.violations.get(name) for trial in trials] for name in trials[0].violations},
-        "statistics": {name: [trial.statistics.get(name) for trial in trials] for name in problem.units},
-    }
-
-
-def _scores(evaluation: Evaluation | None) -> dict[str, Any] | None:
-    if evaluation is None:
-        return None
-    return {
-        "statistics": evaluation.statistics,
-        "violations": evaluation.violations,
-        "feasible": evaluation.feasible,
-        "outcomes": evaluation.outcomes,
-    }
-
-
-def _attained(score: Score) -> dict[str, Any]:
-    """Name of a stability margin that is bounded → its worst and where that is, null where it is nowhere."""
-    return {
-        name: {
-            "value": _finite(attained.worst.value),
-            "machine": attained.machine,
-            "x": attained.worst.x,
-            "v": attained.worst.v,
-            "cut": attained.worst.cut or None,
-            "frequency": _finite(attained.worst.frequency),
-            "reason": attained.worst.reason or None,
-        }
-        for name, attained in score.attained.items()
-    }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _table(result: BatchResult) -> dict[str, Any]:
-    """One row of a result: outcome and figures of merit of every scenario, null where not measured."""
-    metrics = {
-        name: [value if math.isfinite(value) else None for value in values[0].tolist()]
-        for name, values in result.metrics.items()
-    }
-    return {"outcomes": result.outcomes[0].tolist(), "metrics": metrics}
-
-
-def _yes(truth: bool) -> str:
-    return "yes" if truth else "no"

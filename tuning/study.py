@@ -4,13 +4,13 @@ import math
 import time
 from collections.abc import Sequence
 
-from dualwinch.tuning import clock
 from dualwinch.tuning.optimisers import Optimiser
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.progress import SILENT, Progress, Watch
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.storage.store import Budget, Claim, Store
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring import clock
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.progress import SILENT, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
 
 BATCH = 16
 """Candidates of a batch: one for each vector lane."""
@@ -22,11 +22,11 @@ PAUSE = 0.3
 def search(
     method: str,
     optimiser: Optimiser,
-    store: Store,
+    store: StudyStorage,
     evaluator: Evaluator,
-    watch: Watch = SILENT,
-    progress: Progress | None = None,
-) -> Progress:
+    watch: TuningProgress = SILENT,
+    progress: SearchStatus | None = None,
+) -> SearchStatus:
     """Search until the budget is spent.
 
     The first trials are the paper's gains, where its law is tuned, and the experiment's own where those differ.
@@ -45,7 +45,7 @@ def search(
     Raises:
         KeyboardInterrupt: interrupted; every finished batch is kept, and what was under way is given back.
     """
-    progress = Progress() if progress is None else progress
+    progress = SearchStatus() if progress is None else progress
     began, ran = clock.now(), evaluator.seconds
     known = store.finished()
     progress.add(known)
@@ -82,26 +82,26 @@ def search(
     return progress
 
 
-def _batch(budget: Budget, spent: int, problem: Problem) -> int:
+def _batch(budget: SearchBudget, spent: int, problem: TuningProblem) -> int:
     """Number of candidates of the next batch: fewer where the rollouts that are left are enough for fewer."""
     if budget.rollouts is None:
         return BATCH
     return min(BATCH, max(0, math.ceil((budget.rollouts - spent) / problem.scenarios)))
 
 
-def _share(budget: Budget, spent: int) -> float:
+def _share(budget: SearchBudget, spent: int) -> float:
     """Share of the rollouts that there may be; 0 where the budget does not say."""
     return 0.0 if budget.rollouts is None else min(1.0, spent / budget.rollouts)
 
 
-def first_candidates(problem: Problem) -> list[Candidate]:
+def first_candidates(problem: TuningProblem) -> list[Candidate]:
     """What a study tries first: the paper's gains where its law is tuned, and the start."""
     paper, start = problem.paper_point, problem.start
     papers = [] if paper is None else [Candidate(paper, "paper")]
     return papers + ([Candidate(start, "start")] if start != paper else [])
 
 
-def _evaluated(claims: Sequence[Claim], store: Store, evaluator: Evaluator) -> list[Evaluation]:
+def _evaluated(claims: Sequence[TrialClaim], store: StudyStorage, evaluator: Evaluator) -> list[Evaluation]:
     try:
         done = evaluator.evaluate([claim.candidate for claim in claims])
         store.finish(claims, done)

@@ -3,27 +3,26 @@
 from dataclasses import replace
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning import clock
-from dualwinch.tuning.finished import Cost
 from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.progress import SEARCHING, SILENT, Progress, Watch
-from dualwinch.tuning.scoring import plan as plans
-from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.result import TuningCost, TuningResult
+from dualwinch.tuning.scoring import clock
+from dualwinch.tuning.scoring import config as plans
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.progress import SEARCHING, SILENT, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.selection import judge
-from dualwinch.tuning.storage.memory import Memory
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.opening import quiet
-from dualwinch.tuning.storage.store import Budget, Store
+from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
-from dualwinch.tuning.tuned import Tuned
 
 WORTH_COMPILING = 20.0
 """Time in s of a search from which on all that it may call is compiled before, and takes nothing of that time."""
 
 
 def tune(
-    problem: Problem,
+    problem: TuningProblem,
     *,
     method: str | None = None,
     trials: int | None = None,
@@ -31,11 +30,11 @@ def tune(
     rollouts: int | None = None,
     held_out: int | None = None,
     threads: int | None = None,
-    store: Store | None = None,
+    store: StudyStorage | None = None,
     afterwards: float = 0.0,
     keep: bool = True,
-    watch: Watch = SILENT,
-) -> Tuned:
+    watch: TuningProgress = SILENT,
+) -> TuningResult:
     """Search for gains, choose the best, and score it in scenarios that nobody saw.
 
     An interrupt (Ctrl-C) ends the search; the best so far is chosen and scored, unless `keep` is false.
@@ -45,7 +44,7 @@ def tune(
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
         trials: number of trials; this, `seconds` or `rollouts`, or several of them.
         seconds: wall time of the search in s. Preparing, choosing and scoring come on top; the latter two are made in
-            fewer scenarios where all of that would take longer than a share of it (`tuning.scoring.plan`).
+            fewer scenarios where all of that would take longer than a share of it (`tuning.scoring.config`).
         rollouts: number of rollouts of the search, those of trials that were given up early with what they ran, and a
             gradient with as many as differences would take; the last batch may go beyond it by a few.
         held_out: number of scenarios that score the best, at most; default: 200.
@@ -53,7 +52,7 @@ def tune(
         store: where trials are kept, open; the study in it is gone on with. Default: in memory.
         afterwards: time in s that the caller needs for more of what comes on top.
         keep: whether an interrupt keeps the best so far; else it is raised.
-        watch: told of every phase (`tuning.progress.PHASES`), and of each batch of the search.
+        watch: told of every phase (`tuning.scoring.progress.PHASES`), and of each batch of the search.
 
     Raises:
         ConfigurationError: an unknown method, or no budget.
@@ -75,13 +74,13 @@ def tune(
     prepared = prepare(problem, threads, watch)
     if seconds is not None and seconds >= WORTH_COMPILING:
         compile_ahead(method, prepared)
-    store = store or Memory()
+    store = store or MemoryStorage()
     evaluator = Evaluator(prepared, threads=threads)
     proposer = optimiser(method, prepared, problem.seed + store.count())
     watch.phase(SEARCHING)
     searched = clock.now()
-    store.set_budget(Budget(trials, None if seconds is None else searched + seconds, rollouts))
-    progress, interrupted = Progress(), False
+    store.set_budget(SearchBudget(trials, None if seconds is None else searched + seconds, rollouts))
+    progress, interrupted = SearchStatus(), False
     try:
         search(method, proposer, store, evaluator, watch, progress)
     except KeyboardInterrupt:
@@ -89,7 +88,7 @@ def tune(
             raise
         interrupted = True
     judged = clock.now()
-    store.set_budget(Budget(store.count(), judged))  # the other workers end too
+    store.set_budget(SearchBudget(store.count(), judged))  # the other workers end too
     finished = store.finished()
     if not finished:
         raise KeyboardInterrupt
@@ -98,7 +97,7 @@ def tune(
         time = plans.time_for(seconds, searched - began + afterwards)
         plan = plans.affordable(plan, time, evaluator.pace)
     verdict = judge(evaluator, finished, plan, watch)
-    cost = Cost(
+    cost = TuningCost(
         rollouts=evaluator.rollouts,
         rollout_seconds=evaluator.seconds,
         preparing=searched - began,
@@ -107,4 +106,4 @@ def tune(
         overhead=progress.overhead,
         margin_seconds=evaluator.margin_seconds,
     )
-    return Tuned(prepared, method, tuple(finished), verdict, progress, cost, interrupted)
+    return TuningResult(prepared, method, tuple(finished), verdict, progress, cost, interrupted)

@@ -18,16 +18,26 @@ from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.by_ensemble import first_estimator
+from dualwinch.tuning.baseline import default_estimator
+from dualwinch.tuning.benchmark.entries import (
+    COORDINATION,
+    ESTIMATOR,
+    HELD_OUT,
+    LAW,
+    ROLLOUTS,
+    BenchmarkEntry,
+    BenchmarkTerms,
+    EntryProblem,
+    combinations,
+    kinds,
+)
+from dualwinch.tuning.benchmark.entries import ablations as ablated
+from dualwinch.tuning.benchmark.result import BenchmarkResult
+from dualwinch.tuning.benchmark.run import Breaking
+from dualwinch.tuning.benchmark.run import race as run
 from dualwinch.tuning.optimisers import check_method, default_method
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.race.ablations import ablations as ablated
-from dualwinch.tuning.race.entry import COORDINATION, ESTIMATOR, LAW, Entry, combinations, kinds
-from dualwinch.tuning.race.result import Race
-from dualwinch.tuning.race.run import race as run
-from dualwinch.tuning.race.score import Breaking
-from dualwinch.tuning.race.terms import HELD_OUT, ROLLOUTS, Entrant, Terms
-from dualwinch.tuning.stress.summary import by_what, where
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.robustness.summary import by_what, where
 
 OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination"}
 """Key of a part → option that chooses it."""
@@ -58,7 +68,7 @@ def race(
     out: str | PathLike[str] | None = None,
     threads: int | None = None,
     progress: Callable[[float, str], None] | None = None,
-) -> Race:
+) -> BenchmarkResult:
     """Tune every combination of parts with the same number of rollouts, and score all in the same unseen scenarios.
 
     An interrupt (Ctrl-C) keeps what is finished, and the same call with the same folder goes on with the rest. A
@@ -102,7 +112,7 @@ def race(
             raise ConfigurationError(f"{text}: give {OPTIONS[key]}, for all kinds that are to take part")
     method = method or default_method(1)
     check_method(method, 1)
-    usual = first_estimator(drawn), Controller().coordination.kind
+    usual = default_estimator(drawn), Controller().coordination.kind
     entries = combinations(
         kinds(laws, POSITION_LAWS, list(POSITION_LAWS)),
         kinds(estimators, ESTIMATORS, [usual[0]]),
@@ -112,12 +122,12 @@ def race(
         entries += ablated(*usual)
     if searches < 1:
         raise ConfigurationError(f"searches = {searches}: must be a whole number >= 1")
-    entrants: dict[str, Entrant] = {}
+    entrants: dict[str, EntryProblem] = {}
     for entry in (replace(entry, search=search) for search in range(searches) for entry in entries):
         problem = _problem(entry, drawn, settings, constraints, scenarios, seed)
-        entrants[entry.key] = Entrant(entry, problem, definition_of(problem, method))
+        entrants[entry.key] = EntryProblem(entry, problem, definition_of(problem, method))
     first = next(iter(entrants.values())).problem
-    terms = Terms(
+    terms = BenchmarkTerms(
         ensemble=drawn.name,
         configuration=configuration(replace(first, experiment=first.paper_experiment)),
         constraints=tuple(constraint.text for constraint in first.constraints),
@@ -138,13 +148,13 @@ def race(
 
 
 def _problem(
-    entry: Entry,
+    entry: BenchmarkEntry,
     ensemble: Ensemble,
     settings: Sequence[str],
     constraints: Sequence[str] | None,
     scenarios: int | None,
     seed: int,
-) -> Problem:
+) -> TuningProblem:
     try:
         return tuning_problem(
             ensemble=ensemble,
@@ -158,7 +168,7 @@ def _problem(
         raise ConfigurationError(f"{entry.key}: {error}") from error
 
 
-def _breaking(problem: Problem, threads: int | None) -> Breaking:
+def _breaking(problem: TuningProblem, threads: int | None) -> Breaking:
     """Tells what breaks the gains of an experiment first.
 
     Raises:

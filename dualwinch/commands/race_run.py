@@ -18,10 +18,10 @@ from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.race.found import Found
-from dualwinch.tuning.race.record import to_record
-from dualwinch.tuning.race.result import Race
-from dualwinch.tuning.race.scored import Scored
+from dualwinch.tuning.benchmark.found import BenchmarkFindings
+from dualwinch.tuning.benchmark.result import BenchmarkResult
+from dualwinch.tuning.benchmark.scores import EntryResult
+from dualwinch.tuning.benchmark.summary import to_record
 
 GAINS = "gains"
 """Folder of the configurations."""
@@ -70,7 +70,7 @@ def run_race(out: Path, **words: Any) -> None:
         raise KeyboardInterrupt
 
 
-def write_race(out: Path, found: Race) -> list[str]:
+def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     """Write ``race.json``, ``race.svg``, ``fronts.svg``, ``report.html``, and the gains of each entry.
 
     Returns:
@@ -94,7 +94,7 @@ def write_race(out: Path, found: Race) -> list[str]:
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 
-def configuration(found: Found, scored: Scored) -> str:
+def configuration(found: BenchmarkFindings, scored: EntryResult) -> str:
     """The best gains of an entry as TOML; empty where its parts are not known here, as those of an earlier call."""
     nominal = loads_ensemble(found.terms.configuration, name="the race's ensemble").experiment
     try:

@@ -10,11 +10,11 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.stress.limits import constraints_of
-from dualwinch.tuning.stress.result import Stress
-from dualwinch.tuning.stress.run import PAPER
-from dualwinch.tuning.stress.run import stress as run
-from dualwinch.tuning.yardstick import is_yardstick, yardstick
+from dualwinch.tuning.baseline import baseline_controller, is_baseline
+from dualwinch.tuning.robustness.limits import constraints_of
+from dualwinch.tuning.robustness.result import RobustnessResult
+from dualwinch.tuning.robustness.run import PAPER
+from dualwinch.tuning.robustness.run import stress as run
 
 NO_BASE = "none"
 """Stands for the experiment itself, without any ensemble."""
@@ -36,7 +36,7 @@ def stress(
     name: str = "given",
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Stress:
+) -> RobustnessResult:
     """Find out which imperfection breaks an experiment's gains first, and at which size; likewise the paper's.
 
     An imperfection is what the ensemble draws or sets and the base does not. Each is made larger, alone and all
@@ -68,8 +68,8 @@ def stress(
     """
     kind, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
     own = experiment.controller
-    controllers = {PAPER: yardstick(own)}
-    if not is_yardstick(own):
+    controllers = {PAPER: baseline_controller(own)}
+    if not is_baseline(own):
         if name == PAPER:
             raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
         controllers[name] = own

@@ -22,8 +22,8 @@ from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.stress.record import to_record
-from dualwinch.tuning.stress.result import Stress
+from dualwinch.tuning.robustness.result import RobustnessResult
+from dualwinch.tuning.robustness.summary import to_record
 
 STUDY = "study.json"
 """File of a study, beside its best gains, that notes their constraints."""
@@ -84,7 +84,7 @@ def noted_constraints(file: Path, experiment: Experiment) -> list[str]:
     return texts if all(values.get(key) == value for key, value in settings.items()) else []
 
 
-def write_stress(out: Path, found: Stress) -> list[str]:
+def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     """Write ``stress.json`` and ``stress.svg``; a report of a study that lies there shows them from now on.
 
     Returns:
@@ -100,7 +100,7 @@ def write_stress(out: Path, found: Stress) -> list[str]:
     return ["stress.json", "stress.svg", *shown]
 
 
-def as_json(found: Stress) -> dict[str, Any]:
+def as_json(found: RobustnessResult) -> dict[str, Any]:
     """Everything the stress test says, JSON-ready, with base and ensemble as TOML."""
     scaling = found.scaling
     return {

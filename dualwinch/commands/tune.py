@@ -24,16 +24,15 @@ from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.tuning.optimisers import check_method, default_method
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.result import write_best, write_study
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.record import write_best, write_study
+from dualwinch.tuning.result import TuningResult, controller_in_words
 from dualwinch.tuning.storage.connection import shown
-from dualwinch.tuning.storage.noted_parts import Noted, in_words, noted_parts
+from dualwinch.tuning.storage.noted_parts import PartRecord, in_words, part_records
 from dualwinch.tuning.storage.opening import check_storage, is_database, kept_definition, open_store
 from dualwinch.tuning.storage.recall import recall
-from dualwinch.tuning.storage.store import Budget
-from dualwinch.tuning.summary import controller_in_words
+from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.tune import tune as run
-from dualwinch.tuning.tuned import Tuned
 
 REPORT_SECONDS = 2.0
 """Time in s that the files take, report and figures among them."""
@@ -108,7 +107,7 @@ def _storage(options: Options) -> str:
     return str(options.storage or Path(options.out) / "study.journal")
 
 
-def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
+def tune(problem: TuningProblem, options: Options, status: StatusLine) -> TuningResult:
     """Search, choose, score, write and print. What can be wrong with words and files is found before the search.
 
     Raises:
@@ -126,7 +125,9 @@ def tune(problem: Problem, options: Options, status: StatusLine) -> Tuned:
         return _tune(problem, options, status, method, trials)
 
 
-def _tune(problem: Problem, options: Options, status: StatusLine, method: str, trials: int | None) -> Tuned:
+def _tune(
+    problem: TuningProblem, options: Options, status: StatusLine, method: str, trials: int | None
+) -> TuningResult:
     """The same, once everything is checked and there is a folder."""
     out, storage = Path(options.out), _storage(options)
     until = None if options.seconds is None else time.time() + options.seconds + PREPARING_SECONDS
@@ -134,7 +135,12 @@ def _tune(problem: Problem, options: Options, status: StatusLine, method: str, t
     if options.workers > 1:
         _check_sources(definition["parts"])
     store = open_store(
-        storage, options.study, problem, definition, Budget(trials, until, options.rollouts), resume=options.resume
+        storage,
+        options.study,
+        problem,
+        definition,
+        SearchBudget(trials, until, options.rollouts),
+        resume=options.resume,
     )
     with closing(store), _workers(options, storage):
         _announce(status, problem, method, storage, store.count())
@@ -163,7 +169,7 @@ def _tune(problem: Problem, options: Options, status: StatusLine, method: str, t
     return tuned
 
 
-def write(tuned: Tuned, storage: str, options: Options) -> None:
+def write(tuned: TuningResult, storage: str, options: Options) -> None:
     """Write ``best.toml``, ``study.json`` and ``report.html``."""
     from dualwinch.reports.tuning import write_tuning_report
 
@@ -177,7 +183,7 @@ def write(tuned: Tuned, storage: str, options: Options) -> None:
         "storage": shown(storage) if is_database(storage) else one_line(storage),
         "method": tuned.method,
     }
-    parts = noted_parts(problem)
+    parts = part_records(problem)
     if parts:
         facts["parts"] = in_words(parts)
     check_folder(out)
@@ -200,7 +206,7 @@ def check_options(options: Options) -> None:
     check_storage(_storage(options))
 
 
-def _check_sources(parts: Sequence[Noted]) -> None:
+def _check_sources(parts: Sequence[PartRecord]) -> None:
     for part in parts:
         if part["script"]:
             raise ConfigurationError(
@@ -209,7 +215,7 @@ def _check_sources(parts: Sequence[Noted]) -> None:
             )
 
 
-def _announce(status: StatusLine, problem: Problem, method: str, storage: str, known: int) -> None:
+def _announce(status: StatusLine, problem: TuningProblem, method: str, storage: str, known: int) -> None:
     controller = controller_in_words(problem.experiment.controller)
     where = f"{problem.scenarios} scenarios of '{problem.ensemble.name}'" if problem.ensemble else "one experiment"
     status.say(

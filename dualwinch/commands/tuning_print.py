@@ -5,8 +5,8 @@ from rich.table import Table
 from rich.text import Text
 
 from dualwinch.commands.terminal import styled, terminal
-from dualwinch.tuning.scoring.ranking import pareto_front
-from dualwinch.tuning.summary import (
+from dualwinch.tuning.result import (
+    TuningResult,
     advice,
     authority,
     contenders,
@@ -16,10 +16,10 @@ from dualwinch.tuning.summary import (
     statistics_table,
     worth,
 )
-from dualwinch.tuning.tuned import Tuned
+from dualwinch.tuning.scoring.ranking import pareto_front
 
 
-def print_study(tuned: Tuned) -> None:
+def print_study(tuned: TuningResult) -> None:
     """Print what was found, what it is worth, what would help and what it took."""
     console, verdict = terminal(), tuned.verdict
 
@@ -51,7 +51,7 @@ def print_study(tuned: Tuned) -> None:
     )
 
 
-def _table(tuned: Tuned) -> Table:
+def _table(tuned: TuningResult) -> Table:
     names, rows = statistics_table(tuned)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("", style="bold", no_wrap=True)

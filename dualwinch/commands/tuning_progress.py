@@ -14,7 +14,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.result import Statistic
-    from dualwinch.tuning.progress import Progress
+    from dualwinch.tuning.scoring.progress import SearchStatus
 
 EVERY = 10.0
 """Time in s between two lines of a search where there is no terminal."""
@@ -58,7 +58,7 @@ class StatusLine:
         else:
             self.say(f"{self.name}: {words}")
 
-    def progress(self, progress: "Progress", until: float | None, trials: int | None) -> None:
+    def progress(self, progress: "SearchStatus", until: float | None, trials: int | None) -> None:
         """Say where the search stands: on a terminal after each batch, in a log now and then."""
         if self._live:
             self._update(self._line(progress, until, trials))
@@ -75,7 +75,7 @@ class StatusLine:
         if self._live:
             self._live.refresh()
 
-    def _line(self, now: "Progress", until: float | None, trials: int | None) -> str:
+    def _line(self, now: "SearchStatus", until: float | None, trials: int | None) -> str:
         of = f" of {trials}" if trials else ""
         words = [f"{_left(now, until, trials):.0f} s left"]
         words.append(f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible")
@@ -90,7 +90,7 @@ class StatusLine:
         return " · ".join(words)
 
 
-def _left(now: "Progress", until: float | None, trials: int | None) -> float:
+def _left(now: "SearchStatus", until: float | None, trials: int | None) -> float:
     """Time in s that the search will take, by the budget that ends first."""
     left: list[float] = []
     if until is not None:

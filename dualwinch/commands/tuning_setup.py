@@ -14,13 +14,17 @@ from dualwinch.model.actuators.ideal import is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.by_ensemble import RESERVE, first_estimator, first_reserve, further_gains
-from dualwinch.tuning.constraint import constraints_from, constraints_with, default_constraints
-from dualwinch.tuning.objective import DEFAULT_OBJECTIVES, objectives_from
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.space_entries import entry_from, space_of
-from dualwinch.tuning.space_record import space_from, space_to_record
-from dualwinch.tuning.storage.noted_parts import noted_parts
+from dualwinch.tuning.baseline import RESERVE, default_estimator, default_reserve, further_gains
+from dualwinch.tuning.constraints import (
+    DEFAULT_OBJECTIVES,
+    constraints_from,
+    constraints_with,
+    default_constraints,
+    objectives_from,
+)
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_record
+from dualwinch.tuning.storage.noted_parts import part_records
 
 SCENARIOS = 12
 """Scenarios a candidate is tuned on where nothing else is asked for."""
@@ -41,7 +45,7 @@ def tuning_problem(
     scenarios: int | None = None,
     seed: int = 1,
     held: Collection[str] = (),
-) -> Problem:
+) -> TuningProblem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
 
     With an ensemble the calibrating Kalman filter is used unless an experiment, a file or a setting says otherwise:
@@ -83,8 +87,8 @@ def tuning_problem(
         else:
             drawn = ensemble.controlled_as(base)
         if config is None and experiment is None:
-            drawn = reset(drawn, {ESTIMATOR: first_estimator(drawn)} | values)
-            drawn = reset(drawn, {RESERVE: first_reserve(drawn)} | values)
+            drawn = reset(drawn, {ESTIMATOR: default_estimator(drawn)} | values)
+            drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | values)
         else:
             drawn = reset(drawn, values)
         base = drawn.experiment
@@ -93,7 +97,7 @@ def tuning_problem(
         if value < least:
             raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
     defaults = default_constraints(drawn is not None, lag=not is_ideal(base.actuator))
-    problem = Problem(
+    problem = TuningProblem(
         experiment=base,
         ensemble=drawn,
         space=space_of(_entries(space), base, further_gains(drawn) if drawn else None).without(held),
@@ -106,12 +110,12 @@ def tuning_problem(
     return problem
 
 
-def definition_of(problem: Problem, method: str) -> dict[str, Any]:
+def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:
     """A problem as data that a study keeps."""
     return {
         "configuration": configuration(problem),
         "ensemble": problem.ensemble.name if problem.ensemble else "",
-        "parts": noted_parts(problem),
+        "parts": part_records(problem),
         "space": space_to_record(problem.space),
         "objectives": [objective.name for objective in problem.objectives],
         "constraints": [constraint.text for constraint in problem.constraints],
@@ -121,7 +125,7 @@ def definition_of(problem: Problem, method: str) -> dict[str, Any]:
     }
 
 
-def problem_from(definition: Mapping[str, Any]) -> Problem:
+def problem_from(definition: Mapping[str, Any]) -> TuningProblem:
     """The problem that `definition_of` took apart."""
     text, drawn = definition["configuration"], None
     if definition["ensemble"]:
@@ -129,7 +133,7 @@ def problem_from(definition: Mapping[str, Any]) -> Problem:
         base = drawn.experiment
     else:
         base = loads(text, name="the study's experiment")
-    return Problem(
+    return TuningProblem(
         experiment=base,
         ensemble=drawn,
         space=space_from(definition["space"]),
@@ -140,7 +144,7 @@ def problem_from(definition: Mapping[str, Any]) -> Problem:
     )
 
 
-def configuration(problem: Problem) -> str:
+def configuration(problem: TuningProblem) -> str:
     """Ensemble or experiment as TOML."""
     if problem.ensemble is None:
         return to_toml(problem.experiment)

@@ -10,15 +10,15 @@ from dualwinch.commands.terminal import terminal
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.stress.imperfection import imperfections, union
-from dualwinch.tuning.tuned import Tuned
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.result import TuningResult
+from dualwinch.tuning.robustness.imperfections import imperfections, union
 
 ENSEMBLE, KIND = "rig", "sea"
 """Gives the imperfections; and what they come on top of where the gains are tuned with them."""
 
 
-def check_stress(problem: Problem) -> None:
+def check_stress(problem: TuningProblem) -> None:
     """Find out now whether there is an imperfection that the gains are not tuned for.
 
     Raises:
@@ -31,7 +31,7 @@ def check_stress(problem: Problem) -> None:
         raise ConfigurationError(f"--stress: {error}") from error
 
 
-def print_stress(tuned: Tuned, out: Path, status: StatusLine) -> None:
+def print_stress(tuned: TuningResult, out: Path, status: StatusLine) -> None:
     """Find out, print, write, and have the report show it."""
     problem = tuned.problem
     bars = (TextColumn("what breaks first"), BarColumn(), TaskProgressColumn())
@@ -52,7 +52,7 @@ def print_stress(tuned: Tuned, out: Path, status: StatusLine) -> None:
     status.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
 
 
-def stress_base(problem: Problem) -> Ensemble | str | None:
+def stress_base(problem: TuningProblem) -> Ensemble | str | None:
     """What the gains were tuned in, without the imperfections."""
     tuned_in = problem.ensemble
     return KIND if tuned_in and tuned_in.name == ENSEMBLE else tuned_in

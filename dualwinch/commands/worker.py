@@ -7,11 +7,11 @@ from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.progress import SEARCHING
-from dualwinch.tuning.scoring.evaluate import Evaluator
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.progress import SEARCHING
+from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage.connection import shown
-from dualwinch.tuning.storage.database import Database
+from dualwinch.tuning.storage.database import DatabaseStudy
 from dualwinch.tuning.storage.opening import check_storage, is_database, quiet
 from dualwinch.tuning.storage.recall import recall
 from dualwinch.tuning.study import search
@@ -31,7 +31,7 @@ def worker(storage: str | None, study: str, threads: int | None, watch: StatusLi
         raise ConfigurationError(f"--threads {threads}: must be a whole number >= 1")
     check_storage(storage)
     quiet()
-    with closing(Database.join(storage, study)) as store:
+    with closing(DatabaseStudy.join(storage, study)) as store:
         definition = store.definition
         recall(study, definition.get("parts", []))
         problem = problem_from(definition)

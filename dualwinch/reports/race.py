@@ -7,9 +7,9 @@ from dualwinch.codegen.files import atomic
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri
 from dualwinch.simulation.plots.files import encode
-from dualwinch.tuning.race.pairs import RULE
-from dualwinch.tuning.race.result import Race
-from dualwinch.tuning.race.summary import (
+from dualwinch.tuning.benchmark.comparison import RULE
+from dualwinch.tuning.benchmark.result import BenchmarkResult
+from dualwinch.tuning.benchmark.summary import (
     ablation_rows,
     heading,
     notes,
@@ -19,7 +19,7 @@ from dualwinch.tuning.race.summary import (
 )
 
 
-def write_race_report(path: Path, found: Race, facts: Mapping[str, str]) -> None:
+def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, str]) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
     Args:

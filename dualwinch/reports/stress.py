@@ -6,14 +6,14 @@ from dualwinch.codegen.files import atomic
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri
 from dualwinch.simulation.plots.files import encode
-from dualwinch.tuning.stress.result import Stress
-from dualwinch.tuning.stress.summary import heading, notes, stress_table
+from dualwinch.tuning.robustness.result import RobustnessResult
+from dualwinch.tuning.robustness.summary import heading, notes, stress_table
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 """Where the section stands in a report; it is empty in a new one."""
 
 
-def show_stress(report: Path, found: Stress) -> bool:
+def show_stress(report: Path, found: RobustnessResult) -> bool:
     """Put what was found into a report of `dualwinch tune`, in the place of what stands there.
 
     Args:
@@ -37,7 +37,7 @@ def show_stress(report: Path, found: Stress) -> bool:
     return True
 
 
-def section(found: Stress) -> str:
+def section(found: RobustnessResult) -> str:
     """The section as HTML."""
     headings, rows = stress_table(found)
     return template("stress.html.j2").render(

@@ -12,10 +12,18 @@ from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri, number_text
 from dualwinch.reports.tuning_words import ASSUMED, costs, gained, next_steps
 from dualwinch.simulation.plots.files import encode
-from dualwinch.tuning.plots.names import shown_name, shown_unit
-from dualwinch.tuning.plots.score import before_and_after, held_out
-from dualwinch.tuning.plots.search import front, history, importance, parallel_coordinates
-from dualwinch.tuning.summary import (
+from dualwinch.tuning.plots import (
+    before_and_after,
+    front,
+    held_out,
+    history,
+    importance,
+    parallel_coordinates,
+    shown_name,
+    shown_unit,
+)
+from dualwinch.tuning.result import (
+    TuningResult,
     authority,
     contenders,
     headings,
@@ -24,7 +32,6 @@ from dualwinch.tuning.summary import (
     where,
     worth,
 )
-from dualwinch.tuning.tuned import Tuned
 
 CAPTIONS = {
     "history": "Each dot is a candidate in all tuning scenarios. Pale ones violate a constraint or were abandoned "
@@ -40,7 +47,7 @@ CAPTIONS = {
 }
 
 
-def write_tuning_report(path: str | Path, tuned: Tuned, facts: Mapping[str, Any], configuration: str) -> None:
+def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
     Args:
@@ -86,7 +93,7 @@ def _sentence(words: str) -> str:
     return f"{begin}{words[len(first) :]}." if words else ""
 
 
-def _summary(tuned: Tuned) -> str:
+def _summary(tuned: TuningResult) -> str:
     feasible = sum(trial.feasible for trial in tuned.trials)
     kept = "satisfies" if tuned.verdict.scored.feasible else "does not satisfy"
     return (
@@ -95,7 +102,7 @@ def _summary(tuned: Tuned) -> str:
     )
 
 
-def _scores(tuned: Tuned) -> list[dict[str, Any]]:
+def _scores(tuned: TuningResult) -> list[dict[str, Any]]:
     verdict, columns = tuned.verdict, list(headings(tuned))
     rows = []
     for name, value in verdict.scored.statistics.items():
@@ -111,7 +118,7 @@ def _scores(tuned: Tuned) -> list[dict[str, Any]]:
     return rows
 
 
-def _bounds(tuned: Tuned) -> list[dict[str, Any]]:
+def _bounds(tuned: TuningResult) -> list[dict[str, Any]]:
     scored = tuned.verdict.scored
     return [
         {
@@ -123,7 +130,7 @@ def _bounds(tuned: Tuned) -> list[dict[str, Any]]:
     ]
 
 
-def _gains(tuned: Tuned) -> list[dict[str, Any]]:
+def _gains(tuned: TuningResult) -> list[dict[str, Any]]:
     start, best = leaves(tuned.problem.experiment), tuned.gains
     return [
         {"key": key, "best": number_text(best[key]), "start": number_text(start[key]), "searched": dimension.allowed}
@@ -132,7 +139,7 @@ def _gains(tuned: Tuned) -> list[dict[str, Any]]:
     ]
 
 
-def _cost(tuned: Tuned) -> dict[str, str]:
+def _cost(tuned: TuningResult) -> dict[str, str]:
     cost = tuned.cost
     times = {"preparing": cost.preparing, "searching": cost.searching, "choosing and scoring": cost.judging}
     return {
@@ -146,7 +153,7 @@ SECTIONS = {"gained": ("held_out", "before"), "cost": ("front",), "search": ("hi
 """Section of the report → its figures."""
 
 
-def _pictures(tuned: Tuned) -> dict[str, list[dict[str, str]]]:
+def _pictures(tuned: TuningResult) -> dict[str, list[dict[str, str]]]:
     problem, trials, verdict = tuned.problem, tuned.trials, tuned.verdict
     figures: dict[str, tuple[str, Figure | None]] = {
         "held_out": ("Held-out scenarios", held_out(verdict)),

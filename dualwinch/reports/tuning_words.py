@@ -4,8 +4,7 @@ import math
 from pathlib import Path
 
 from dualwinch.simulation.plots.motion import length_unit
-from dualwinch.tuning.summary import advice
-from dualwinch.tuning.tuned import Tuned
+from dualwinch.tuning.result import TuningResult, advice
 
 COSTS = {
     "mean.chatter": "chatter",
@@ -23,7 +22,7 @@ ASSUMED = (
 """What tuned gains rest on."""
 
 
-def gained(tuned: Tuned) -> str:
+def gained(tuned: TuningResult) -> str:
     """The typical error of the best, the start and the paper's gains as lengths; empty where it was not measured."""
     verdict = tuned.verdict
     errors = {name: verdict.statistics(name).get("mean.mse", math.nan) for name in verdict.shown}
@@ -37,7 +36,7 @@ def gained(tuned: Tuned) -> str:
     return f"Root mean square error: {_length(errors['best'])}, where it was {before}." if before else ""
 
 
-def costs(tuned: Tuned) -> list[str]:
+def costs(tuned: TuningResult) -> list[str]:
     """What the best takes more of than the paper's gains, and how near the largest tension is to its limit."""
     verdict = tuned.verdict
     ours, theirs = verdict.scored.statistics, verdict.statistics("paper")
@@ -55,7 +54,7 @@ def costs(tuned: Tuned) -> list[str]:
     return found
 
 
-def next_steps(tuned: Tuned, folder: Path) -> list[tuple[str, str]]:
+def next_steps(tuned: TuningResult, folder: Path) -> list[tuple[str, str]]:
     """What to do next: words, and a command, which is empty for mere advice."""
     best = folder / "best.toml"
     ensemble = tuned.problem.ensemble

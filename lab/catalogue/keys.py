@@ -15,7 +15,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.own_bounds import own_bounds
+from dualwinch.tuning.space import own_bounds
 
 WIDER = 3.0
 """How far a slider reaches beyond a default, as a factor."""

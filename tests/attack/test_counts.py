@@ -117,7 +117,7 @@ def test_trials_that_wait_beyond_what_was_asked_for_are_left(url: str) -> None:
     budget = store.budget()
 
     def propose(count: int, _: bool) -> list[Any]:
-        from dualwinch.tuning.scoring.evaluation import Candidate
+        from dualwinch.tuning.scoring.ranking import Candidate
 
         return [Candidate({"controller.nftsm.beta": 0.1}, "random")] * count
 

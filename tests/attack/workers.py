@@ -10,14 +10,14 @@ from typing import Any
 
 from dualwinch.commands.tuning_setup import definition_of, problem_from, tuning_problem
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage import connection
-from dualwinch.tuning.storage.database import Database
+from dualwinch.tuning.storage.database import DatabaseStudy
 from dualwinch.tuning.storage.opening import open_store, quiet
-from dualwinch.tuning.storage.store import Budget, Store
+from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
 
 STUDY, TRIALS, METHOD = "attacked", 48, "random"
@@ -26,7 +26,7 @@ BEAT, GRACE = 1, 2
 """Time in s between two beats, and the silence after which a worker counts as dead: as short as can be."""
 
 
-def problem() -> Problem:
+def problem() -> TuningProblem:
     """A problem that is evaluated within milliseconds."""
     return tuning_problem(
         case=4, settings=["simulation.duration=0.05"], space=["controller.nftsm.beta"], constraints=[], seed=1
@@ -47,7 +47,7 @@ def work_in_file(storage: str, ready: Any) -> None:
     _silent()
     asked = problem()
     ready.release()
-    definition, budget = definition_of(asked, METHOD), Budget(TRIALS)
+    definition, budget = definition_of(asked, METHOD), SearchBudget(TRIALS)
     _search(open_store(storage, STUDY, asked, definition, budget, resume=True), asked)
 
 
@@ -55,18 +55,18 @@ def work_in_database(url: str, ready: Any) -> None:
     """What ``dualwinch worker`` does."""
     _silent()
     ready.release()
-    store = Database.join(url, STUDY)
+    store = DatabaseStudy.join(url, STUDY)
     _search(store, problem_from(store.definition))
 
 
-def begin(url: str, study: str = STUDY) -> Database:
+def begin(url: str, study: str = STUDY) -> DatabaseStudy:
     """A study in a database, as ``dualwinch tune`` begins it."""
     connection.HEARTBEAT, connection.GRACE = BEAT, GRACE
     asked = problem()
-    return Database.begin(url, study, asked, definition_of(asked, METHOD), Budget(TRIALS), resume=True)
+    return DatabaseStudy.begin(url, study, asked, definition_of(asked, METHOD), SearchBudget(TRIALS), resume=True)
 
 
-def _search(store: Store, asked: Problem) -> None:
+def _search(store: StudyStorage, asked: TuningProblem) -> None:
     prepared = prepare(asked, threads=1)
     search(METHOD, optimiser(METHOD, prepared, os.getpid()), store, Slow(prepared, threads=1))
     store.close()

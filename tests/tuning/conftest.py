@@ -6,16 +6,16 @@ from typing import Any
 import pytest
 
 from dualwinch.commands.tuning_setup import tuning_problem
-from dualwinch.tuning.problem import Problem
+from dualwinch.tuning.problem import TuningProblem
 
-MakeProblem = Callable[..., Problem]
+MakeProblem = Callable[..., TuningProblem]
 
 
 @pytest.fixture
 def make_problem() -> MakeProblem:
     """``make_problem(ensemble="sea", ...)``: a problem of 0.1 s runs; the words are those of the command line."""
 
-    def make(**words: Any) -> Problem:
+    def make(**words: Any) -> TuningProblem:
         given = {
             "settings": ["simulation.duration=0.1"],
             "ensemble": "sea",

@@ -3,8 +3,8 @@ import pytest
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.tuning.by_ensemble import RESERVE, first_estimator, first_reserve, rests_on
-from dualwinch.tuning.space import Interval
+from dualwinch.tuning.baseline import RESERVE, assumptions, default_estimator, default_reserve
+from dualwinch.tuning.space import ContinuousDimension
 
 
 @pytest.mark.parametrize(
@@ -18,11 +18,11 @@ from dualwinch.tuning.space import Interval
     ],
 )
 def test_who_cannot_trust_drums_learns_them(text: str, kind: str) -> None:
-    assert first_estimator(loads_ensemble(text)) == kind
+    assert default_estimator(loads_ensemble(text)) == kind
 
 
 def test_a_search_starts_with_it_where_nobody_says_otherwise() -> None:
-    assert first_estimator(load_ensemble("sea")) == "calibrating-kalman"
+    assert default_estimator(load_ensemble("sea")) == "calibrating-kalman"
     found = tuning_problem(ensemble="rig")
     assert found.experiment.controller.estimator.kind == "self-calibrating-kalman"
     given = tuning_problem(ensemble="rig", settings=["controller.estimator=kalman"])
@@ -37,9 +37,9 @@ def test_motors_that_lag_are_quiet_by_themselves() -> None:
 
 def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None:
     (reserve,) = [found for found in tuning_problem(ensemble="rig").space.dimensions if found.name == RESERVE]
-    assert isinstance(reserve, Interval)
+    assert isinstance(reserve, ContinuousDimension)
     assert (reserve.lower, reserve.upper) == pytest.approx((0, 1.5 * (0.02 * 6000 + 30)))
-    assert first_reserve(load_ensemble("rig")) == pytest.approx(0.02 * 6000 + 30)
+    assert default_reserve(load_ensemble("rig")) == pytest.approx(0.02 * 6000 + 30)
     assert leaves(tuning_problem(ensemble="rig").experiment)[RESERVE] == pytest.approx(0.02 * 6000 + 30)
     given = tuning_problem(ensemble="rig", settings=[f"{RESERVE}=20"])
     assert leaves(given.experiment)[RESERVE] == 20
@@ -53,6 +53,6 @@ def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None
 
 
 def test_what_was_gained_says_what_it_rests_on() -> None:
-    assert rests_on(load_ensemble("rig")) == "this holds for machines within the tolerances of 'rig'"
-    assert "assumes exact drums, encoder zeros and position sensor, as 'sea' does" in rests_on(load_ensemble("sea"))
-    assert "match the model exactly" in rests_on(None)
+    assert assumptions(load_ensemble("rig")) == "this holds for machines within the tolerances of 'rig'"
+    assert "assumes exact drums, encoder zeros and position sensor, as 'sea' does" in assumptions(load_ensemble("sea"))
+    assert "match the model exactly" in assumptions(None)

@@ -6,9 +6,16 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.paper import case
-from dualwinch.tuning.constraint import NO_PEAK, NO_SLACK, Constraint, constraints_from, constraints_with
-from dualwinch.tuning.objective import objectives_from
-from dualwinch.tuning.scoring.measured import UNMEASURED, measured
+from dualwinch.tuning.constraints import (
+    NO_PEAK,
+    NO_SLACK,
+    UNMEASURED,
+    Constraint,
+    constraints_from,
+    constraints_with,
+    measured,
+    objectives_from,
+)
 
 
 def bound(text: str) -> Constraint:

@@ -6,20 +6,26 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.ensembles.result import statistic_from
-from dualwinch.tuning.constraint import Constraint
-from dualwinch.tuning.optimisers.gradient import SCOUTS, Gradient
+from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.optimisers.gradient import SCOUTS, GradientSearch
 from dualwinch.tuning.optimisers.linearise import linearise
-from dualwinch.tuning.optimisers.local_model import Model, closeness, level, linear_step, merit, quadratic_step
-from dualwinch.tuning.prepared import Prepared, prepare
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.scorer import FAILED
+from dualwinch.tuning.optimisers.local_model import (
+    LocalModel,
+    level,
+    linear_step,
+    merit,
+    quadratic_step,
+    scaled_violation,
+)
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.evaluation import FAILED, Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.tune import tune
 from tests.tuning.conftest import MakeProblem
 
-BOWL = Model(np.array([-1.0, 0.0]), np.diag([2.0, 2.0]), np.empty(0), np.empty((0, 2)), np.empty(0, int))
+BOWL = LocalModel(np.array([-1.0, 0.0]), np.diag([2.0, 2.0]), np.empty(0), np.empty((0, 2)), np.empty(0, int))
 """x² − x + y²: the minimum lies at (0.5, 0)."""
 
 
@@ -32,14 +38,14 @@ def test_the_step_is_the_models_minimum_within_box_and_cube() -> None:
 
 def test_a_constraint_is_kept_to_and_one_that_is_too_far_is_violated_least() -> None:
     centre = np.array([0.3, 0.5])
-    wall = Model(BOWL.slope, BOWL.curvature, np.array([-0.2]), np.array([[1.0, 0.0]]), np.zeros(1, int))
+    wall = LocalModel(BOWL.slope, BOWL.curvature, np.array([-0.2]), np.array([[1.0, 0.0]]), np.zeros(1, int))
     assert quadratic_step(wall, centre, 0.6) == pytest.approx([0.2, 0], abs=1e-6)
-    beyond = Model(BOWL.slope, BOWL.curvature, np.array([1.0]), np.array([[0.0, 1.0]]), np.zeros(1, int))
+    beyond = LocalModel(BOWL.slope, BOWL.curvature, np.array([1.0]), np.array([[0.0, 1.0]]), np.zeros(1, int))
     assert quadratic_step(beyond, centre, 0.1) == pytest.approx([0.1, -0.1], abs=1e-6)
 
 
 @pytest.fixture
-def gentle(make_problem: MakeProblem) -> Problem:
+def gentle(make_problem: MakeProblem) -> TuningProblem:
     """Three gains, no constraint near; more than one minimum."""
     return make_problem(
         ensemble=None,
@@ -50,7 +56,7 @@ def gentle(make_problem: MakeProblem) -> Problem:
     )
 
 
-def is_a_minimum(prepared: Prepared, trial: Evaluation) -> bool:
+def is_a_minimum(prepared: TrainingSet, trial: Evaluation) -> bool:
     """Whether none of the points a hundredth of a range away is better."""
     space = prepared.problem.space
     share, moves = space.encoded(trial.point), 0.01 * np.vstack([np.eye(3), -np.eye(3)])
@@ -59,16 +65,16 @@ def is_a_minimum(prepared: Prepared, trial: Evaluation) -> bool:
     return min(neighbour.objectives[0] for neighbour in around) >= trial.objectives[0] * (1 - 1e-9)
 
 
-def test_few_steps_lead_to_a_minimum(gentle: Problem) -> None:
+def test_few_steps_lead_to_a_minimum(gentle: TuningProblem) -> None:
     tuned = tune(gentle, method="gradient", trials=24)
     assert tuned.verdict.best.feasible
     assert is_a_minimum(tuned.prepared, tuned.verdict.best)
 
 
-def test_after_a_minimum_others_are_looked_for_in_all_of_the_space(gentle: Problem) -> None:
+def test_after_a_minimum_others_are_looked_for_in_all_of_the_space(gentle: TuningProblem) -> None:
     """There are several minima; one that is found later may be better by any factor, or worse."""
     prepared = prepare(gentle)
-    method, evaluator = Gradient(prepared, gentle.seed), Evaluator(prepared)
+    method, evaluator = GradientSearch(prepared, gentle.seed), Evaluator(prepared)
     trials: list[Evaluation] = []
 
     def ask_and_tell() -> list[Evaluation]:
@@ -91,14 +97,14 @@ def test_after_a_minimum_others_are_looked_for_in_all_of_the_space(gentle: Probl
     assert method.minima[1].objectives[0] < min(feasible)  # from the best of them it went down
 
 
-def test_what_is_found_after_the_first_minimum_is_kept(gentle: Problem) -> None:
+def test_what_is_found_after_the_first_minimum_is_kept(gentle: TuningProblem) -> None:
     tuned = tune(gentle, method="gradient", trials=150)
     best = min(trial.objectives[0] for trial in tuned.trials if trial.feasible)
     assert tuned.verdict.best.objectives[0] == best
     assert min(trial.objectives[0] for trial in tuned.trials[:30]) >= best
 
 
-def test_the_slopes_of_a_chaotic_run_are_no_guide(gentle: Problem) -> None:
+def test_the_slopes_of_a_chaotic_run_are_no_guide(gentle: TuningProblem) -> None:
     chaotic: Point = {"controller.nftsm.beta": 2.1, "controller.observer.l0": 90.0, "controller.observer.kf": 40.0}
     prepared = prepare(gentle)
     model = linearise(prepared, prepared.scenarios, chaotic)
@@ -108,7 +114,7 @@ def test_the_slopes_of_a_chaotic_run_are_no_guide(gentle: Problem) -> None:
 
 def test_linear_steps_end_in_a_corner_and_keep_what_constraints_they_can() -> None:
     centre = np.array([0.3, 0.5])
-    slope = Model(np.array([-1.0, -0.1]), np.zeros((2, 2)), np.empty(0), np.empty((0, 2)), np.empty(0, int))
+    slope = LocalModel(np.array([-1.0, -0.1]), np.zeros((2, 2)), np.empty(0), np.empty((0, 2)), np.empty(0, int))
     assert linear_step(slope, centre, 0.2) == pytest.approx([0.2, 0.2])
     assert linear_step(slope, np.array([0.9, 0.5]), 0.2) == pytest.approx([0.1, 0.2])
     wall = replace(slope, violations=np.array([-0.3]), slopes=np.array([[1.0, 1.0]]))
@@ -135,10 +141,10 @@ def test_steps_go_on_along_a_curved_constraint(make_problem: MakeProblem) -> Non
 
 def test_violations_of_upper_bounds_are_logarithms_near_the_bound() -> None:
     upper = Constraint("", statistic_from("worst.peak_tension"), at_least=False, bound=6000.0)
-    assert closeness(upper, upper.violation(7500.0)) == pytest.approx((np.log(1.25), 1 / 1.25))
-    assert closeness(upper, -0.95) == (-0.95, 1.0)
+    assert scaled_violation(upper, upper.violation(7500.0)) == pytest.approx((np.log(1.25), 1 / 1.25))
+    assert scaled_violation(upper, -0.95) == (-0.95, 1.0)
     lower = Constraint("", statistic_from("worst.min_tension"), at_least=True, bound=80.0)
-    assert closeness(lower, 0.5) == (0.5, 1.0)
+    assert scaled_violation(lower, 0.5) == (0.5, 1.0)
 
 
 def test_the_merit_weighs_error_and_violation_and_knows_failures() -> None:
@@ -154,9 +160,9 @@ def test_the_merit_weighs_error_and_violation_and_knows_failures() -> None:
     assert level(-np.e) == pytest.approx(-1.0)
 
 
-def test_where_a_start_fails_scouts_are_sent_out(gentle: Problem) -> None:
+def test_where_a_start_fails_scouts_are_sent_out(gentle: TuningProblem) -> None:
     prepared = prepare(gentle)
-    method = Gradient(prepared, 0)
+    method = GradientSearch(prepared, 0)
     (start,) = method.ask(16)
     violations = {FAILED: 1.0} | {constraint.label: 0.0 for constraint in prepared.constraints}
     method.tell([Evaluation(Candidate(start, ""), (1e9,), violations, {}, {"diverged": 1}, 1)])
@@ -164,7 +170,7 @@ def test_where_a_start_fails_scouts_are_sent_out(gentle: Problem) -> None:
     assert method.gradients == 0
 
 
-def test_the_default_method_takes_gradient_steps_first_in_one_scenario(gentle: Problem) -> None:
+def test_the_default_method_takes_gradient_steps_first_in_one_scenario(gentle: TuningProblem) -> None:
     best = tune(gentle, trials=24).verdict.best
     assert best.candidate.origin == "hybrid"
     assert best.objectives == tune(gentle, method="gradient", trials=24).verdict.best.objectives

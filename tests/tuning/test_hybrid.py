@@ -6,12 +6,11 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import compile_ahead
 from dualwinch.tuning.optimisers import gradient as steps
-from dualwinch.tuning.optimisers.gradient import SIDE_BY_SIDE, Gradient
-from dualwinch.tuning.optimisers.hybrid import Hybrid
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.optimisers.gradient import SIDE_BY_SIDE, GradientSearch
+from dualwinch.tuning.optimisers.hybrid import HybridSearch
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, best_first
+from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.space import Point
 from tests.tuning.conftest import MakeProblem
 
@@ -21,7 +20,7 @@ BATCH = 16
 
 def test_steps_go_on_from_the_search_and_the_search_around_where_they_led(make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem())
-    space, method, evaluator = prepared.problem.space, Hybrid(prepared, 1), Evaluator(prepared)
+    space, method, evaluator = prepared.problem.space, HybridSearch(prepared, 1), Evaluator(prepared)
     trials, turns = list[Evaluation](), list[tuple[int, float]]()
     bests, points = list[Evaluation](), list[Point]()
     while len(turns) < 3:
@@ -45,7 +44,7 @@ def test_steps_go_on_from_the_search_and_the_search_around_where_they_led(make_p
 def test_a_gradient_is_taken_once_at_a_point(make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps begin again at the point where they got no further: larger ones, by the model that is there."""
     prepared = prepare(make_problem())
-    method, evaluator, points = Gradient(prepared, 1), Evaluator(prepared), list[Point]()
+    method, evaluator, points = GradientSearch(prepared, 1), Evaluator(prepared), list[Point]()
     whole = steps.linearise
     monkeypatch.setattr(
         steps, "linearise", lambda prepared, among, point: points.append(point) or whole(prepared, among, point)
@@ -64,9 +63,9 @@ def test_a_gradient_is_taken_once_at_a_point(make_problem: MakeProblem, monkeypa
 def test_a_space_without_derivatives_is_searched_without_steps(ensemble: str | None, make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem(ensemble=ensemble, space=["controller.nftsm.p/q"]))
     compile_ahead("hybrid", prepared)
-    method, evaluator = Hybrid(prepared, 1), Evaluator(prepared)
+    method, evaluator = HybridSearch(prepared, 1), Evaluator(prepared)
     for _ in range(10):
         method.tell(evaluator.evaluate([Candidate(point, "") for point in method.ask(BATCH)]))
     assert method.rollouts == 0
     with pytest.raises(ConfigurationError, match="--method gradient: --space must have a gain that is a continuous"):
-        Gradient(prepared, 1)
+        GradientSearch(prepared, 1)

@@ -17,20 +17,15 @@ from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.constraint import Constraint, constraints_from
-from dualwinch.tuning.objective import objectives_from
-from dualwinch.tuning.optimisers.deciding import deciding
-from dualwinch.tuning.optimisers.linearise import linearise
-from dualwinch.tuning.optimisers.margin_slopes import margin_slopes
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.problem import MARGIN, Problem
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate
-from dualwinch.tuning.scoring.machines import HARDEST
-from dualwinch.tuning.space import Interval
-from dualwinch.tuning.summary import margin_places
+from dualwinch.tuning.constraints import Constraint, constraints_from, objectives_from
+from dualwinch.tuning.optimisers.linearise import active_scenarios, linearise, margin_slopes
+from dualwinch.tuning.problem import MARGIN, TuningProblem
+from dualwinch.tuning.result import TuningResult, margin_places
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.scoring.training_set import HARDEST, prepare
+from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tune import tune
-from dualwinch.tuning.tuned import Tuned
 from tests.simulation.inserted import run
 from tests.tuning.conftest import MakeProblem
 
@@ -87,11 +82,11 @@ def test_a_margin_is_no_objective() -> None:
 
 
 @pytest.fixture
-def bounded(make_problem: MakeProblem) -> Problem:
+def bounded(make_problem: MakeProblem) -> TuningProblem:
     return make_problem(constraints=["none", "worst.delay_margin>=5ms", DISK], space=[BETA, KP])
 
 
-def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(bounded: Problem) -> None:
+def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(bounded: TuningProblem) -> None:
     prepared = prepare(bounded)
     assert prepared.margins is not None
     nominal, *machines = prepared.margins.machines
@@ -106,7 +101,7 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(b
     assert start.violations[label] == pytest.approx(1 - least["delay"].value / 5e-3 + MARGIN, rel=1e-6)
 
 
-def test_who_is_given_up_or_fails_is_not_looked_at(bounded: Problem) -> None:
+def test_who_is_given_up_or_fails_is_not_looked_at(bounded: TuningProblem) -> None:
     prepared = prepare(bounded)
     candidates = [Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 13)]
     found = Evaluator(prepared).evaluate(candidates)
@@ -122,10 +117,10 @@ def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_pr
     assert prepare(problem).constraints[0].bound == pytest.approx(paper / 2, rel=1e-9)
 
 
-def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: Problem) -> None:
+def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: TuningProblem) -> None:
     prepared = prepare(bounded)
     assert prepared.margins is not None
-    dimensions = [dimension for dimension in bounded.space.dimensions if isinstance(dimension, Interval)]
+    dimensions = [dimension for dimension in bounded.space.dimensions if isinstance(dimension, ContinuousDimension)]
     statistic = bounded.margins[0]
     found = margin_slopes(prepared, bounded.start, dimensions, statistic)
     value, slopes = min(found, key=lambda pair: pair[0])
@@ -135,14 +130,14 @@ def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: Pro
         rows = [bounded.space.parameters(point) for point in apart]
         above, below = (worst["delay"].value for worst in prepared.margins.worst(rows, ["delay"]))
         assert slopes[index] == pytest.approx((above - below) / 2e-4, rel=2e-2)
-    model = linearise(prepared, deciding(prepared, bounded.start), bounded.start)
+    model = linearise(prepared, active_scenarios(prepared, bounded.start), bounded.start)
     assert model.violations.max() == pytest.approx(
         max(prepared.constraints[0].violation(value, MARGIN), model.violations.max())
     )
     assert set(model.belongs.tolist()) == {0, 1}
 
 
-def study(*constraints: str) -> Tuned:
+def study(*constraints: str) -> TuningResult:
     """Gains for two seconds of a smooth start, tuned for their error alone but for the constraints."""
     problem = tuning_problem(
         case=2, settings=["simulation.duration=2"], space=[BETA, KP], constraints=constraints, seed=1
@@ -169,7 +164,7 @@ def test_tuned_gains_keep_the_delay_margin_that_error_alone_would_use_up(tmp_pat
     assert noted["paper"]["worst.delay_margin"]["machine"] == "the nominal machine"
 
 
-def _stands_and_falls(tuned: Tuned, borne: int, too_much: int, point: tuple[float, float]) -> None:
+def _stands_and_falls(tuned: TuningResult, borne: int, too_much: int, point: tuple[float, float]) -> None:
     """Torques that are later by so many samples are borne in the nonlinear simulation, and more are not."""
     kick = {"motion.plant.v": 1e-7}
     late = [override(tuned.best, {"simulation.delay_samples": samples}) for samples in (borne, too_much)]

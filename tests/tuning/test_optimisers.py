@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 from dualwinch.tuning.optimisers import METHODS, optimiser
-from dualwinch.tuning.optimisers.cma import Cma
-from dualwinch.tuning.prepared import Prepared, prepare
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.optimisers.cma import CmaSearch
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, best_first
+from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
 from tests.tuning.conftest import MakeProblem
 
 AVAILABLE = [method for method in METHODS if method != "gp"]  # gp needs PyTorch
 
 
-def bowl(prepared: Prepared, point: Point, objectives: int = 1) -> Evaluation:
+def bowl(prepared: TrainingSet, point: Point, objectives: int = 1) -> Evaluation:
     """A bowl with its bottom at 0.7 of every range, of which only the part with a first share <= 0.6 is allowed."""
     shares = prepared.problem.space.encoded(point)
     height = float(((shares - 0.7) ** 2).sum())
@@ -23,7 +22,7 @@ def bowl(prepared: Prepared, point: Point, objectives: int = 1) -> Evaluation:
     return Evaluation(Candidate(point, ""), values, violations, {}, {}, 1)
 
 
-def run(prepared: Prepared, method: str, batches: int, seed: int = 0) -> list[Evaluation]:
+def run(prepared: TrainingSet, method: str, batches: int, seed: int = 0) -> list[Evaluation]:
     proposer, done = optimiser(method, prepared, seed), []
     for _ in range(batches):
         fresh = [bowl(prepared, point, len(prepared.problem.objectives)) for point in proposer.ask(16)]
@@ -69,7 +68,7 @@ def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: Mak
     """What it has learned is a function of the trials alone, so a resumed study goes on where it was."""
     prepared = prepare(make_problem())
     problem, done = prepared.problem, run(prepared, "cmaes", 8)
-    resumed = Cma(prepared, 5)
+    resumed = CmaSearch(prepared, 5)
     resumed.tell(done)
     points = np.array([problem.space.encoded(point) for point in resumed.ask(64)])
     best = problem.space.encoded(done[best_first(done)[0]].point)

@@ -11,9 +11,7 @@ from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.own_bounds import own_bounds
-from dualwinch.tuning.space import Interval
-from dualwinch.tuning.space_entries import space_of
+from dualwinch.tuning.space import ContinuousDimension, own_bounds, space_of
 
 PRELOAD = "controller.coordination.preload"
 FERRY = {
@@ -30,7 +28,7 @@ FERRY = {
 
 def bounds(name: str, experiment: Experiment) -> tuple[float, float]:
     (dimension,) = space_of({name: {}}, experiment).dimensions
-    assert isinstance(dimension, Interval)
+    assert isinstance(dimension, ContinuousDimension)
     return dimension.lower, dimension.upper
 
 

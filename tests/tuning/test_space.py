@@ -13,9 +13,15 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
-from dualwinch.tuning.space import Interval, Pairs, Space
-from dualwinch.tuning.space_entries import entry_from, space_of
-from dualwinch.tuning.space_record import space_from, space_to_record
+from dualwinch.tuning.space import (
+    ContinuousDimension,
+    RatioDimension,
+    Space,
+    entry_from,
+    space_from,
+    space_of,
+    space_to_record,
+)
 from tests.tuning.conftest import MakeProblem
 
 BETA, POWER = "controller.nftsm.beta", "controller.nftsm.p/q"
@@ -51,8 +57,10 @@ def test_without_entries_every_standard_gain_in_use_is_searched_with_tied_winche
 
 
 def test_bounds_come_from_the_gain_and_can_be_overridden() -> None:
-    assert space(BETA).dimensions == (Interval(BETA, (BETA,), 0.005, 5.0, log=True, unit="m^(p/q-1)/s^(p/q)"),)
-    assert space(f"{BETA}=0.01:0.1:linear").dimensions[0] == Interval(
+    assert space(BETA).dimensions == (
+        ContinuousDimension(BETA, (BETA,), 0.005, 5.0, log=True, unit="m^(p/q-1)/s^(p/q)"),
+    )
+    assert space(f"{BETA}=0.01:0.1:linear").dimensions[0] == ContinuousDimension(
         BETA, (BETA,), 0.01, 0.1, log=False, unit="m^(p/q-1)/s^(p/q)"
     )
     assert space("controller.nftsm.smoothing=1e-6:1e-3:log").names == ("controller.nftsm.smoothing",)
@@ -73,7 +81,7 @@ def test_a_table_stands_for_its_standard_gains() -> None:
 
 def test_pairs_are_whole_numbers_in_settings_and_sorted_by_ratio() -> None:
     pairs = space(f"{POWER}=9/5,11/9,5/3")
-    assert isinstance(pairs.dimensions[0], Pairs)
+    assert isinstance(pairs.dimensions[0], RatioDimension)
     assert pairs.dimensions[0].choices == ("11/9", "5/3", "9/5")
     assert pairs.settings({POWER: "9/5"}) == {"controller.nftsm.p": 9, "controller.nftsm.q": 5}
     assert pairs.start(leaves(case(4))) == {POWER: "5/3"}

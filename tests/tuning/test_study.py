@@ -9,23 +9,22 @@ from optuna.storages.journal import JournalFileBackend
 from dualwinch.commands.tuning_setup import definition_of, problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.optimisers.gradient import Gradient
-from dualwinch.tuning.prepared import STRESS, prepare
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluate import MOST_TRIED, Evaluator
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.hardness import FURTHER
-from dualwinch.tuning.storage.memory import Memory
+from dualwinch.tuning.optimisers.gradient import GradientSearch
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.evaluation import MOST_TRIED, Evaluator
+from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.training_set import FURTHER, STRESS, prepare
+from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.opening import open_store
-from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
 
 
 def studied(
-    problem: Problem, file: Path, trials: int, *, method: str = "cmaes", resume: bool = False
+    problem: TuningProblem, file: Path, trials: int, *, method: str = "cmaes", resume: bool = False
 ) -> list[Evaluation]:
-    store = open_store(str(file), "s", problem, definition_of(problem, method), Budget(trials), resume=resume)
+    store = open_store(str(file), "s", problem, definition_of(problem, method), SearchBudget(trials), resume=resume)
     prepared = prepare(problem)
     search(method, optimiser(method, prepared, 0), store, Evaluator(prepared))
     found = store.finished()
@@ -82,7 +81,7 @@ def test_another_problem_is_refused_and_the_difference_is_said(make_problem: Mak
         with pytest.raises(ConfigurationError, match=message):
             studied(make_problem(**({"scenarios": 1} | words)), file, 8, resume=True)
     store = open_store(
-        str(file), "other", make_problem(), definition_of(make_problem(), "cmaes"), Budget(1), resume=False
+        str(file), "other", make_problem(), definition_of(make_problem(), "cmaes"), SearchBudget(1), resume=False
     )
     with pytest.raises(ConfigurationError, match="another process is writing it"):
         studied(make_problem(scenarios=1), file, 8, resume=True)
@@ -100,7 +99,7 @@ def test_a_worker_reads_the_same_problem_from_the_definition(make_problem: MakeP
 def test_time_is_a_budget(make_problem: MakeProblem, tmp_path: Path) -> None:
     problem = make_problem(scenarios=1)
     store = open_store(
-        str(tmp_path / "a"), "s", problem, definition_of(problem, "random"), Budget(until=0), resume=False
+        str(tmp_path / "a"), "s", problem, definition_of(problem, "random"), SearchBudget(until=0), resume=False
     )
     prepared = prepare(problem)
     search("random", optimiser("random", prepared, 0), store, Evaluator(prepared))
@@ -120,7 +119,7 @@ def test_rollouts_are_a_budget_and_what_was_given_up_early_counts_with_what_it_r
     """The last batch has so few candidates that it goes beyond the budget by no more than they and the stress take."""
     problem = make_problem(scenarios=4)
     prepared = prepare(problem)
-    evaluator, store = Evaluator(prepared), Memory(Budget(rollouts=1000))
+    evaluator, store = Evaluator(prepared), MemoryStorage(SearchBudget(rollouts=1000))
     progress = search("cmaes", optimiser("cmaes", prepared, 0), store, evaluator)
     assert progress.spent == evaluator.rollouts == sum(trial.scenarios for trial in store.finished())
     assert any(trial.pruned and trial.scenarios == 2 for trial in store.finished())
@@ -131,7 +130,11 @@ def test_rollouts_are_a_budget_and_what_was_given_up_early_counts_with_what_it_r
 def test_a_gradient_counts_as_many_rollouts_as_differences_take(make_problem: MakeProblem) -> None:
     problem = make_problem(scenarios=2)
     prepared = prepare(problem)
-    evaluator, store, proposer = Evaluator(prepared), Memory(Budget(rollouts=300)), Gradient(prepared, 0)
+    evaluator, store, proposer = (
+        Evaluator(prepared),
+        MemoryStorage(SearchBudget(rollouts=300)),
+        GradientSearch(prepared, 0),
+    )
     progress = search("gradient", proposer, store, evaluator)
     assert proposer.gradients >= 1
     deciding = 1  # of the two one is hard, and no constraint is about the worst

@@ -7,21 +7,27 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.tuning import clock
 from dualwinch.tuning import tune as tuning
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.plots.score import before_and_after, held_out
-from dualwinch.tuning.plots.search import front, history, importance, importances, parallel_coordinates
-from dualwinch.tuning.prepared import Prepared, prepare
-from dualwinch.tuning.progress import PHASES, SEARCHING, Progress
-from dualwinch.tuning.scoring import scorer
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.plan import FULL, time_for
+from dualwinch.tuning.plots import (
+    before_and_after,
+    front,
+    held_out,
+    history,
+    importance,
+    importances,
+    parallel_coordinates,
+)
+from dualwinch.tuning.result import TuningResult, advice, comparison, headings, headline, times, where, worth
+from dualwinch.tuning.scoring import clock
+from dualwinch.tuning.scoring import evaluation as scorer
+from dualwinch.tuning.scoring.config import FULL, time_for
+from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus
+from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
-from dualwinch.tuning.summary import advice, comparison, headings, headline, times, where, worth
 from dualwinch.tuning.tune import tune
-from dualwinch.tuning.tuned import Tuned
 from tests.tuning.conftest import MakeProblem
 
 
@@ -36,7 +42,7 @@ class Recorded:
     def phase(self, words: str) -> None:
         self.phases.append(words)
 
-    def progress(self, progress: Progress, until: float | None, trials: int | None) -> None:
+    def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:
         self.batches.append((self.phases[-1], until, trials))
         if progress.trials >= self._interrupt_at:
             raise KeyboardInterrupt
@@ -47,7 +53,7 @@ class Stubborn:
 
     rollouts = 0
 
-    def __init__(self, prepared: Prepared, seed: int) -> None:  # noqa: ARG002
+    def __init__(self, prepared: TrainingSet, seed: int) -> None:  # noqa: ARG002
         self._start = prepared.problem.start
 
     def ask(self, count: int) -> list[Point]:
@@ -58,11 +64,11 @@ class Stubborn:
 
 
 @pytest.fixture
-def tuned(make_problem: MakeProblem) -> Tuned:
+def tuned(make_problem: MakeProblem) -> TuningResult:
     return tune(make_problem(), trials=60, held_out=6)
 
 
-def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tuned) -> None:
+def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: TuningResult) -> None:
     assert [trial.number for trial in tuned.trials] == list(range(60))
     assert leaves(tuned.best)["controller.nftsm.beta"] == tuned.gains["controller.nftsm.beta"]
     assert tuned.verdict.held_out
@@ -71,7 +77,7 @@ def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tuned
     assert not tuned.interrupted
 
 
-def test_a_notebook_and_a_prompt_show_what_was_found(tuned: Tuned) -> None:
+def test_a_notebook_and_a_prompt_show_what_was_found(tuned: TuningResult) -> None:
     shown = tuned._repr_html_()
     assert headline(tuned) in shown
     assert escape(worth(tuned)) in shown
@@ -162,7 +168,7 @@ def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
     assert "wider bounds (--space): the best trials lie at those of nftsm.beta" in advice(tuned)  # a ramp is >= 0
 
 
-def test_what_was_trimmed_where_the_best_was_chosen_is_said(tuned: Tuned) -> None:
+def test_what_was_trimmed_where_the_best_was_chosen_is_said(tuned: TuningResult) -> None:
     best, beta = tuned.verdict.best, "controller.nftsm.beta"
     assert tuned.trimmed == {}
     candidate = replace(best.candidate, point=best.point | {beta: 0.125})
@@ -173,7 +179,7 @@ def test_what_was_trimmed_where_the_best_was_chosen_is_said(tuned: Tuned) -> Non
     )
 
 
-def test_there_is_no_advice_where_nothing_is_wrong(tuned: Tuned) -> None:
+def test_there_is_no_advice_where_nothing_is_wrong(tuned: TuningResult) -> None:
     assert advice(tuned) == []
     assert headline(tuned).startswith(
         f"trial {tuned.verdict.best.number} of 60 is the best; scored in 6 held-out scenarios"
@@ -196,7 +202,7 @@ def test_ratios_in_words_never_call_more_less(ratio: float, words: str) -> None:
     assert times(ratio, "the paper's") == words
 
 
-def test_every_figure_says_what_it_shows(tuned: Tuned) -> None:
+def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
     problem, trials, verdict = tuned.problem, tuned.trials, tuned.verdict
     drawn = (
         history(problem, trials),

@@ -6,12 +6,12 @@ from typing import Protocol
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import linearise
-from dualwinch.tuning.optimisers.cma import Cma
-from dualwinch.tuning.optimisers.gradient import Gradient
-from dualwinch.tuning.optimisers.hybrid import Hybrid
-from dualwinch.tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, Sampler
-from dualwinch.tuning.prepared import Prepared
-from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.optimisers.cma import CmaSearch
+from dualwinch.tuning.optimisers.gradient import GradientSearch
+from dualwinch.tuning.optimisers.hybrid import HybridSearch
+from dualwinch.tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, SamplerSearch
+from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
 
 
@@ -37,19 +37,19 @@ class Optimiser(Protocol):
         ...
 
 
-Method = Callable[[Prepared, int], Optimiser]
+Method = Callable[[TrainingSet, int], Optimiser]
 """Makes an optimiser for a problem from a seed."""
 
 METHODS: dict[str, Method] = {
-    "cmaes": Cma,
-    "gradient": Gradient,
-    "hybrid": Hybrid,
-    "tpe": partial(Sampler, TPE),
-    "gp": partial(Sampler, GP),
-    "nsga2": partial(Sampler, NSGA2),
-    "nsga3": partial(Sampler, NSGA3),
-    "qmc": partial(Sampler, QMC),
-    "random": partial(Sampler, RANDOM),
+    "cmaes": CmaSearch,
+    "gradient": GradientSearch,
+    "hybrid": HybridSearch,
+    "tpe": partial(SamplerSearch, TPE),
+    "gp": partial(SamplerSearch, GP),
+    "nsga2": partial(SamplerSearch, NSGA2),
+    "nsga3": partial(SamplerSearch, NSGA3),
+    "qmc": partial(SamplerSearch, QMC),
+    "random": partial(SamplerSearch, RANDOM),
 }
 """Every method by its name."""
 
@@ -77,7 +77,7 @@ def check_method(method: str, objectives: int) -> None:
         raise ConfigurationError(f"--method {method}: has one objective; use nsga2, nsga3 or tpe for several")
 
 
-def compile_ahead(method: str, prepared: Prepared) -> None:
+def compile_ahead(method: str, prepared: TrainingSet) -> None:
     """Compile what a method will call beside rollouts; else it does so when it comes to that.
 
     Raises:
@@ -87,7 +87,7 @@ def compile_ahead(method: str, prepared: Prepared) -> None:
         linearise.compile_ahead(prepared)
 
 
-def optimiser(method: str, prepared: Prepared, seed: int) -> Optimiser:
+def optimiser(method: str, prepared: TrainingSet, seed: int) -> Optimiser:
     """The optimiser of a name.
 
     Raises:

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.tuning.prepared import Prepared
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import promising_first
+from dualwinch.tuning.scoring.ranking import Evaluation, penalised_first
+from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
 
 Floats = NDArray[np.float64]
@@ -33,7 +32,7 @@ SCOUTS = 64
 
 
 @dataclass(frozen=True)
-class Patience:
+class StagnationRule:
     """How long a strategy may take.
 
     Attributes:
@@ -45,11 +44,11 @@ class Patience:
     gain: float
 
 
-ALONE = Patience(25, 0.02)
+ALONE = StagnationRule(25, 0.02)
 """Of a search that has nothing else to turn to."""
 
 
-class Cma:
+class CmaSearch:
     """CMA-ES that starts at the experiment's own gains, and then again and again elsewhere.
 
     Attributes:
@@ -60,7 +59,7 @@ class Cma:
 
     rollouts = 0
 
-    def __init__(self, prepared: Prepared, seed: int, patience: Patience = ALONE) -> None:
+    def __init__(self, prepared: TrainingSet, seed: int, patience: StagnationRule = ALONE) -> None:
         """The strategy of a problem; the same seed gives the same candidates."""
         self._first = patience
         self._space = prepared.problem.space
@@ -71,11 +70,11 @@ class Cma:
         self._scouts: list[Evaluation] | None = None
         self._begin(prepared.problem.start)
 
-    def near(self, point: Point, covariance: Floats, patience: Patience) -> None:
+    def near(self, point: Point, covariance: Floats, patience: StagnationRule) -> None:
         """Go on around a point, with candidates of a covariance (d, d) in shares of the ranges."""
         self._begin(point, covariance, patience)
 
-    def _begin(self, start: Point, covariance: Floats | None = None, patience: Patience | None = None) -> None:
+    def _begin(self, start: Point, covariance: Floats | None = None, patience: StagnationRule | None = None) -> None:
         import cmaes
 
         self._patience = patience or self._first
@@ -112,15 +111,15 @@ class Cma:
             else:
                 self._scouts += generation
                 if len(self._scouts) >= SCOUTS:
-                    self._begin(self._scouts[promising_first(self._scouts)[0]].point)
+                    self._begin(self._scouts[penalised_first(self._scouts)[0]].point)
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
-        order = promising_first(generation)
+        order = penalised_first(generation)
         points = [self._space.encoded(generation[index].point).clip(0, 1) for index in order]
         self._strategy.tell([(point, float(rank)) for rank, point in enumerate(points)])
         self._leaders.append(generation[order[0]])
         if self._strategy.should_stop() or self._stands_still():
-            self.leader = self._leaders[promising_first(self._leaders)[0]]
+            self.leader = self._leaders[penalised_first(self._leaders)[0]]
             self._scouts, self.finished = [], self.finished + 1
 
     def _stands_still(self) -> bool:
@@ -129,8 +128,8 @@ class Cma:
         if len(self._leaders) <= lately:
             return False
         then, now = (
-            leaders[promising_first(leaders)[0]] for leaders in (self._leaders[:-lately], self._leaders[-lately:])
+            leaders[penalised_first(leaders)[0]] for leaders in (self._leaders[:-lately], self._leaders[-lately:])
         )
         if then.feasible and now.feasible and len(then.objectives) == 1:
             return now.objectives[0] > then.objectives[0] - gain * abs(then.objectives[0])
-        return promising_first([then, now])[0] == 0
+        return penalised_first([then, now])[0] == 0

@@ -15,12 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.optimisers.deciding import deciding
-from dualwinch.tuning.optimisers.linearise import linearise
-from dualwinch.tuning.optimisers.local_model import Model, closeness, linear_step, merit, quadratic_step, surroundings
-from dualwinch.tuning.prepared import Prepared
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.space import Interval, Point
+from dualwinch.tuning.optimisers.linearise import active_scenarios, linearise
+from dualwinch.tuning.optimisers.local_model import (
+    LocalModel,
+    linear_step,
+    merit,
+    quadratic_step,
+    sampling_covariance,
+    scaled_violation,
+)
+from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.training_set import TrainingSet
+from dualwinch.tuning.space import ContinuousDimension, Point
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +62,7 @@ ATTEMPTS = [("linear", 1.0)] + [(kind, 0.5**n) for n in range(1, 20) for kind in
 """Steps from one point, and their boxes beside the first."""
 
 
-class Gradient:
+class GradientSearch:
     """Steps from the start until they get no further, then from the best of some scouts, and so on.
 
     Attributes:
@@ -67,7 +73,7 @@ class Gradient:
             which is about what exact derivatives cost, and in all of them one to see which these are.
     """
 
-    def __init__(self, prepared: Prepared, seed: int) -> None:
+    def __init__(self, prepared: TrainingSet, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates.
 
         Raises:
@@ -79,7 +85,9 @@ class Gradient:
         self._scouts = qmc.Sobol(len(problem.space.dimensions), rng=seed)
         self._prepared, self._space = prepared, problem.space
         self._smooth = [
-            index for index, dimension in enumerate(self._space.dimensions) if isinstance(dimension, Interval)
+            index
+            for index, dimension in enumerate(self._space.dimensions)
+            if isinstance(dimension, ContinuousDimension)
         ]
         if not self._smooth:
             raise ConfigurationError("--method gradient: --space must have a gain that is a continuous number")
@@ -95,7 +103,7 @@ class Gradient:
     def _begin(self, centre: Evaluation | None, size: float = FIRST, penalty: float = PENALTY) -> None:
         """Go on from another point, or from the same once more."""
         if centre is not self._centre or centre is None:
-            self._model: Model | None = None
+            self._model: LocalModel | None = None
         self._centre, self._size, self._penalty = centre, size, penalty
         self._bend = np.zeros(len(self._prepared.constraints))
         self._attempt, self._asked = 0, list[Point]()
@@ -115,11 +123,11 @@ class Gradient:
         return self._centre
 
     @property
-    def surroundings(self) -> Floats:
+    def sampling_covariance(self) -> Floats:
         """The covariance (d, d) of points around the centre, in shares of the ranges (`local_model.surroundings`)."""
         covariance = np.eye(len(self._space.dimensions)) * WIDTH[1] ** 2
         if self._curvature is not None:
-            covariance[np.ix_(self._smooth, self._smooth)] = surroundings(self._curvature, RISE, WIDTH)
+            covariance[np.ix_(self._smooth, self._smooth)] = sampling_covariance(self._curvature, RISE, WIDTH)
         return covariance
 
     def restart(self, centre: Evaluation) -> None:
@@ -138,7 +146,7 @@ class Gradient:
         if self._centre is None:
             return [self._prepared.problem.start]
         if self._model is None:
-            scenarios = deciding(self._prepared, self._centre.point)
+            scenarios = active_scenarios(self._prepared, self._centre.point)
             self._model = linearise(self._prepared, scenarios, self._centre.point)
             self._curvature = self._model.curvature
             self.gradients += 1
@@ -149,7 +157,7 @@ class Gradient:
         self._asked += points
         return points
 
-    def _stepped(self, point: Point, model: Model, kind: str, share: float) -> Point:
+    def _stepped(self, point: Point, model: LocalModel, kind: str, share: float) -> Point:
         centre, size = self._space.encoded(point), self._size * share
         model = model.closer(np.minimum(BENT * self._bend * size**2, BENT_AT_MOST) + KEPT)
         centre[self._smooth] += STEPS[kind](model, centre[self._smooth], size)
@@ -203,7 +211,7 @@ class Gradient:
             if evaluation.pruned or not 0 < size <= 1.01 * self._size:
                 continue
             beyond = [
-                closeness(constraint, evaluation.violations[constraint.label])[0]
+                scaled_violation(constraint, evaluation.violations[constraint.label])[0]
                 for constraint in self._prepared.constraints
             ]
             excess = np.array(beyond) - self._model.predicted(moved, len(beyond))

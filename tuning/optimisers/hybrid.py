@@ -2,22 +2,21 @@
 
 from collections.abc import Sequence
 
-from dualwinch.tuning.optimisers.cma import ALONE, Cma, Patience
-from dualwinch.tuning.optimisers.gradient import Gradient
+from dualwinch.tuning.optimisers.cma import ALONE, CmaSearch, StagnationRule
+from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.optimisers.linearise import smooth
-from dualwinch.tuning.prepared import Prepared
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import promising_first
+from dualwinch.tuning.scoring.ranking import Evaluation, penalised_first
+from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
 
-FIRST, AROUND = Patience(6, 0.3), Patience(8, 0.1)
+FIRST, AROUND = StagnationRule(6, 0.3), StagnationRule(8, 0.1)
 """How long the search may take at first, and around what steps have led to: where it gains less, steps gain more."""
 
 WORTHWHILE = 0.25
 """What a step has to lower the merit by in many scenarios, where it takes as long as two generations or more."""
 
 
-class Hybrid:
+class HybridSearch:
     """CMA-ES until it gets hardly further, gradient steps from the best of it while they gain much, and so on.
 
     Then the search goes on around where the steps have led to, wide where the objective is flat: the curvature of the
@@ -26,11 +25,11 @@ class Hybrid:
     CMA-ES learns from every evaluation, whoever asked for it; where no gain has a derivative it is alone.
     """
 
-    def __init__(self, prepared: Prepared, seed: int) -> None:
+    def __init__(self, prepared: TrainingSet, seed: int) -> None:
         """The optimiser of a problem; the same seed gives the same candidates."""
         problem = prepared.problem
-        self._polish = Gradient(prepared, seed) if smooth(problem) else None
-        self._search = Cma(prepared, seed, FIRST if self._polish else ALONE)
+        self._polish = GradientSearch(prepared, seed) if smooth(problem) else None
+        self._search = CmaSearch(prepared, seed, FIRST if self._polish else ALONE)
         self._least = WORTHWHILE if problem.ensemble else 0.0
         self._searched, self._polishing = 0, problem.ensemble is None and self._polish is not None
         self._polished: Evaluation | None = None
@@ -54,14 +53,14 @@ class Hybrid:
             centre = self._polish.centre
             if centre and (self._polish.converged or self._polish.gain < self._least):
                 self._polishing, self._polished = False, centre
-                self._search.near(centre.point, self._polish.surroundings, AROUND)
+                self._search.near(centre.point, self._polish.sampling_covariance, AROUND)
         elif self._polish and self._search.finished > self._searched:
             self._pass_on(self._polish)
         self._searched = self._search.finished
 
-    def _pass_on(self, polish: Gradient) -> None:
+    def _pass_on(self, polish: GradientSearch) -> None:
         """Polish what the search has brought, unless it is no better than what it began at."""
         brought, began_at, self._polished = self._search.leader, self._polished, None
-        if brought and (began_at is None or promising_first([began_at, brought])[0]):
+        if brought and (began_at is None or penalised_first([began_at, brought])[0]):
             self._polishing = True
             polish.restart(brought)

@@ -1,4 +1,4 @@
-"""The local model of a tuning problem at a point, from exact sensitivities of its rollouts."""
+"""Which scenarios decide what a point of the space is worth: the others need no gradient."""
 
 from collections.abc import Callable, Sequence
 
@@ -11,16 +11,89 @@ from dualwinch.simulation.batch.sensitivities import compile_ahead as sensitivit
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.margin_statistic import MarginStatistic
-from dualwinch.tuning.optimisers.local_model import Model, closeness
-from dualwinch.tuning.optimisers.margin_slopes import margin_slopes
-from dualwinch.tuning.prepared import Prepared
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.measured import measured
-from dualwinch.tuning.scoring.runs import counts
-from dualwinch.tuning.space import Interval, Point
+from dualwinch.tuning.constraints import MarginStatistic, measured
+from dualwinch.tuning.optimisers.local_model import LocalModel, scaled_violation
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.rollouts import counts, run_pairs
+from dualwinch.tuning.scoring.training_set import TrainingSet
+from dualwinch.tuning.space import ContinuousDimension, Point
+
+HARDEST = 3
+"""Scenarios that decide on a constraint about the worst: those with the worst values, one of which it will be next."""
+
+
+def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | Scenario]:
+    """The scenarios that count in the objective or in a mean, and those that decide what is worst, in their order.
+
+    Args:
+        prepared: gives scenarios, objectives and constraints.
+        point: of the space; it is run in all scenarios, those for the best among them, if there are several.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    scenarios, space = [*prepared.scenarios, *prepared.stress], prepared.problem.space
+    if len(scenarios) <= HARDEST:
+        return scenarios
+    result = run_pairs(space.keys, [space.parameters(point)], scenarios)
+    completed = result.outcomes[0] == "completed"
+    chosen = set[int]()
+    bounded = [(constraint.statistic, constraint.at_least) for constraint in prepared.constraints]
+    for statistic, at_least in [(objective, None) for objective in prepared.problem.objectives] + bounded:
+        if not isinstance(statistic, Statistic):
+            continue
+        counted = [index for index, scenario in enumerate(scenarios) if counts(statistic, scenario)]
+        if statistic.kind == "worst" and at_least is not None:
+            values = result.metrics[statistic.metric][0]
+            ran = [index for index in counted if completed[index]]
+            counted = sorted(ran, key=lambda index: values[index], reverse=not at_least)[:HARDEST]
+        chosen.update(counted)
+    return [scenarios[index] for index in sorted(chosen)]
+
 
 Floats = NDArray[np.float64]
+
+APART = 1e-5
+"""Share of a gain's range between two points."""
+
+NEAR = 1.2
+"""How much larger than the worst a machine's margin may be to count: which is the worst changes within a step."""
+
+
+def margin_slopes(
+    prepared: TrainingSet, point: Point, dimensions: Sequence[ContinuousDimension], statistic: MarginStatistic
+) -> list[tuple[float, Floats]]:
+    """A margin of every machine on which it is nearly the worst, and its slopes by the shares of the gains' ranges.
+
+    Args:
+        prepared: says on which machines margins are looked at.
+        point: of the space.
+        dimensions: what the slopes are by, d of them.
+        statistic: which margin.
+
+    Returns:
+        Value and slopes (d,) for each machine; a loop that is unstable has 0 and no slopes.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    if prepared.margins is None:
+        raise ValueError("no margin is bounded")
+    space, kind = prepared.problem.space, statistic.margin
+    (here,) = prepared.margins.each([space.parameters(point)], [kind])
+    values = [statistic.of(worst) for worst in here]
+    near = [machine for machine, value in enumerate(values) if value <= NEAR * min(values)]
+    steps, moved = [], []
+    for dimension in dimensions:
+        share = dimension.encoded(point[dimension.name])
+        step = APART if share < 0.5 else -APART
+        steps.append(step)
+        moved.append(point | {dimension.name: dimension.decoded(share + step)})
+    there = prepared.margins.each([space.parameters(each) for each in moved], [kind], near)
+    shifted = np.array([[statistic.of(worst) for worst in row] for row in there])
+    slopes = (shifted - np.array(values)[near]) / np.array(steps)[:, None]
+    return [(values[machine], slopes[:, column]) for column, machine in enumerate(near)]
+
 
 STRIDE = 10
 """Every how many samples an error counts in the curvature."""
@@ -29,7 +102,7 @@ STEEPEST = 1e6
 """Slope of a logarithm over a gain's range beyond which it is no guide: that of an unstable or chaotic run grows on."""
 
 
-def compile_ahead(prepared: Prepared) -> None:
+def compile_ahead(prepared: TrainingSet) -> None:
     """Compile what `linearise` calls; else its first call does. Nothing where no dimension has a derivative.
 
     Raises:
@@ -40,12 +113,12 @@ def compile_ahead(prepared: Prepared) -> None:
         sensitivities_ahead(keys, values, prepared.scenarios[0])
 
 
-def linearise(prepared: Prepared, scenarios: Sequence[Experiment | Scenario], point: Point) -> Model:
+def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario], point: Point) -> LocalModel:
     """The model at a point of the space, over its dimensions that are intervals.
 
     Args:
         prepared: gives objective and constraints.
-        scenarios: those of the problem that count (`tuning.optimisers.deciding`).
+        scenarios: those of the problem that count (`tuning.optimisers.linearise`).
         point: of the space.
 
     Raises:
@@ -87,7 +160,7 @@ def linearise(prepared: Prepared, scenarios: Sequence[Experiment | Scenario], po
         return [(float(reached), slope @ scales) for reached, slope in found]
 
     violations, slopes, belongs = _bounded(prepared, rows)
-    return Model(
+    return LocalModel(
         slope=_usable(_slope(objective, run, counted(objective)) @ scales / (abs(value(objective)) or 1.0)),
         curvature=_usable(2 * errors.T @ errors / square, STEEPEST**2),
         violations=violations,
@@ -96,12 +169,12 @@ def linearise(prepared: Prepared, scenarios: Sequence[Experiment | Scenario], po
     )
 
 
-def smooth(problem: Problem) -> list[Interval]:
+def smooth(problem: TuningProblem) -> list[ContinuousDimension]:
     """The dimensions of a problem that have a derivative."""
-    return [dimension for dimension in problem.space.dimensions if isinstance(dimension, Interval)]
+    return [dimension for dimension in problem.space.dimensions if isinstance(dimension, ContinuousDimension)]
 
 
-def _smooth_keys(problem: Problem, point: Point) -> tuple[list[str], list[float]]:
+def _smooth_keys(problem: TuningProblem, point: Point) -> tuple[list[str], list[float]]:
     """The keys of these, and their values at a point."""
     keys = [key for dimension in smooth(problem) for key in dimension.keys]
     values = dict(zip(problem.space.keys, problem.space.parameters(point), strict=True))
@@ -109,7 +182,7 @@ def _smooth_keys(problem: Problem, point: Point) -> tuple[list[str], list[float]
 
 
 def _bounded(
-    prepared: Prepared, rows: Callable[[Statistic | MarginStatistic], list[tuple[float, Floats]]]
+    prepared: TrainingSet, rows: Callable[[Statistic | MarginStatistic], list[tuple[float, Floats]]]
 ) -> tuple[Floats, Floats, NDArray[np.intp]]:
     """Violations, slopes and constraints of a model, from values of a statistic and their slopes."""
     violations, slopes, belongs = [], [], []
@@ -117,7 +190,7 @@ def _bounded(
         share = (-1 if constraint.at_least else 1) / (abs(constraint.bound) or 1.0)
         for reached, slope in rows(constraint.statistic):
             violation = constraint.violation(reached, prepared.problem.margin(constraint))
-            beyond, rate = closeness(constraint, violation)
+            beyond, rate = scaled_violation(constraint, violation)
             violations.append(beyond)
             slopes.append(_usable(rate * share * slope))
             belongs.append(index)
@@ -129,7 +202,7 @@ def _usable(slopes: Floats, steepest: float = STEEPEST) -> Floats:
     return np.where(np.abs(slopes) < steepest, slopes, 0.0)
 
 
-def _with(scenario: Experiment | Scenario, problem: Problem, point: Point) -> Experiment | Scenario:
+def _with(scenario: Experiment | Scenario, problem: TuningProblem, point: Point) -> Experiment | Scenario:
     """A scenario with the point's gains, those without a derivative among them."""
     settings = problem.space.settings(point)
     return scenario.having(settings) if isinstance(scenario, Scenario) else with_leaves(scenario, settings)
@@ -145,7 +218,7 @@ def _slope(statistic: Statistic, run: Sensitivities, counted: Sequence[bool] | N
     return slopes[int(np.argmin(np.abs(values - measured(statistic, values))))]
 
 
-def _scale(dimension: Interval, value: float) -> float:
+def _scale(dimension: ContinuousDimension, value: float) -> float:
     """Derivative of a gain by its share of the range."""
     if dimension.log:
         return float(value * np.log(dimension.upper / dimension.lower))

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.tuning.constraint import Constraint
-from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.scoring.ranking import Evaluation
 
 Floats = NDArray[np.float64]
 
@@ -25,14 +25,14 @@ DAMPING = 1e-9
 
 
 @dataclass(frozen=True)
-class Model:
+class LocalModel:
     """Objective and constraints near a point, in the d dimensions that have a derivative.
 
     Attributes:
         slope: (d,) of the objective's logarithm.
         curvature: (d, d) of the objective as a share of its value, by Gauss–Newton.
-        violations, slopes: (r,), (r, d) of the constraints (`closeness`), positive where violated. One about the worst
-            of many scenarios has a row for each of them: which is the worst changes within a step.
+        violations, slopes: (r,), (r, d) of the constraints (`scaled_violation`), positive where violated. One about the
+            worst of many scenarios has a row for each of them: which is the worst changes within a step.
         belongs: (r,) indices of the constraints that the rows belong to.
     """
 
@@ -42,7 +42,7 @@ class Model:
     slopes: Floats
     belongs: NDArray[np.intp]
 
-    def closer(self, distances: Floats) -> "Model":
+    def closer(self, distances: Floats) -> "LocalModel":
         """The model with constraints that are closer by a distance each, (c,)."""
         return replace(self, violations=self.violations + distances[self.belongs])
 
@@ -58,7 +58,7 @@ def level(value: float) -> float:
     return size if value >= 0 else -size
 
 
-def closeness(constraint: Constraint, violation: float) -> tuple[float, float]:
+def scaled_violation(constraint: Constraint, violation: float) -> tuple[float, float]:
     """How far a constraint is violated, and the derivative of that by the violation.
 
     Near or beyond an upper bound, where the violation is value/bound − 1, that is log(value/bound).
@@ -73,11 +73,11 @@ def merit(evaluation: Evaluation, constraints: tuple[Constraint, ...], penalty: 
     known = {constraint.label for constraint in constraints}
     if evaluation.pruned or any(v > 0 for label, v in evaluation.violations.items() if label not in known):
         return float("inf")
-    beyond = (closeness(constraint, evaluation.violations[constraint.label])[0] for constraint in constraints)
+    beyond = (scaled_violation(constraint, evaluation.violations[constraint.label])[0] for constraint in constraints)
     return level(evaluation.objectives[0]) + penalty * max((0.0, *beyond))
 
 
-def linear_step(model: Model, centre: Floats, size: float) -> Floats:
+def linear_step(model: LocalModel, centre: Floats, size: float) -> Floats:
     """The step that minimises the objective's slope within the constraints, a box of half width `size`, and the cube.
 
     Constraints that cannot be met within the box are violated as little as possible.
@@ -95,7 +95,7 @@ def linear_step(model: Model, centre: Floats, size: float) -> Floats:
     return np.clip(found.x[:-1], lower, upper)
 
 
-def quadratic_step(model: Model, centre: Floats, size: float) -> Floats:
+def quadratic_step(model: LocalModel, centre: Floats, size: float) -> Floats:
     """The same with the objective's curvature: a Levenberg–Marquardt step where no constraint binds."""
     from scipy.optimize import minimize
 
@@ -123,13 +123,13 @@ def quadratic_step(model: Model, centre: Floats, size: float) -> Floats:
     return np.clip(found.x[:-1], lower, upper)
 
 
-def surroundings(curvature: Floats, rise: float, ends: tuple[float, float]) -> Floats:
+def sampling_covariance(curvature: Floats, rise: float, ends: tuple[float, float]) -> Floats:
     """The covariance (d, d) of points around a minimum where the objective is higher by a share, in the mean.
 
     Each principal axis of the curvature has an even part in that: the flatter the objective, the wider.
 
     Args:
-        curvature: (d, d) of the objective as a share of its value (`Model`).
+        curvature: (d, d) of the objective as a share of its value (`LocalModel`).
         rise: the share.
         ends: the least and the largest standard deviation along an axis.
     """

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.prepared import Prepared
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.ranking import best_first
+from dualwinch.tuning.scoring.ranking import Evaluation, best_first
+from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.storage.record import distributions, finished_trial
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Kind:
+class SamplerKind:
     """A family of samplers.
 
     Attributes:
@@ -32,7 +31,7 @@ class Kind:
     memory: int
 
 
-class Sampler:
+class SamplerSearch:
     """An optimiser that asks one of Optuna's samplers.
 
     Attributes:
@@ -41,7 +40,7 @@ class Sampler:
 
     rollouts = 0
 
-    def __init__(self, kind: Kind, prepared: Prepared, seed: int) -> None:
+    def __init__(self, kind: SamplerKind, prepared: TrainingSet, seed: int) -> None:
         """The sampler of a problem; the same seed gives the same candidates."""
         self._kind, problem = kind, prepared.problem
         self._space = problem.space
@@ -126,8 +125,8 @@ def _named(name: str, **settings: Any) -> Callable[[int], "optuna.samplers.BaseS
     return make
 
 
-TPE = Kind(_named("TPESampler", n_startup_trials=20), 256)
-GP = Kind(_gp, 128)
-NSGA2, NSGA3 = Kind(_named("NSGAIISampler"), 0), Kind(_named("NSGAIIISampler"), 0)
-QMC = Kind(_named("QMCSampler", scramble=True, warn_independent_sampling=False), 256)
-RANDOM = Kind(_named("RandomSampler"), 256)
+TPE = SamplerKind(_named("TPESampler", n_startup_trials=20), 256)
+GP = SamplerKind(_gp, 128)
+NSGA2, NSGA3 = SamplerKind(_named("NSGAIISampler"), 0), SamplerKind(_named("NSGAIIISampler"), 0)
+QMC = SamplerKind(_named("QMCSampler", scramble=True, warn_independent_sampling=False), 256)
+RANDOM = SamplerKind(_named("RandomSampler"), 256)

@@ -1,16 +1,72 @@
-"""Which candidate is better: constraints first, then objective (Deb, Comput. Methods Appl. Mech. Eng. 186, 2000).
-
-A search that heeds nothing else runs into the next valley where all is kept to, however bad: gains that are a thousand
-times better and exceed a bound by 1 % would count for less than any that keep to it. So it follows what is promising,
-by an exact penalty (`promising_first`); what is presented is the best (`best_first`).
-"""
+"""What evaluating a candidate gave."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.space import Point
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A point to evaluate.
+
+    Attributes:
+        point: name of a dimension → value.
+        origin: where it comes from: ``paper``, ``start`` or the name of a method.
+    """
+
+    point: Point
+    origin: str
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A candidate and what it came to.
+
+    Attributes:
+        candidate: what was evaluated.
+        objectives: one a objective, in its unit; finite.
+        violations: constraint → how far it is exceeded, as a share of its bound; <= 0: kept to.
+        statistics: such as ``mean.mse`` → value; finite.
+        outcomes: outcome → number of scenarios.
+        scenarios: number of scenarios that were run.
+        pruned: whether it was given up before the last scenario.
+        number: of the trial in the storage; -1 where it has none.
+        units: unit of each of the statistics.
+    """
+
+    candidate: Candidate
+    objectives: tuple[float, ...]
+    violations: dict[str, float]
+    statistics: dict[str, float]
+    outcomes: dict[str, int]
+    scenarios: int
+    pruned: bool = False
+    number: int = -1
+    units: Mapping[str, str] = field(default_factory=dict, compare=False)
+
+    @property
+    def point(self) -> Point:
+        """The candidate's point."""
+        return self.candidate.point
+
+    @property
+    def violation(self) -> float:
+        """Sum of what is exceeded; 0 where every constraint is kept to."""
+        return sum(max(value, 0.0) for value in self.violations.values())
+
+    @property
+    def reserve(self) -> float:
+        """Distance from the nearest bound on what is the worst of all scenarios, as its share; more draws are worse."""
+        return -max((value for label, value in self.violations.items() if label.startswith("worst.")), default=0.0)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether it completed all scenarios and keeps to every constraint."""
+        return not self.pruned and self.violation <= 0
 
 
 def best_first(evaluations: Sequence[Evaluation]) -> list[int]:
@@ -35,7 +91,7 @@ Where an optimum lies on its bounds, giving way by a share gains the objective a
 """
 
 
-def promising_first(evaluations: Sequence[Evaluation]) -> list[int]:
+def penalised_first(evaluations: Sequence[Evaluation]) -> list[int]:
     """Indices of the evaluations, the most promising first: what a search should follow.
 
     By the objective's logarithm with a penalty on what is violated; what was given up early comes last. Of several
@@ -51,11 +107,11 @@ def promising_first(evaluations: Sequence[Evaluation]) -> list[int]:
     return sorted(range(len(evaluations)), key=key)
 
 
-def soundest_first(evaluations: Sequence[Evaluation], margin: float) -> list[int]:
+def backed_off_first(evaluations: Sequence[Evaluation], margin: float) -> list[int]:
     """Indices of the evaluations, that first which should be presented: the best that is likely to hold in more draws.
 
     As `best_first`, but among the feasible what comes nearer to a bound than the margin, in the worst scenario, has to
-    make up for it: by as much as `promising_first` asks of what violates a bound by what is missing.
+    make up for it: by as much as `penalised_first` asks of what violates a bound by what is missing.
 
     Args:
         evaluations: all in the same scenarios.
@@ -78,7 +134,7 @@ def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
     return all(len(evaluation.objectives) == 1 and evaluation.objectives[0] > 0 for evaluation in evaluations)
 
 
-def beats(evaluation: Evaluation, start: Evaluation) -> bool:
+def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
     """Whether an evaluation is better than the start in the same scenarios, so that it may be presented as such.
 
     A feasible one is where the start is not, or where it has a smaller objective (several: one of them smaller). One

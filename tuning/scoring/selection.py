@@ -14,18 +14,27 @@ from dualwinch.simulation.analysis.required_force import within_authority
 from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.problem import HELD_OUT, MARGIN
-from dualwinch.tuning.progress import CHOOSING, SCORING, SILENT, Watch
-from dualwinch.tuning.scoring.confirm import confirmed
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.scoring.finalists import Met, rungs, those_that_hold
-from dualwinch.tuning.scoring.held_out import HeldOut
-from dualwinch.tuning.scoring.holding import holding
-from dualwinch.tuning.scoring.plan import FULL, Plan
-from dualwinch.tuning.scoring.ranking import beats, best_first, pareto_front, promising_first, soundest_first
-from dualwinch.tuning.scoring.rounds import to_choose_in, unseen
-from dualwinch.tuning.scoring.sieve import Sieve
-from dualwinch.tuning.scoring.verdict import Verdict
+from dualwinch.tuning.scoring.config import FULL, SampleSizes
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.progress import CHOOSING, SCORING, SILENT, TuningProgress
+from dualwinch.tuning.scoring.ranking import (
+    Evaluation,
+    backed_off_first,
+    best_first,
+    improves_on,
+    pareto_front,
+    penalised_first,
+)
+from dualwinch.tuning.scoring.repair import repaired_after_further_draws, screened
+from dualwinch.tuning.scoring.test_set import SelectionResult, TestSet
+from dualwinch.tuning.scoring.validation import (
+    FeasibilityScreen,
+    Validated,
+    further_draws,
+    strata,
+    validated,
+    validation_sets,
+)
 
 RANGE = 3.0
 """How many times the objective of the most promising trial, where tuned, one that holds may have.
@@ -42,12 +51,14 @@ NOT_HELD_OUT = "{trials} better than the start where chosen, but not in the held
 """Why the start is kept."""
 
 
-def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL, watch: Watch = SILENT) -> Verdict:
+def judge(
+    evaluator: Evaluator, trials: Sequence[Evaluation], plan: SampleSizes = FULL, watch: TuningProgress = SILENT
+) -> SelectionResult:
     """Choose the best trial and score it.
 
     Keeping to a constraint in a few scenarios is a promise, so that trial is chosen that is best in more of them. It
-    has to be better than the start (`beats`) where it is chosen and where it is scored; one that is not where it is
-    scored is passed over for the next, and the verdict says so.
+    has to be better than the start (`improves_on`) where it is chosen and where it is scored; one that is not
+    where it is scored is passed over for the next, and the verdict says so.
 
     Args:
         evaluator: of the problem.
@@ -63,23 +74,23 @@ def judge(evaluator: Evaluator, trials: Sequence[Evaluation], plan: Plan = FULL,
     start = _start(evaluator, trials)
     if problem.ensemble is None:
         leader = trials[best_first(trials)[0]]
-        ranking = [(leader, None)] if beats(leader, start) else []
+        ranking = [(leader, None)] if improves_on(leader, start) else []
     else:
         ranking = _finals(evaluator, trials, start, plan)
     watch.phase(SCORING)
-    held_out = HeldOut(evaluator, plan.held_out, problem.seed + HELD_OUT)
+    held_out = TestSet(evaluator, plan.held_out, problem.seed + HELD_OUT)
     scores = {"start": held_out.score(start.candidate), "paper": held_out.paper}
     best, selection, passed_over = start, None, []
-    further = unseen(problem, plan)
+    further = further_draws(problem, plan)
     for chosen, selected in ranking:
-        trial = confirmed(evaluator, chosen, further)
+        trial = repaired_after_further_draws(evaluator, chosen, further)
         score = held_out.score(trial.candidate)
-        if beats(score.evaluation, scores["start"].evaluation):
+        if improves_on(score.evaluation, scores["start"].evaluation):
             best, selection, scores = trial, selected, scores | {"best": score}
             break
         passed_over.append(trial.number)
     obstacle = "" if "best" in scores else _obstacle(passed_over)
-    return Verdict(
+    return SelectionResult(
         best=best,
         obstacle=obstacle,
         passed_over=tuple(passed_over),
@@ -107,15 +118,15 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
 
 
 def _finals(
-    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, plan: Plan
+    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, plan: SampleSizes
 ) -> list[tuple[Evaluation, Evaluation]]:
     """The trials that are better than the start, the best first: as tuned, and what each came to in the last round.
 
     The soundest of those that hold among other draws and vertices of the ensemble, which are good and keep off their
-    bounds (`soundest_first`), meet once more, in draws; the start is there both times. Behind them come the others, by
-    the first round. Those that hold in overwhelming vertices as well are preferred, unless that costs too much.
+    bounds (`backed_off_first`), meet once more, in draws; the start is there both times. Behind them come the others,
+    by the first round. Those that hold in overwhelming vertices as well are preferred, unless that costs too much.
     """
-    first, last, beyond = to_choose_in(evaluator.prepared.problem, plan)
+    first, last, beyond = validation_sets(evaluator.prepared.problem, plan)
     others = [trial for trial in trials if trial.point != start.point]
     ranking = _first_round(evaluator, others, start, [*beyond, *first], plan)
     if beyond and _given_away(others, ranking):
@@ -131,12 +142,16 @@ def _given_away(trials: Sequence[Evaluation], ranking: Sequence[tuple[Evaluation
     """
     if trials and len(trials[0].objectives) > 1:
         return not ranking
-    best = trials[promising_first(trials)[0]].objectives[0] if trials else 0.0
+    best = trials[penalised_first(trials)[0]].objectives[0] if trials else 0.0
     return all(trial.objectives[0] > RANGE * best for trial, _ in ranking)
 
 
 def _first_round(
-    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, scenarios: Sequence[Scenario], plan: Plan
+    evaluator: Evaluator,
+    trials: Sequence[Evaluation],
+    start: Evaluation,
+    scenarios: Sequence[Scenario],
+    plan: SampleSizes,
 ) -> list[tuple[Evaluation, Evaluation]]:
     """Trials that are better than the start in some scenarios, the best first, and what each came to there.
 
@@ -146,11 +161,11 @@ def _first_round(
     ordered = _worth_trying(trials)
     if not ordered:
         return []
-    sieve, before = Sieve(evaluator, scenarios), evaluator.rollouts
-    held = partial(holding, evaluator, sieve, margin=KEPT)
+    sieve, before = FeasibilityScreen(evaluator, scenarios), evaluator.rollouts
+    held = partial(screened, evaluator, sieve, margin=KEPT)
     if len(problem.objectives) == 1:
-        first = [ordered[index] for index in rungs(ordered, plan.finalists)]
-        met = those_that_hold(ordered, first, held, lambda: evaluator.rollouts - before < plan.sieved)
+        first = [ordered[index] for index in strata(ordered, plan.finalists)]
+        met = validated(ordered, first, held, lambda: evaluator.rollouts - before < plan.sieved)
     else:
         front = [trials[index] for index in pareto_front(trials)] or ordered
         first = front[:: -(-len(front) // plan.finalists)]
@@ -159,7 +174,7 @@ def _first_round(
         return _ranked(evaluator, first, start, scenarios)
     (reference,) = evaluator.over([start.candidate], scenarios, constraints=sieve.constraints)
     found = [result for _, result in met]
-    return [met[index] for index in soundest_first(found, KEPT) if beats(found[index], reference)]
+    return [met[index] for index in backed_off_first(found, KEPT) if improves_on(found[index], reference)]
 
 
 def _worth_trying(trials: Sequence[Evaluation]) -> list[Evaluation]:
@@ -182,7 +197,7 @@ def _ranked(
     start: Evaluation,
     scenarios: Sequence[Scenario],
     before: Sequence[Evaluation] = (),
-) -> list[Met]:
+) -> list[Validated]:
     """Trials that are better than the start in some scenarios, the best first, and what each came to there.
 
     Args:
@@ -196,7 +211,7 @@ def _ranked(
     *met, reference = evaluator.over(candidates, scenarios, constraints=evaluator.bounds(scenarios))
     if before:
         met = [_as_near(result, earlier) for result, earlier in zip(met, before, strict=True)]
-    return [(trials[index], met[index]) for index in soundest_first(met, KEPT) if beats(met[index], reference)]
+    return [(trials[index], met[index]) for index in backed_off_first(met, KEPT) if improves_on(met[index], reference)]
 
 
 def _as_near(result: Evaluation, earlier: Evaluation) -> Evaluation:

@@ -18,16 +18,15 @@ import optuna
 from optuna.trial import FrozenTrial, TrialState
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.space import Space
-from dualwinch.tuning.space_record import space_from
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.space import Space, space_from
 from dualwinch.tuning.storage.claims import WORKER, counts, requeue, stale, take_waiting, taken_by
 from dualwinch.tuning.storage.connection import GRACE, connected, patient
 from dualwinch.tuning.storage.definition import BUDGET, DEFINITION, begun, check_resume
 from dualwinch.tuning.storage.record import ORIGIN, evaluation_of
 from dualwinch.tuning.storage.rows import beat, create_running, finish_running
-from dualwinch.tuning.storage.store import Budget, Claim, Propose
+from dualwinch.tuning.storage.store import Propose, SearchBudget, TrialClaim
 
 if TYPE_CHECKING:
     import sqlalchemy
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 
-class Database:
+class DatabaseStudy:
     """The storage of a study in a database, as one worker sees it."""
 
     def __init__(self, url: str, study: str, storage: optuna.storages.RDBStorage, space: Space) -> None:
@@ -53,8 +52,15 @@ class Database:
 
     @classmethod
     def begin(
-        cls, url: str, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
-    ) -> "Database":
+        cls,
+        url: str,
+        study: str,
+        problem: TuningProblem,
+        definition: Mapping[str, Any],
+        budget: SearchBudget,
+        *,
+        resume: bool,
+    ) -> "DatabaseStudy":
         """Begin a study or go on with one; for the arguments and errors see `tuning.storage.opening.open_store`."""
         storage = connected(url)
         try:
@@ -67,7 +73,7 @@ class Database:
         return cls(url, study, storage, problem.space)
 
     @classmethod
-    def join(cls, url: str, study: str) -> "Database":
+    def join(cls, url: str, study: str) -> "DatabaseStudy":
         """Join a study that exists.
 
         Raises:
@@ -102,13 +108,13 @@ class Database:
         self._told |= {trial.number for trial in trials}
         return [evaluation_of(trial) for trial in trials if trial.user_attrs.get(WORKER) != self._name]
 
-    def claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
+    def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
         """Take candidates: those of dead workers first, then new ones."""
         claims = patient(self._url, lambda: self._claim(count, budget, propose))
         self._held |= {claim.trial for claim in claims}  # only now: a broken claim's trials are found again as lost
         return claims
 
-    def _claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
+    def _claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
         study = self._study._study_id  # noqa: SLF001
         with self._alone() as connection:
             requeue(connection, study, stale(connection, study, self._grace))
@@ -122,16 +128,16 @@ class Database:
             fresh = propose(room, first)[:room] if room > 0 else []
             notes = [{ORIGIN: candidate.origin, WORKER: self._name} for candidate in fresh]
             ids = create_running(connection, study, self._space, fresh, notes)
-        claims = [Claim(_candidate(self._storage.get_trial(trial)), trial) for trial in (*lost, *waiting)]
-        return claims + [Claim(candidate, trial) for candidate, trial in zip(fresh, ids, strict=True)]
+        claims = [TrialClaim(_candidate(self._storage.get_trial(trial)), trial) for trial in (*lost, *waiting)]
+        return claims + [TrialClaim(candidate, trial) for candidate, trial in zip(fresh, ids, strict=True)]
 
-    def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:
+    def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:
         """Write results, all in one transaction."""
         trials = [claim.trial for claim in claims]
         patient(self._url, lambda: finish_running(self._storage.engine, trials, evaluations))
         self._held.difference_update(trials)
 
-    def release(self, claims: Sequence[Claim]) -> None:
+    def release(self, claims: Sequence[TrialClaim]) -> None:
         """Queue candidates again that will not be evaluated here; not those that were finished after all."""
         trials = {claim.trial for claim in claims}
         patient(self._url, lambda: self._requeue(trials))
@@ -141,11 +147,11 @@ class Database:
         with self._alone() as connection:
             requeue(connection, self._study._study_id, trials)  # noqa: SLF001
 
-    def budget(self) -> Budget:
+    def budget(self) -> SearchBudget:
         """The study's budget as it stands in the database."""
-        return Budget(**patient(self._url, lambda: self._study.user_attrs[BUDGET]))
+        return SearchBudget(**patient(self._url, lambda: self._study.user_attrs[BUDGET]))
 
-    def set_budget(self, budget: Budget) -> None:
+    def set_budget(self, budget: SearchBudget) -> None:
         """Change the study's budget, for all workers."""
         patient(self._url, lambda: self._study.set_user_attr(BUDGET, asdict(budget)))
 
@@ -153,7 +159,7 @@ class Database:
         """Number of finished trials."""
         return len(self._trials(*FINISHED))
 
-    def complete(self, budget: Budget) -> bool:
+    def complete(self, budget: SearchBudget) -> bool:
         """Whether as many trials are finished as there shall be."""
         return budget.trials is not None and self.count() >= budget.trials
 

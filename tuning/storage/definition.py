@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.result import Statistic
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.space import Space
-from dualwinch.tuning.space_record import space_from
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.space import Space, space_from
 from dualwinch.tuning.storage.noted_parts import check_parts
-from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.storage.store import SearchBudget
 
 if TYPE_CHECKING:
     import optuna
@@ -25,7 +24,11 @@ def titles(objectives: Sequence[Statistic]) -> list[str]:
 
 
 def begun(
-    study: str, storage: "optuna.storages.BaseStorage", problem: Problem, definition: Mapping[str, Any], budget: Budget
+    study: str,
+    storage: "optuna.storages.BaseStorage",
+    problem: TuningProblem,
+    definition: Mapping[str, Any],
+    budget: SearchBudget,
 ) -> "optuna.Study":
     """A study that is there, and the one that is asked for; else one that is new.
 

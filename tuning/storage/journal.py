@@ -14,18 +14,18 @@ import optuna
 from optuna.storages.journal import JournalFileBackend
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluation import Evaluation
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.storage.definition import DEFINITION, begun, check_resume
-from dualwinch.tuning.storage.one_process import OneProcess
+from dualwinch.tuning.storage.one_process import SingleProcessStorage
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
-from dualwinch.tuning.storage.store import Budget, Claim
+from dualwinch.tuning.storage.store import SearchBudget, TrialClaim
 from dualwinch.tuning.storage.uninterrupted import uninterrupted
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
 
-class Buffered(JournalFileBackend):
+class BufferedJournalFile(JournalFileBackend):
     """A journal file of one process, written when `flush` is called."""
 
     def __init__(self, path: Path) -> None:
@@ -54,18 +54,25 @@ class Buffered(JournalFileBackend):
             self._waiting = []
 
 
-class Journal(OneProcess):
+class JournalStudy(SingleProcessStorage):
     """The storage of a study in a file."""
 
     def __init__(
-        self, path: Path, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
+        self,
+        path: Path,
+        study: str,
+        problem: TuningProblem,
+        definition: Mapping[str, Any],
+        budget: SearchBudget,
+        *,
+        resume: bool,
     ) -> None:
         """Open or make the file; for the arguments and errors see `tuning.storage.opening.open_store`."""
         super().__init__(budget)
         self._lock = _locked(path)
         try:
             _mend(path)
-            self._file = Buffered(path)
+            self._file = BufferedJournalFile(path)
             self._storage = optuna.storages.JournalStorage(self._file)
             self._study = begun(study, self._storage, problem, definition, budget)
             self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
@@ -80,7 +87,7 @@ class Journal(OneProcess):
         """Every finished trial."""
         return [evaluation_of(trial) for trial in self._study.get_trials(deepcopy=False, states=FINISHED)]
 
-    def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
+    def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
         """Write finished trials, all at once; an interrupt waits for that."""
         with uninterrupted():
             self._study.add_trials([finished_trial(evaluation, self._space) for evaluation in evaluations])
@@ -102,7 +109,7 @@ def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
         return None
     with _locked(path):
         _mend(path)
-        storage = optuna.storages.JournalStorage(Buffered(path))
+        storage = optuna.storages.JournalStorage(BufferedJournalFile(path))
         known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
     return known.get(study, {}).get(DEFINITION)
 

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dualwinch.tuning.scoring.evaluation import Evaluation
-from dualwinch.tuning.storage.one_process import NO_LIMIT, OneProcess
-from dualwinch.tuning.storage.store import Budget, Claim
+from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.storage.one_process import NO_LIMIT, SingleProcessStorage
+from dualwinch.tuning.storage.store import SearchBudget, TrialClaim
 
 
-class Memory(OneProcess):
+class MemoryStorage(SingleProcessStorage):
     """The storage of a study in this process alone."""
 
-    def __init__(self, budget: Budget = NO_LIMIT) -> None:
+    def __init__(self, budget: SearchBudget = NO_LIMIT) -> None:
         super().__init__(budget)
         self._trials: list[Evaluation] = []
 
@@ -19,7 +19,7 @@ class Memory(OneProcess):
         """Every finished trial, in the order of their numbers."""
         return list(self._trials)
 
-    def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
+    def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
         """Keep what candidates came to."""
         first = len(self._trials)
         self._trials += [replace(evaluation, number=first + index) for index, evaluation in enumerate(evaluations)]

@@ -10,7 +10,7 @@ from dualwinch.model.quantities.origin import built_in, digest, named, source_of
 from dualwinch.model.quantities.part import Part
 
 
-class Noted(TypedDict):
+class PartRecord(TypedDict):
     """What is noted of a part.
 
     Attributes:
@@ -28,17 +28,19 @@ class Noted(TypedDict):
     sha256: str
 
 
-def noted_parts(*holders: Any) -> list[Noted]:
+def part_records(*holders: Any) -> list[PartRecord]:
     """What is noted of the parts that some objects hold, without the built-in ones.
 
     Raises:
         ConfigurationError: a part has no source that could be told from another.
     """
     parts = {type(part) for holder in holders for part in _parts(holder)}
-    return sorted((noted(part) for part in parts if not built_in(part)), key=lambda part: (part["what"], part["kind"]))
+    return sorted(
+        (part_record(part) for part in parts if not built_in(part)), key=lambda part: (part["what"], part["kind"])
+    )
 
 
-def noted(part: type[Part]) -> Noted:
+def part_record(part: type[Part]) -> PartRecord:
     """What is noted of a part.
 
     Raises:
@@ -47,7 +49,7 @@ def noted(part: type[Part]) -> Noted:
     sha256 = digest(part)
     if not sha256:
         raise ConfigurationError(f"{named(part)}: has no source to tell it from another by; define it in a file")
-    return Noted(
+    return PartRecord(
         what=part.registry.what if part.registry else "part",
         kind=part.kind,
         source=source_of(part),
@@ -56,14 +58,14 @@ def noted(part: type[Part]) -> Noted:
     )
 
 
-def in_words(parts: Sequence[Noted]) -> str:
+def in_words(parts: Sequence[PartRecord]) -> str:
     """Noted parts in one line."""
     return "; ".join(
         f"{part['what']} '{part['kind']}' of {Path(part['source']).name}, sha256 {part['sha256']}" for part in parts
     )
 
 
-def check_parts(study: str, ours: Sequence[Noted], theirs: Sequence[Noted]) -> None:
+def check_parts(study: str, ours: Sequence[PartRecord], theirs: Sequence[PartRecord]) -> None:
     """Refuse to go on with a study with another part of the same kind.
 
     Args:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.storage.store import Budget, Store
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
 
 
 def quiet() -> None:
@@ -71,8 +71,14 @@ def kept_definition(storage: str, study: str) -> Mapping[str, Any] | None:
 
 
 def open_store(
-    storage: str, study: str, problem: Problem, definition: Mapping[str, Any], budget: Budget, *, resume: bool
-) -> Store:
+    storage: str,
+    study: str,
+    problem: TuningProblem,
+    definition: Mapping[str, Any],
+    budget: SearchBudget,
+    *,
+    resume: bool,
+) -> StudyStorage:
     """The storage of a study that is begun, or gone on with.
 
     Args:
@@ -90,9 +96,9 @@ def open_store(
     check_storage(storage)
     quiet()
     if is_database(storage):
-        from dualwinch.tuning.storage.database import Database
+        from dualwinch.tuning.storage.database import DatabaseStudy
 
-        return Database.begin(storage, study, problem, definition, budget, resume=resume)
-    from dualwinch.tuning.storage.journal import Journal
+        return DatabaseStudy.begin(storage, study, problem, definition, budget, resume=resume)
+    from dualwinch.tuning.storage.journal import JournalStudy
 
-    return Journal(Path(storage), study, problem, definition, budget, resume=resume)
+    return JournalStudy(Path(storage), study, problem, definition, budget, resume=resume)

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.space import Interval, Space
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.space import ContinuousDimension, Space
 
 if TYPE_CHECKING:
     import optuna
@@ -19,7 +19,7 @@ def distributions(space: Space) -> "dict[str, BaseDistribution]":
 
     return {
         dimension.name: FloatDistribution(dimension.lower, dimension.upper, log=dimension.log)
-        if isinstance(dimension, Interval)
+        if isinstance(dimension, ContinuousDimension)
         else CategoricalDistribution(dimension.choices)
         for dimension in space.dimensions
     }

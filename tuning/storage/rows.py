@@ -13,7 +13,7 @@ import sqlalchemy as sa
 from optuna.distributions import distribution_to_json
 from optuna.trial import TrialState
 
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import Space
 from dualwinch.tuning.storage.record import attributes, distributions
 from dualwinch.tuning.storage.tables import (

@@ -4,14 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 
 Propose = Callable[[int, bool], list[Candidate]]
 """``propose(count, first)``: candidates; `first` where the study has no trial yet."""
 
 
 @dataclass(frozen=True)
-class Claim:
+class TrialClaim:
     """A candidate that is this process's to evaluate.
 
     Attributes:
@@ -24,7 +24,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Budget:
+class SearchBudget:
     """When a study is over.
 
     Attributes:
@@ -39,22 +39,22 @@ class Budget:
     rollouts: int | None = None
 
 
-class Store(Protocol):
+class StudyStorage(Protocol):
     """A study's storage, as one process sees it."""
 
     def finished(self) -> list[Evaluation]:
         """Every finished trial, in the order of their numbers."""
         ...
 
-    def claim(self, count: int, budget: Budget, propose: Propose) -> list[Claim]:
+    def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
         """Take candidates, none where the budget's trials are all finished or under way."""
         ...
 
-    def finish(self, claims: Sequence[Claim], evaluations: Sequence[Evaluation]) -> None:
+    def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:
         """Keep what candidates came to."""
         ...
 
-    def release(self, claims: Sequence[Claim]) -> None:
+    def release(self, claims: Sequence[TrialClaim]) -> None:
         """Give candidates back that will not be evaluated here."""
         ...
 
@@ -62,11 +62,11 @@ class Store(Protocol):
         """What other processes have finished since the last call."""
         ...
 
-    def budget(self) -> Budget:
+    def budget(self) -> SearchBudget:
         """The study's budget as it stands."""
         ...
 
-    def set_budget(self, budget: Budget) -> None:
+    def set_budget(self, budget: SearchBudget) -> None:
         """Change the study's budget, for all processes."""
         ...
 
@@ -74,7 +74,7 @@ class Store(Protocol):
         """Number of finished trials."""
         ...
 
-    def complete(self, budget: Budget) -> bool:
+    def complete(self, budget: SearchBudget) -> bool:
         """Whether as many trials are finished as there shall be."""
         ...
 

@@ -20,8 +20,8 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.progress import PHASES, Progress
-from dualwinch.tuning.scoring.plan import Plan
+from dualwinch.tuning.scoring.config import SampleSizes
+from dualwinch.tuning.scoring.progress import PHASES, SearchStatus
 from tests.tuning.test_tune import Stubborn
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
@@ -38,9 +38,9 @@ def dualwinch(*words: object) -> int:
 
 @pytest.fixture(autouse=True)
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = Plan(draws=4, vertices=4, last_draws=4, held_out=8)
-    monkeypatch.setattr("dualwinch.tuning.scoring.plan.FULL", few)
-    monkeypatch.setattr("dualwinch.tuning.scoring.scenarios.LOOKED_AT", 4)
+    few = SampleSizes(draws=4, vertices=4, last_draws=4, held_out=8)
+    monkeypatch.setattr("dualwinch.tuning.scoring.config.FULL", few)
+    monkeypatch.setattr("dualwinch.tuning.scoring.training_set.LOOKED_AT", 4)
 
 
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,14 +109,14 @@ def test_a_deterministic_study_with_several_objectives_has_a_front(
 def test_an_interrupt_keeps_the_best_so_far(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add = Progress.add
+    add = SearchStatus.add
 
-    def interrupted(self: Progress, evaluations: list) -> None:
+    def interrupted(self: SearchStatus, evaluations: list) -> None:
         if self.trials >= 32:
             raise KeyboardInterrupt
         add(self, evaluations)
 
-    monkeypatch.setattr(Progress, "add", interrupted)
+    monkeypatch.setattr(SearchStatus, "add", interrupted)
     assert dualwinch("tune", *SHORT, "--trials", 1000, "--out", tmp_path) == 1
     assert "interrupted; this is the best so far" in capsys.readouterr().err
     assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) == 32

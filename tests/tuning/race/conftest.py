@@ -6,25 +6,24 @@ from typing import Any
 import pytest
 
 from dualwinch.commands.tuning_setup import definition_of
-from dualwinch.tuning.race.entry import Entry
-from dualwinch.tuning.race.terms import Entrant, Terms
+from dualwinch.tuning.benchmark.entries import BenchmarkEntry, BenchmarkTerms, EntryProblem
 from tests.tuning.conftest import MakeProblem
 
-MakeRace = Callable[..., tuple[list[Entrant], Terms]]
+MakeRace = Callable[..., tuple[list[EntryProblem], BenchmarkTerms]]
 
 
 @pytest.fixture
 def make_race(make_problem: MakeProblem) -> MakeRace:
-    """``make_race(...)``: two laws in the sea, runs of 0.1 s; words are those of `Terms`."""
+    """``make_race(...)``: two laws in the sea, runs of 0.1 s; words are those of `BenchmarkTerms`."""
 
-    def make(settings: list[str] | None = None, **words: Any) -> tuple[list[Entrant], Terms]:
+    def make(settings: list[str] | None = None, **words: Any) -> tuple[list[EntryProblem], BenchmarkTerms]:
         entrants = []
         for law, space in (("nftsm", "controller.nftsm"), ("adrc", "controller.adrc")):
-            entry = Entry(law, "kalman", "differential-tension")
+            entry = BenchmarkEntry(law, "kalman", "differential-tension")
             given = [f"{key}={value}" for key, value in entry.values.items()]
             length = [] if any("duration" in each for each in settings or []) else ["simulation.duration=0.1"]
             problem = make_problem(settings=[*length, *(settings or []), *given], space=[space])
-            entrants.append(Entrant(entry, problem, definition_of(problem, "cmaes")))
+            entrants.append(EntryProblem(entry, problem, definition_of(problem, "cmaes")))
         first = entrants[0].problem
         usual = {
             "ensemble": "sea",
@@ -36,6 +35,6 @@ def make_race(make_problem: MakeProblem) -> MakeRace:
             "held_out": 5,
             "seed": first.seed,
         }
-        return entrants, Terms(**(usual | words))
+        return entrants, BenchmarkTerms(**(usual | words))
 
     return make

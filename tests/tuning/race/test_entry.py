@@ -14,9 +14,18 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.race.ablations import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, PAPER, ablations
-from dualwinch.tuning.race.entry import Entry, combinations, kinds, names
+from dualwinch.tuning.benchmark.entries import (
+    CONSTANT_GAIN,
+    LINEAR_SURFACE,
+    NO_ANTI_SATURATION,
+    PAPER,
+    BenchmarkEntry,
+    ablations,
+    combinations,
+    kinds,
+    names,
+)
+from dualwinch.tuning.problem import TuningProblem
 
 
 def test_kinds_are_all_or_some_or_the_usual_one_each_once() -> None:
@@ -43,7 +52,7 @@ def test_names_say_what_most_do_not_have() -> None:
     assert all(set(entry.stem) <= set("abcdefghijklmnopqrstuvwxyz0123456789+-") for entry in both)
 
 
-def of(entry: Entry) -> Problem:
+def of(entry: BenchmarkEntry) -> TuningProblem:
     settings = [f"{key}={value}" for key, value in entry.values.items()]
     return tuning_problem(ensemble="sea", settings=settings, held=entry.held)
 
@@ -51,7 +60,7 @@ def of(entry: Entry) -> Problem:
 def test_ablations_are_settings_that_are_held() -> None:
     entries = {entry.variant: entry for entry in ablations("kalman", "differential-tension") if entry.variant}
     assert set(entries) == {CONSTANT_GAIN, NO_ANTI_SATURATION, LINEAR_SURFACE}
-    whole = of(Entry(PAPER, "kalman", "differential-tension"))
+    whole = of(BenchmarkEntry(PAPER, "kalman", "differential-tension"))
     for entry in entries.values():
         problem = of(entry)
         assert not set(entry.held) & set(problem.space.keys)

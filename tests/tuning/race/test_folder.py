@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.race.folder import Folder
+from dualwinch.tuning.benchmark.run import ResultFolder
 
 TERMS = {"seed": 1, "rollouts": 300, "configuration": "a = 1\nb = 2\n", "constraints": ("x<=1",)}
 
 
 def test_what_is_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
-    Folder(tmp_path, TERMS).keep("adrc", {"space": (1, 2)}, {"value": 0.1 + 0.2})
-    again = Folder(tmp_path, TERMS)
+    ResultFolder(tmp_path, TERMS).keep("adrc", {"space": (1, 2)}, {"value": 0.1 + 0.2})
+    again = ResultFolder(tmp_path, TERMS)
     assert again.stems == ("adrc",)
     assert again.find("adrc", {"space": (1, 2)}) == {"value": 0.1 + 0.2}
     assert again.find("nftsm") is None
@@ -20,7 +20,7 @@ def test_what_is_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
 
 
 def test_in_memory_it_does_the_same() -> None:
-    folder = Folder(None, TERMS)
+    folder = ResultFolder(None, TERMS)
     folder.keep("adrc", {}, {"value": (1,)})
     assert folder.find("adrc", {}) == {"value": [1]}
 
@@ -35,16 +35,16 @@ def test_in_memory_it_does_the_same() -> None:
     ],
 )
 def test_other_terms_are_refused(changed: dict[str, object], message: str, tmp_path: Path) -> None:
-    Folder(tmp_path, TERMS).keep("adrc", {}, {})
+    ResultFolder(tmp_path, TERMS).keep("adrc", {}, {})
     with pytest.raises(ConfigurationError, match=message):
-        Folder(tmp_path, TERMS | changed)
+        ResultFolder(tmp_path, TERMS | changed)
 
 
 def test_another_definition_and_what_is_no_entry_are_refused(tmp_path: Path) -> None:
-    Folder(tmp_path, TERMS).keep("adrc", {"space": 1, "parts": []}, {})
+    ResultFolder(tmp_path, TERMS).keep("adrc", {"space": 1, "parts": []}, {})
     with pytest.raises(ConfigurationError, match=r"adrc.json was run with another space; remove it"):
-        Folder(tmp_path, TERMS).find("adrc", {"space": 2, "parts": []})
+        ResultFolder(tmp_path, TERMS).find("adrc", {"space": 2, "parts": []})
     for text in ("[]", "{", '{"terms": {}}'):
         (tmp_path / "entries" / "torn.json").write_text(text)
         with pytest.raises(ConfigurationError, match=r"torn.json: is nothing that a race has left; remove it"):
-            Folder(tmp_path, TERMS)
+            ResultFolder(tmp_path, TERMS)

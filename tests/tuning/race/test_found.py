@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.tuning.race.record import to_record
-from dualwinch.tuning.race.scored import Paper, Scored
-from dualwinch.tuning.race.summary import ablation_rows, notes, race_table, search_rows, stress_rows
+from dualwinch.tuning.benchmark.scores import BaselineScore, EntryResult
+from dualwinch.tuning.benchmark.summary import ablation_rows, notes, race_table, search_rows, stress_rows, to_record
 from tests.tuning.race.made_up import made_up, scored
 
 FOUND = made_up()
@@ -59,7 +58,7 @@ def test_ablations_are_compared_with_the_whole_law() -> None:
     assert ablation_rows(without) == [], "laws are laws where nobody asked for ablations"
 
 
-def searched(*errors: float, law: str = "adrc") -> tuple[Scored, ...]:
+def searched(*errors: float, law: str = "adrc") -> tuple[EntryResult, ...]:
     """Searches of one entry, by the errors they come to."""
     first = scored(law, 1.0)
     return tuple(
@@ -104,12 +103,12 @@ def test_records_come_back() -> None:
     """Through JSON, with what was not measured."""
     lost = scored("adrc", 0.1, lost=3)
     lost.runs.metrics["mse"][-3:] = np.nan
-    again = Scored.from_record(json.loads(json.dumps(lost.to_record(), allow_nan=False)))
+    again = EntryResult.from_record(json.loads(json.dumps(lost.to_record(), allow_nan=False)))
     assert again.entry == lost.entry
     assert again.fronts == lost.fronts
     assert again.search == lost.search
     assert np.array_equal(again.runs.metrics["mse"], lost.runs.metrics["mse"], equal_nan=True)
-    paper = Paper.from_record(json.loads(json.dumps(FOUND.paper.to_record())))
+    paper = BaselineScore.from_record(json.loads(json.dumps(FOUND.paper.to_record())))
     assert np.array_equal(paper.runs.outcomes, FOUND.paper.runs.outcomes)
 
 

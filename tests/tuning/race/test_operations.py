@@ -11,7 +11,7 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import exp
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.race.operations import operations
+from dualwinch.tuning.benchmark.run import operations
 
 
 @dataclass(frozen=True)

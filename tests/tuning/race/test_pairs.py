@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from dualwinch.simulation.ensembles.comparison import Interval
-from dualwinch.tuning.race.pairs import Pair, Ratio, holm, ratio_of
+from dualwinch.tuning.benchmark.comparison import ErrorRatio, PairComparison, holm, ratio_of
 
 RANDOM = np.random.default_rng(4)
 
@@ -81,5 +81,5 @@ def test_correction_rejects_as_holms_steps_do(levels: list[float]) -> None:
     ],
 )
 def test_two_differ_where_it_is_sure_and_it_counts(estimate: float, level: float, differ: bool) -> None:
-    ratio = Ratio(9, Interval(estimate, estimate, estimate), level)
-    assert Pair("a", "b", ratio, level).differ is differ
+    ratio = ErrorRatio(9, Interval(estimate, estimate, estimate), level)
+    assert PairComparison("a", "b", ratio, level).differ is differ

@@ -9,11 +9,11 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.ensembles.comparison import compare, paper_controller
-from dualwinch.tuning.race import run as race_run
-from dualwinch.tuning.race.front import COSTS
-from dualwinch.tuning.race.record import to_record
-from dualwinch.tuning.race.run import race
-from dualwinch.tuning.race.terms import UNSEEN
+from dualwinch.tuning.benchmark import run as race_run
+from dualwinch.tuning.benchmark.entries import UNSEEN
+from dualwinch.tuning.benchmark.run import race
+from dualwinch.tuning.benchmark.scores import COSTS
+from dualwinch.tuning.benchmark.summary import to_record
 from tests.tuning.race.conftest import MakeRace
 
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.by_ensemble import RESERVE
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.scoring.confirm import DISTANCE, confirmed
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
+from dualwinch.tuning.baseline import RESERVE
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.repair import DISTANCE, repaired_after_further_draws
+from dualwinch.tuning.scoring.training_set import prepare
 from tests.tuning.conftest import MakeProblem
 
 SPACE = [f"{RESERVE}=0:225"]
@@ -29,7 +29,7 @@ def trial(evaluator: Evaluator, reserve: float) -> Evaluation:
 def draws(evaluator: Evaluator) -> list[Scenario]:
     """Scenarios with the highest peaks that a bound may be about, those in which it was tuned."""
     scenarios = (each for each in evaluator.for_the_best if isinstance(each, Scenario))
-    return [scenario for scenario in scenarios if not scenario.overwhelming]
+    return [scenario for scenario in scenarios if not scenario.beyond_authority]
 
 
 def highest(evaluator: Evaluator, reserve: float) -> float:
@@ -47,7 +47,7 @@ def test_peaks_that_come_too_near_to_the_bound_get_more_reserve(make_problem: Ma
     bound = peak / (1 - DISTANCE / 4)
     evaluator = bounded(make_problem, f"worst.peak_tension<={bound}")
     was = trial(evaluator, 20.0)
-    found = confirmed(evaluator, was, draws(evaluator))
+    found = repaired_after_further_draws(evaluator, was, draws(evaluator))
     assert found.number == was.number
     assert found.point[RESERVE] == pytest.approx(20.0 + 0.75 * DISTANCE * bound)
     assert found.scenarios == was.scenarios, "it has met in all in which the best are tuned"
@@ -66,7 +66,9 @@ def test_it_gets_as_much_more_reserve_as_keeps_to_all_bounds_where_tuned(
         return [replace(each, violations={"x": 1.0}) if more else each for each, more in zip(found, much, strict=True)]
 
     monkeypatch.setattr(evaluator, "over", broken_beyond)
-    assert confirmed(evaluator, was, draws(evaluator)).point[RESERVE] == pytest.approx(20.0 + 0.5 * wanted)
+    assert repaired_after_further_draws(evaluator, was, draws(evaluator)).point[RESERVE] == pytest.approx(
+        20.0 + 0.5 * wanted
+    )
 
 
 @pytest.mark.parametrize("room", [1.1 * DISTANCE, 0.05, -0.05])
@@ -75,7 +77,7 @@ def test_with_room_or_where_it_is_far_too_high_the_reserve_stays(
 ) -> None:
     evaluator = bounded(make_problem, f"worst.peak_tension<={peak / (1 - room)}")
     was = trial(evaluator, 20.0)
-    assert confirmed(evaluator, was, draws(evaluator)) is was
+    assert repaired_after_further_draws(evaluator, was, draws(evaluator)) is was
 
 
 def test_who_breaks_a_bound_where_tuned_with_more_reserve_stays_as_it_was(
@@ -84,7 +86,7 @@ def test_who_breaks_a_bound_where_tuned_with_more_reserve_stays_as_it_was(
     bounds = [f"worst.peak_tension<={peak / (1 - DISTANCE / 4)}", "worst.mse<=1e-30"]
     evaluator = bounded(make_problem, *bounds)
     was = trial(evaluator, 20.0)
-    assert confirmed(evaluator, was, draws(evaluator)) is was
+    assert repaired_after_further_draws(evaluator, was, draws(evaluator)) is was
 
 
 def test_nothing_is_run_where_nothing_could_be_raised(make_problem: MakeProblem) -> None:
@@ -92,8 +94,8 @@ def test_nothing_is_run_where_nothing_could_be_raised(make_problem: MakeProblem)
     without = [bounded(make_problem), bounded(make_problem, "worst.peak_tension<=6000", space=others)]
     for evaluator in without:
         was, before = evaluator.start(), evaluator.rollouts
-        assert confirmed(evaluator, was, draws(evaluator)) is was
+        assert repaired_after_further_draws(evaluator, was, draws(evaluator)) is was
         assert evaluator.rollouts == before
     evaluator = bounded(make_problem, "worst.peak_tension<=6000")
     was = evaluator.start()
-    assert confirmed(evaluator, was, []) is was
+    assert repaired_after_further_draws(evaluator, was, []) is was

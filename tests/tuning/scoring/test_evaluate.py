@@ -10,11 +10,9 @@ import pytest
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.prepared import STRESS, prepare
-from dualwinch.tuning.scoring.evaluate import HOPELESS, LEADERS, MOST_TRIED, SURVEYED, Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.hardness import FURTHER
-from dualwinch.tuning.scoring.ranking import promising_first
+from dualwinch.tuning.scoring.evaluation import HOPELESS, LEADERS, MOST_TRIED, SURVEYED, Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
+from dualwinch.tuning.scoring.training_set import FURTHER, STRESS, prepare
 from tests.tuning.conftest import MakeProblem
 
 BETA = "controller.nftsm.beta"
@@ -85,7 +83,7 @@ def test_who_leads_has_met_the_further_scenarios(
     candidates = [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in np.linspace(0.5, 1.5, 8)]
     evaluator = Evaluator(prepared)
     common = evaluator.over(candidates, prepared.scenarios, tuning=True)
-    worst, judged = [candidates[index] for index in promising_first(common)[:failing]], evaluator.judged
+    worst, judged = [candidates[index] for index in penalised_first(common)[:failing]], evaluator.judged
 
     def unless_tried(
         candidate: Candidate, result: BatchResult, scenarios: Sequence[Scenario], **words: Any
@@ -96,9 +94,9 @@ def test_who_leads_has_met_the_further_scenarios(
     monkeypatch.setattr(evaluator, "judged", unless_tried)
     found = evaluator.evaluate(candidates)
     assert sum(trial.scenarios == 4 + FURTHER for trial in found) == met
-    leads = found[promising_first(found)[0]]
+    leads = found[penalised_first(found)[0]]
     assert leads.scenarios == (4 if failing == len(candidates) else 4 + FURTHER)
-    assert leads.candidate == candidates[promising_first(common)[min(failing, MOST_TRIED) % len(candidates)]]
+    assert leads.candidate == candidates[penalised_first(common)[min(failing, MOST_TRIED) % len(candidates)]]
 
 
 def test_candidates_that_exceed_a_bound_by_far_meet_no_further_scenarios(make_problem: MakeProblem) -> None:
@@ -116,4 +114,4 @@ def test_every_so_often_the_one_that_leads_meets_all_hard_scenarios(make_problem
         found = evaluator.evaluate(candidates)
         most = max(trial.scenarios for trial in found)
         assert most == 4 + (STRESS if call % SURVEYED == 0 else FURTHER)
-        assert found[promising_first(found)[0]].scenarios == most
+        assert found[penalised_first(found)[0]].scenarios == most

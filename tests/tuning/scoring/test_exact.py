@@ -2,7 +2,7 @@
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.tuning.scoring.exact import every_second_exact, exact
+from dualwinch.tuning.scoring.training_set import every_second_nominal, nominal_hardware
 
 ERRORS = ("error", "zero", "eccentricity", "ripple", "elongation", "bias", "drift")
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
@@ -10,7 +10,7 @@ RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
 
 def test_what_no_data_sheet_says_is_zero_and_all_else_stays() -> None:
     drawn = RIG.chosen(range(4), 3)
-    for before, after in zip(drawn, exact(drawn), strict=True):
+    for before, after in zip(drawn, nominal_hardware(drawn), strict=True):
         theirs, ours = leaves(before.experiment), leaves(after.experiment)
         changed = {key for key in ours if ours[key] != theirs[key]}
         assert {ours[key] for key in changed} == {0.0}
@@ -24,13 +24,13 @@ def test_what_no_data_sheet_says_is_zero_and_all_else_stays() -> None:
 
 def test_in_the_sea_there_is_nothing_to_leave_out() -> None:
     drawn = SEA.chosen(range(3), 3)
-    assert [each.experiment for each in exact(drawn)] == [each.experiment for each in drawn]
-    assert exact([]) == []
+    assert [each.experiment for each in nominal_hardware(drawn)] == [each.experiment for each in drawn]
+    assert nominal_hardware([]) == []
 
 
 def test_every_second_one_is_exact() -> None:
     drawn = RIG.chosen(range(5), 3)
-    found = every_second_exact(drawn)
+    found = every_second_nominal(drawn)
     assert found[::2] == drawn[::2]
-    assert [each.draws for each in found[1::2]] == [each.draws for each in exact(drawn)[1::2]]
+    assert [each.draws for each in found[1::2]] == [each.draws for each in nominal_hardware(drawn)[1::2]]
     assert all("sensors.encoder_zero_1" not in each.draws for each in found[1::2])

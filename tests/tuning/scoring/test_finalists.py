@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.finalists import RUNG, Met, evenly, rungs, those_that_hold
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.validation import RUNG, Validated, evenly, strata, validated
 
 
 def trials(objectives: Sequence[float], caution: Sequence[float] = (0.0,)) -> list[Evaluation]:
@@ -29,7 +29,7 @@ def trials(objectives: Sequence[float], caution: Sequence[float] = (0.0,)) -> li
 
 def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
     ordered = trials([1.01**number for number in range(400)])
-    found = rungs(ordered, 16)
+    found = strata(ordered, 16)
     values = [ordered[index].objectives[0] for index in found]
     assert len(found) == 16
     assert found[0] == 0
@@ -39,7 +39,7 @@ def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
 
 def test_of_a_rung_the_most_cautious_is_taken() -> None:
     ordered = trials([1.001**number for number in range(4000)], caution=[0.0, 0.5, 0.1, 0.3, 0.2])
-    found = rungs(ordered, 16)
+    found = strata(ordered, 16)
     assert found[0] == 0, "the best is always there"
     assert {ordered[index].reserve for index in found[1:]} == {0.5}
 
@@ -58,12 +58,12 @@ def test_further_ladders_find_the_best_that_holds(first_to_hold: int, most: int)
     ordered = trials([1.001**number for number in range(2400)])
     seen: list[int] = []
 
-    def held(ladder: Sequence[Evaluation]) -> list[Met]:
+    def held(ladder: Sequence[Evaluation]) -> list[Validated]:
         seen.extend(trial.number for trial in ladder)
         return [(trial, trial) for trial in ladder if trial.number >= first_to_hold]
 
     first = [ordered[index] for index in (*evenly(2399, most - 1), 2399)]
-    met = those_that_hold(ordered, first, held, lambda: True)
+    met = validated(ordered, first, held, lambda: True)
     assert min(trial.number for trial, _ in met) == first_to_hold
     assert len(seen) == len(set(seen)), "no trial is tried twice"
 
@@ -72,9 +72,9 @@ def test_further_ladders_find_the_best_that_holds(first_to_hold: int, most: int)
 def test_no_further_ladder_is_begun_when_enough_was_spent(ladders: int) -> None:
     ordered, asked = trials([1.01**number for number in range(500)]), []
 
-    def held(ladder: Sequence[Evaluation]) -> list[Met]:
+    def held(ladder: Sequence[Evaluation]) -> list[Validated]:
         asked.append(len(ladder))
         return []
 
-    assert those_that_hold(ordered, ordered[:8], held, lambda: len(asked) <= ladders) == []
+    assert validated(ordered, ordered[:8], held, lambda: len(asked) <= ladders) == []
     assert asked == [8] * (1 + ladders)

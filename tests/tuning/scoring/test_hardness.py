@@ -7,10 +7,9 @@ import pytest
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.prepared import STRESS, Prepared, prepare
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate
-from dualwinch.tuning.scoring.hardness import FURTHER, Hardness
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.scoring.training_set import FURTHER, STRESS, ActiveScenarios, TrainingSet, prepare
 from tests.tuning.conftest import MakeProblem
 from tests.tuning.scoring.test_runs import peaks
 
@@ -19,12 +18,12 @@ PEAK = f"worst.peak_tension<={BOUND:g}"
 
 
 @pytest.fixture
-def prepared(make_problem: MakeProblem) -> Prepared:
+def prepared(make_problem: MakeProblem) -> TrainingSet:
     return prepare(make_problem(constraints=[PEAK]))
 
 
-def test_it_begins_with_the_scenarios_as_they_were_prepared(prepared: Prepared) -> None:
-    hardness = Hardness(prepared)
+def test_it_begins_with_the_scenarios_as_they_were_prepared(prepared: TrainingSet) -> None:
+    hardness = ActiveScenarios(prepared)
     assert hardness.everyones == prepared.scenarios
     assert (*hardness.further, *hardness.rest) == prepared.stress
     assert (len(hardness.further), len(hardness.rest)) == (FURTHER, STRESS - FURTHER)
@@ -32,8 +31,8 @@ def test_it_begins_with_the_scenarios_as_they_were_prepared(prepared: Prepared) 
     assert hardness.everyones == prepared.scenarios
 
 
-def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(prepared: Prepared) -> None:
-    hardness, failing = Hardness(prepared), prepared.stress[5]
+def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(prepared: TrainingSet) -> None:
+    hardness, failing = ActiveScenarios(prepared), prepared.stress[5]
     every = [*hardness.everyones, *hardness.further]
     hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
     typical, hard = prepared.scenarios[::2], prepared.scenarios[1::2]
@@ -43,8 +42,8 @@ def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(p
     assert set(map(id, [*hardness.everyones, *hardness.further])) == set(map(id, every))
 
 
-def test_who_meets_all_finds_what_has_become_harder(prepared: Prepared) -> None:
-    hardness = Hardness(prepared)
+def test_who_meets_all_finds_what_has_become_harder(prepared: TrainingSet) -> None:
+    hardness = ActiveScenarios(prepared)
     failing = hardness.rest[20]
     every = [*hardness.everyones, *hardness.further, *hardness.rest]
     hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
@@ -53,8 +52,8 @@ def test_who_meets_all_finds_what_has_become_harder(prepared: Prepared) -> None:
     assert set(map(id, every)) == set(map(id, [*hardness.everyones, *hardness.further, *hardness.rest]))
 
 
-def test_failures_are_read_in_the_order_of_the_scenarios_and_fade(prepared: Prepared) -> None:
-    hardness, first, then = Hardness(prepared), prepared.stress[5], prepared.stress[9]
+def test_failures_are_read_in_the_order_of_the_scenarios_and_fade(prepared: TrainingSet) -> None:
+    hardness, first, then = ActiveScenarios(prepared), prepared.stress[5], prepared.stress[9]
 
     def fail(failing: Experiment | Scenario) -> None:
         every = [*hardness.everyones, *hardness.further]
@@ -68,8 +67,8 @@ def test_failures_are_read_in_the_order_of_the_scenarios_and_fade(prepared: Prep
     assert (hardness.everyones[1], hardness.everyones[3]) == (then, first)
 
 
-def test_the_best_of_a_call_count_by_their_mean(prepared: Prepared) -> None:
-    hardness, count = Hardness(prepared), len(prepared.scenarios) + FURTHER
+def test_the_best_of_a_call_count_by_their_mean(prepared: TrainingSet) -> None:
+    hardness, count = ActiveScenarios(prepared), len(prepared.scenarios) + FURTHER
     both, once = [CALM] * count, [CALM] * count
     both[10] = once[10] = 1.02 * BOUND
     once[12] = 1.03 * BOUND

@@ -6,31 +6,31 @@ from typing import Any
 
 import pytest
 
-from dualwinch.tuning.by_ensemble import RESERVE
-from dualwinch.tuning.prepared import prepare
+from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.problem import MARGIN
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.holding import holding
-from dualwinch.tuning.scoring.sieve import Attempt, Sieve
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.repair import screened
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.scoring.validation import FeasibilityScreen, ScreenResult
 from tests.tuning.conftest import MakeProblem
 
 BOUND, HIGHEST, DISTANCE = 6000.0, 6100.0, 0.0025
 LABEL = "worst.peak_tension <= 6000 N"
 
 
-class Told(Sieve):
+class Told(FeasibilityScreen):
     """A sieve in which the highest peak is what the reserve leaves of a force."""
 
     def __init__(self, evaluator: Evaluator) -> None:
         self.constraints = evaluator.prepared.constraints
 
-    def meet(self, candidates: Sequence[Candidate]) -> list[Attempt]:
+    def meet(self, candidates: Sequence[Candidate]) -> list[ScreenResult]:
         attempts = []
         for candidate in candidates:
             excess = (HIGHEST - float(candidate.point[RESERVE])) / BOUND - 1
             result = Evaluation(candidate, (1.0,), {LABEL: excess}, {}, {}, 1)
-            attempts.append(Attempt(result if excess <= 0 else None, excess))
+            attempts.append(ScreenResult(result if excess <= 0 else None, excess))
         return attempts
 
 
@@ -45,7 +45,7 @@ def trial(reserve: float, number: int, violation: float = -0.2) -> Evaluation:
 
 
 def reserves(evaluator: Evaluator, *trials: Evaluation) -> list[tuple[int, float]]:
-    met = holding(evaluator, Told(evaluator), trials, DISTANCE)
+    met = screened(evaluator, Told(evaluator), trials, DISTANCE)
     assert all(tuned.point == result.point for tuned, result in met)
     assert all(result.feasible for _, result in met)
     return [(tuned.number, round(float(tuned.point[RESERVE]), 6)) for tuned, _ in met]
@@ -62,7 +62,7 @@ def test_who_fails_by_a_little_holds_once_it_has_more_reserve_and_who_has_too_mu
 
 
 def test_trimmed_ones_are_evaluated_where_the_best_are_tuned(evaluator: Evaluator) -> None:
-    ((tuned, _),) = holding(evaluator, Told(evaluator), [trial(80, 4)], DISTANCE)
+    ((tuned, _),) = screened(evaluator, Told(evaluator), [trial(80, 4)], DISTANCE)
     assert tuned.scenarios == len(evaluator.for_the_best)
     assert tuned.objectives != (1.0,)
 

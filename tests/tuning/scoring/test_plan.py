@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.tuning.scoring.plan import (
+from dualwinch.tuning.scoring.config import (
     BESIDE_SECONDS,
     BESIDE_SHARE,
     FULL,
     LEAST,
     LEFT_SECONDS,
     LEFT_SHARE,
-    Plan,
+    SampleSizes,
     affordable,
     time_for,
 )
@@ -33,7 +33,7 @@ def test_more_time_buys_more_scenarios_until_there_are_all() -> None:
 
 
 def test_fewer_than_the_least_are_kept_where_they_are_asked_for() -> None:
-    assert affordable(Plan(held_out=5), 0.0, 1.0).held_out == 5
+    assert affordable(SampleSizes(held_out=5), 0.0, 1.0).held_out == 5
 
 
 @pytest.mark.parametrize(
@@ -50,6 +50,8 @@ def test_what_is_beside_a_search_is_limited(search: float, spent: float, left: f
 
 
 def test_rollouts_are_those_of_both_rounds_with_start_and_paper_of_one_more_and_of_three_scores() -> None:
-    plan = Plan(finalists=4, sieved=20, draws=3, vertices=4, hard=2, last=1, last_draws=5, confirmed=7, held_out=6)
+    plan = SampleSizes(
+        finalists=4, sieved=20, draws=3, vertices=4, hard=2, last=1, last_draws=5, confirmed=7, held_out=6
+    )
     assert plan.rollouts == 20 + 2 * 9 + 3 * 5 + 7 + 3 * 6
     assert replace(plan, sieved=10).rollouts == plan.rollouts - 2, "half of the first ladder holds"

@@ -2,8 +2,15 @@
 
 import math
 
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.ranking import PENALTY, beats, best_first, pareto_front, soundest_first
+from dualwinch.tuning.scoring.ranking import (
+    PENALTY,
+    Candidate,
+    Evaluation,
+    backed_off_first,
+    best_first,
+    improves_on,
+    pareto_front,
+)
 
 MARGIN = 0.01
 
@@ -16,18 +23,18 @@ def reached(*objectives: float, beyond: float = 0.0, pruned: bool = False) -> Ev
 def test_what_keeps_off_its_bound_is_sounder_unless_it_is_much_worse() -> None:
     on_the_bound, off_it = reached(1.0, beyond=0.0), reached(1.4, beyond=-MARGIN)
     assert best_first([on_the_bound, off_it]) == [0, 1]
-    assert soundest_first([on_the_bound, off_it], MARGIN) == [1, 0]
+    assert backed_off_first([on_the_bound, off_it], MARGIN) == [1, 0]
     far_worse = reached(1.01 * math.exp(PENALTY * MARGIN), beyond=-MARGIN)
-    assert soundest_first([on_the_bound, far_worse], MARGIN) == [0, 1]
+    assert backed_off_first([on_the_bound, far_worse], MARGIN) == [0, 1]
 
 
 def test_further_off_than_the_margin_is_no_sounder() -> None:
-    assert soundest_first([reached(1.0, beyond=-0.2), reached(0.9, beyond=-MARGIN)], MARGIN) == [1, 0]
+    assert backed_off_first([reached(1.0, beyond=-0.2), reached(0.9, beyond=-MARGIN)], MARGIN) == [1, 0]
 
 
 def test_who_breaks_a_bound_or_was_given_up_comes_behind_who_keeps_to_all() -> None:
     judged = [reached(0.1, beyond=1e-6), reached(9.0, beyond=0.0), reached(0.01, beyond=-1.0, pruned=True)]
-    assert soundest_first(judged, MARGIN) == [1, 0, 2]
+    assert backed_off_first(judged, MARGIN) == [1, 0, 2]
 
 
 def test_several_objectives_and_those_without_a_logarithm_are_ordered_as_the_best() -> None:
@@ -35,7 +42,7 @@ def test_several_objectives_and_those_without_a_logarithm_are_ordered_as_the_bes
         [reached(2.0, 1.0, beyond=-1.0), reached(1.0, 0.5, beyond=0.0)],
         [reached(0.0, beyond=-1.0), reached(-1.0, beyond=0.0)],
     ):
-        assert soundest_first(judged, MARGIN) == best_first(judged)
+        assert backed_off_first(judged, MARGIN) == best_first(judged)
 
 
 def test_the_best_comes_first_constraints_before_objective() -> None:
@@ -51,15 +58,15 @@ def test_the_front_is_what_no_other_feasible_one_beats() -> None:
 
 def test_better_than_the_start_is_what_breaks_no_more_and_has_a_smaller_objective() -> None:
     start = reached(1)
-    assert beats(reached(0.5), start)
-    assert not beats(reached(1), start)
-    assert not beats(reached(2), start)
-    assert not beats(reached(0.5, beyond=0.1), start)
-    assert not beats(reached(0.5, pruned=True), start)
+    assert improves_on(reached(0.5), start)
+    assert not improves_on(reached(1), start)
+    assert not improves_on(reached(2), start)
+    assert not improves_on(reached(0.5, beyond=0.1), start)
+    assert not improves_on(reached(0.5, pruned=True), start)
     loud = reached(1, beyond=0.5)
-    assert beats(reached(2), loud)  # constraints come first
-    assert beats(reached(0.5, beyond=0.1), loud)
-    assert not beats(reached(2, beyond=0.1), loud)
-    assert not beats(reached(0.5, beyond=0.6), loud)
-    assert beats(reached(2, 1), reached(1, 2))
-    assert not beats(reached(2, 2), reached(1, 2))
+    assert improves_on(reached(2), loud)  # constraints come first
+    assert improves_on(reached(0.5, beyond=0.1), loud)
+    assert not improves_on(reached(2, beyond=0.1), loud)
+    assert not improves_on(reached(0.5, beyond=0.6), loud)
+    assert improves_on(reached(2, 1), reached(1, 2))
+    assert not improves_on(reached(2, 2), reached(1, 2))

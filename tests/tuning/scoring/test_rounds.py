@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import pytest
 
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.scoring.plan import Plan
-from dualwinch.tuning.scoring.rounds import to_choose_in, unseen
+from dualwinch.tuning.scoring.config import SampleSizes
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.scoring.validation import further_draws, validation_sets
 from tests.tuning.conftest import MakeProblem
 
-PLAN = Plan(draws=5, vertices=3, hard=2, looked_at=20, last_draws=7, confirmed=9)
+PLAN = SampleSizes(draws=5, vertices=3, hard=2, looked_at=20, last_draws=7, confirmed=9)
 
 
 def seeds(scenarios: Sequence[object]) -> set[int]:
@@ -20,8 +20,8 @@ def seeds(scenarios: Sequence[object]) -> set[int]:
 
 def test_no_draw_is_in_two_rounds_and_the_search_has_seen_none(make_problem: MakeProblem) -> None:
     problem = make_problem(ensemble="rig")
-    first, last, _ = to_choose_in(problem, PLAN)
-    further, prepared = unseen(problem, PLAN), prepare(problem)
+    first, last, _ = validation_sets(problem, PLAN)
+    further, prepared = further_draws(problem, PLAN), prepare(problem)
     assert len(further) == PLAN.confirmed
     assert len(first) <= PLAN.draws + PLAN.hard + PLAN.vertices
     assert len(last) <= PLAN.last_draws
@@ -32,6 +32,6 @@ def test_no_draw_is_in_two_rounds_and_the_search_has_seen_none(make_problem: Mak
 
 def test_without_an_ensemble_there_is_nothing_to_choose_in(make_problem: MakeProblem) -> None:
     problem = make_problem(ensemble=None)
-    assert unseen(problem, PLAN) == []
+    assert further_draws(problem, PLAN) == []
     with pytest.raises(ValueError, match="ensemble"):
-        to_choose_in(problem, PLAN)
+        validation_sets(problem, PLAN)

@@ -9,13 +9,13 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.result import statistic_from
-from dualwinch.tuning.constraint import constraints_from
-from dualwinch.tuning.scoring.runs import LEEWAY, counts, leeways, over, worst_of
+from dualwinch.tuning.constraints import constraints_from
+from dualwinch.tuning.scoring.rollouts import LEEWAY, counts, leeways, over, worst_of
 
 SEA = load_ensemble("sea")
 PLAIN = SEA.scenario(0, 3)
 HARD = replace(PLAIN, hard=True)
-OVERWHELMING = replace(PLAIN, hard=True, overwhelming=True)
+OVERWHELMING = replace(PLAIN, hard=True, beyond_authority=True)
 BOUND = 5000.0
 PEAK = constraints_from([f"worst.peak_tension<={BOUND:g}"], SEA.experiment)
 

@@ -8,16 +8,16 @@ import numpy as np
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.analysis.required_force import demand, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.scoring.scenarios import (
+from dualwinch.tuning.scoring.training_set import (
     BEHIND,
     FURTHEST,
     LOOKED_AT,
-    choosable,
-    demanding,
+    beyond_authority,
+    chosen_scenarios,
     drawn,
-    overwhelming,
-    pick,
+    hardest_among,
     vertices,
+    within_selection,
 )
 
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
@@ -29,36 +29,36 @@ def share(scenario: Scenario) -> float:
 
 
 def test_typical_and_hard_scenarios_take_turns() -> None:
-    picks, more = pick(SEA, 12, 3, 3)
+    picks, more = chosen_scenarios(SEA, 12, 3, 3)
     assert all(picked.index < LOOKED_AT for picked in (*picks, *more))
     assert [picked.hard for picked in picks] == [False, True] * 6
     assert [picked.vertex for picked in picks if picked.hard] == [False, True] * 3
     assert len(more) == 3
     assert all(picked.hard and picked not in picks for picked in more)
-    assert pick(SEA, 12, 3, 3) == (picks, more)
+    assert chosen_scenarios(SEA, 12, 3, 3) == (picks, more)
     scenarios = drawn(picks, SEA, 3)
     assert [(scenario.hard, scenario.vertex) for scenario in scenarios] == [(each.hard, each.vertex) for each in picks]
     assert scenarios[0].draws == SEA.scenario(picks[0].index, 3).draws
 
 
 def test_two_of_three_typical_draws_are_on_machines_without_errors() -> None:
-    picks, more = pick(RIG, 12, 3, 3)
-    assert [picked.exact for picked in picks if not picked.hard] == [False, True, True] * 2
-    assert not any(picked.exact for picked in picks if picked.hard)
-    assert not any(picked.exact for picked in more)
+    picks, more = chosen_scenarios(RIG, 12, 3, 3)
+    assert [picked.nominal_hardware for picked in picks if not picked.hard] == [False, True, True] * 2
+    assert not any(picked.nominal_hardware for picked in picks if picked.hard)
+    assert not any(picked.nominal_hardware for picked in more)
     errors = [scenario.experiment.plant.winch_1.radius_error for scenario in drawn(picks, RIG, 3)]
-    assert [error == 0 for error in errors] == [picked.exact for picked in picks]
+    assert [error == 0 for error in errors] == [picked.nominal_hardware for picked in picks]
 
 
 def test_typical_draws_are_those_in_the_middle_of_equal_shares_of_all() -> None:
     every = sorted(share(scenario) for scenario in SEA.scenarios(LOOKED_AT, 3))
-    picks, _ = pick(SEA, 8, 0, 3)
+    picks, _ = chosen_scenarios(SEA, 8, 0, 3)
     typical = [share(scenario) for scenario in drawn(picks, SEA, 3) if not scenario.hard]
     assert np.allclose(typical, [every[number] for number in (75, 225, 375, 525)], rtol=1e-12)
 
 
 def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
-    picks, more = pick(SEA, 8, 12, 3)
+    picks, more = chosen_scenarios(SEA, 8, 12, 3)
     hard = drawn([each for each in (*picks, *more) if each.hard and not each.vertex], SEA, 3)
     assert all(before > after for before, after in pairwise(map(share, hard)))
     assert all(demand(scenario.experiment).shortfall <= FURTHEST for scenario in hard)
@@ -73,57 +73,57 @@ def test_the_motors_can_hold_vertices() -> None:
 
 
 def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_do() -> None:
-    picks, more = pick(SEA, 12, 18, 3)
+    picks, more = chosen_scenarios(SEA, 12, 18, 3)
     behind = [demand(each.experiment).shortfall for each in SEA.chosen(range(LOOKED_AT), 3, vertex=True)]
-    flagged = [picked for picked in (*picks, *more) if picked.overwhelming]
+    flagged = [picked for picked in (*picks, *more) if picked.beyond_authority]
     assert flagged[0] == picks[-1]
     assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
-    assert flagged == overwhelming(SEA, 3, [], 7)
+    assert flagged == beyond_authority(SEA, 3, [], 7)
     assert all(picked.vertex and picked.hard and behind[picked.index] > FURTHEST for picked in flagged)
-    assert [scenario.overwhelming for scenario in drawn(flagged, SEA, 3)] == [True] * 7
-    corners = [picked for picked in more if picked.vertex and not picked.overwhelming]
+    assert [scenario.beyond_authority for scenario in drawn(flagged, SEA, 3)] == [True] * 7
+    corners = [picked for picked in more if picked.vertex and not picked.beyond_authority]
     assert len(corners) == 3
     assert all(within_authority(scenario.experiment) for scenario in drawn(corners, SEA, 3))
 
 
 def test_every_kind_of_further_scenarios_is_among_the_first_of_them() -> None:
-    _, more = pick(SEA, 12, 48, 3)
+    _, more = chosen_scenarios(SEA, 12, 48, 3)
     assert len(set(more)) == 48
-    assert [(each.vertex, each.overwhelming) for each in more[:3]] == [(False, False), (True, True), (True, False)]
+    assert [(each.vertex, each.beyond_authority) for each in more[:3]] == [(False, False), (True, True), (True, False)]
 
 
 def test_what_the_motors_can_always_hold_is_overwhelmed_by_nothing() -> None:
     calm = replace(SEA, distributions={})
-    assert overwhelming(calm, 3, ()) == []
-    picks, more = pick(calm, 12, 3, 3)
+    assert beyond_authority(calm, 3, ()) == []
+    picks, more = chosen_scenarios(calm, 12, 3, 3)
     assert (len(picks), len(more)) == (12, 3)
     assert sum(picked.vertex for picked in picks) == 3
 
 
 def test_overwhelming_vertices_are_others_than_those_that_are_taken() -> None:
-    (first, *_) = overwhelming(SEA, 3, ())
-    others = overwhelming(SEA, 3, [first])
+    (first, *_) = beyond_authority(SEA, 3, ())
+    others = beyond_authority(SEA, 3, [first])
     assert len(others) == len(BEHIND)
     assert first not in others
 
 
 def test_the_most_demanding_of_some_draws_are_known_by_their_own_numbers() -> None:
     among = range(500, 560)
-    found = drawn(demanding(SEA, 5, among, 3), SEA, 3)
+    found = drawn(hardest_among(SEA, 5, among, 3), SEA, 3)
     assert all(scenario.index in among and scenario.hard for scenario in found)
     bearable = [each for each in SEA.chosen(among, 3) if demand(each.experiment).shortfall <= FURTHEST]
     assert [each.index for each in found] == [each.index for each in sorted(bearable, key=share, reverse=True)[:5]]
 
 
 def test_few_scenarios_are_some_of_each() -> None:
-    assert [each.hard for each in pick(SEA, 1, 0, 3)[0]] == [False]
-    assert [each.hard for each in pick(SEA, 2, 0, 3)[0]] == [False, True]
-    assert [each.hard for each in pick(SEA, 3, 0, 3)[0]] == [False, True, False]
+    assert [each.hard for each in chosen_scenarios(SEA, 1, 0, 3)[0]] == [False]
+    assert [each.hard for each in chosen_scenarios(SEA, 2, 0, 3)[0]] == [False, True]
+    assert [each.hard for each in chosen_scenarios(SEA, 3, 0, 3)[0]] == [False, True, False]
 
 
 def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
     scenarios = list(SEA.scenarios(200, 7))
-    kept = choosable(scenarios)
+    kept = within_selection(scenarios)
     assert [each.index for each in kept] == [
         each.index for each in scenarios if demand(each.experiment).shortfall <= FURTHEST
     ]
@@ -134,4 +134,4 @@ def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
 
 def test_where_the_motors_can_hold_nothing_all_scenarios_stay_as_they_are() -> None:
     beyond = [each for each in SEA.scenarios(200, 7) if not within_authority(each.experiment)]
-    assert choosable(beyond) == beyond
+    assert within_selection(beyond) == beyond

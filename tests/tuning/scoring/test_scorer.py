@@ -9,12 +9,11 @@ import pytest
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import linearise as lineariser
-from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import MARGIN
-from dualwinch.tuning.scoring import runs
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate
-from dualwinch.tuning.scoring.scorer import FAILED, Scorer
+from dualwinch.tuning.scoring import rollouts as runs
+from dualwinch.tuning.scoring.evaluation import FAILED, Evaluator, Scorer
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
 from tests.tuning.conftest import MakeProblem
 
@@ -26,7 +25,7 @@ def test_an_overwhelming_scenario_counts_in_no_statistic_and_may_exceed_bounds_b
     scorer, start = Scorer(prepared), Candidate(prepared.problem.start, "x")
     plain = prepared.scenarios[0]
     assert isinstance(plain, Scenario)
-    scenarios = [plain, replace(plain, hard=True, overwhelming=True)]
+    scenarios = [plain, replace(plain, hard=True, beyond_authority=True)]
     ran = scorer.run([start], scenarios)
 
     def judged(peak: float) -> tuple[float, float]:
@@ -85,7 +84,7 @@ def test_diverged_candidates_are_infeasible_finite_and_survive_storage(make_prob
     assert (again.objectives, again.violations, again.statistics) == (lost.objectives, lost.violations, lost.statistics)
 
 
-def _all_diverged(prepared: Prepared) -> BatchResult:
+def _all_diverged(prepared: TrainingSet) -> BatchResult:
     result = prepared.paper
     broken = {name: np.full_like(values, np.nan) for name, values in result.metrics.items()}
     return replace(result, outcomes=np.full_like(result.outcomes, "diverged"), metrics=broken)

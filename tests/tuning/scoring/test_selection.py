@@ -8,22 +8,21 @@ import pytest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.prepared import Prepared, prepare
 from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION
-from dualwinch.tuning.scoring import rounds, selection
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.finalists import Met
-from dualwinch.tuning.scoring.plan import Plan
-from dualwinch.tuning.scoring.scenarios import Pick
+from dualwinch.tuning.scoring import selection
+from dualwinch.tuning.scoring import validation as rounds
+from dualwinch.tuning.scoring.config import SampleSizes
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.selection import NOT_CHOSEN, RANGE, judge
-from dualwinch.tuning.scoring.sieve import Sieve
-from dualwinch.tuning.storage.memory import Memory
-from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.scoring.training_set import ScenarioChoice, TrainingSet, prepare
+from dualwinch.tuning.scoring.validation import FeasibilityScreen, Validated
+from dualwinch.tuning.storage.memory import MemoryStorage
+from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
 
-SMALL = Plan(
+SMALL = SampleSizes(
     finalists=6, sieved=100, draws=5, vertices=3, hard=2, looked_at=20, last=2, last_draws=7, confirmed=9, held_out=20
 )
 
@@ -31,12 +30,12 @@ BETA = "controller.nftsm.beta"
 
 
 def studied(evaluator: Evaluator, trials: int) -> list[Evaluation]:
-    store = Memory(Budget(trials))
+    store = MemoryStorage(SearchBudget(trials))
     search("cmaes", optimiser("cmaes", evaluator.prepared, 0), store, evaluator)
     return store.finished()
 
 
-def worse(prepared: Prepared) -> list[Candidate]:
+def worse(prepared: TrainingSet) -> list[Candidate]:
     """Candidates with more error than the start."""
     start = prepared.problem.start
     return [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in (0.2, 0.3, 0.5)]
@@ -105,8 +104,10 @@ def test_the_start_is_kept_where_it_is_better_in_the_held_out_scenarios(
     prepared = prepare(make_problem(scenarios=2))
     evaluator = Evaluator(prepared)
     trials = studied(evaluator, 32)
-    beats = selection.beats
-    monkeypatch.setattr(selection, "beats", lambda ours, start: ours.scenarios != SMALL.held_out and beats(ours, start))
+    beats = selection.improves_on
+    monkeypatch.setattr(
+        selection, "improves_on", lambda ours, start: ours.scenarios != SMALL.held_out and beats(ours, start)
+    )
     verdict = judge(evaluator, trials, SMALL)
     assert "but not in the held-out scenarios" in verdict.obstacle
     assert verdict.best.point == prepared.problem.start
@@ -120,12 +121,12 @@ def test_who_does_not_hold_where_scored_is_passed_over_for_the_next(
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
     leader = judge(evaluator, trials, SMALL).best
-    beats = selection.beats
+    beats = selection.improves_on
 
     def unless_scored(ours: Evaluation, start: Evaluation) -> bool:
         return beats(ours, start) and not (ours.point == leader.point and ours.scenarios == SMALL.held_out)
 
-    monkeypatch.setattr(selection, "beats", unless_scored)
+    monkeypatch.setattr(selection, "improves_on", unless_scored)
     verdict = judge(evaluator, trials, SMALL)
     assert verdict.improved
     assert verdict.passed_over == (leader.number,)
@@ -148,17 +149,19 @@ def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
     usual = judge(evaluator, trials, SMALL).best  # in 0.1 s nothing overwhelms the motors
-    beyond, held = Pick(10_000, vertex=True, hard=True), selection.holding
-    monkeypatch.setattr(rounds, "overwhelming", lambda *_: [beyond])
+    beyond, held = ScenarioChoice(10_000, vertex=True, hard=True), selection.screened
+    monkeypatch.setattr(rounds, "beyond_authority", lambda *_: [beyond])
 
     def best_where(holds: Callable[[Evaluation], bool]) -> Evaluation:
         """The best where some trials alone hold against the overwhelming vertex."""
 
-        def those(ours: Evaluator, sieve: Sieve, given: Sequence[Evaluation], margin: float) -> list[Met]:
+        def those(
+            ours: Evaluator, sieve: FeasibilityScreen, given: Sequence[Evaluation], margin: float
+        ) -> list[Validated]:
             overwhelmed = any(scenario.vertex and scenario.index == beyond.index for scenario in sieve.scenarios)
             return [(trial, met) for trial, met in held(ours, sieve, given, margin) if not overwhelmed or holds(trial)]
 
-        monkeypatch.setattr(selection, "holding", those)
+        monkeypatch.setattr(selection, "screened", those)
         return judge(evaluator, trials, SMALL).best
 
     least = min(trial.objectives[0] for trial in trials if trial.feasible)

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.problem import SELECTION, Problem
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate, Evaluation
-from dualwinch.tuning.scoring.sieve import FIRST, Sieve
+from dualwinch.tuning.problem import SELECTION, TuningProblem
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.scoring.validation import FIRST, FeasibilityScreen
 from tests.tuning.conftest import MakeProblem
 
 PRELOAD = "controller.coordination.preload"
 SHARES = (0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4)
 
 
-def others(problem: Problem) -> list[Scenario]:
+def others(problem: TuningProblem) -> list[Scenario]:
     """Scenarios that nothing was tuned in."""
     assert problem.ensemble
     return list(replace(problem.ensemble, experiment=problem.experiment).scenarios(30, problem.seed + SELECTION))
@@ -48,7 +48,7 @@ def evaluator(make_problem: MakeProblem) -> Evaluator:
 def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_is_dropped(evaluator: Evaluator) -> None:
     given, scenarios = trials(evaluator), others(evaluator.prepared.problem)
     whole = evaluator.over([trial.candidate for trial in given], scenarios)
-    attempts = Sieve(evaluator, scenarios).meet([trial.candidate for trial in given])
+    attempts = FeasibilityScreen(evaluator, scenarios).meet([trial.candidate for trial in given])
     held = [attempt.result is not None and attempt.result.feasible for attempt in attempts]
     assert held == [each.feasible for each in whole]
     assert 0 < sum(held) < len(given)
@@ -64,7 +64,7 @@ def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_i
 
 def test_trials_meet_first_where_most_have_failed(evaluator: Evaluator) -> None:
     given, scenarios = [trial.candidate for trial in trials(evaluator)], others(evaluator.prepared.problem)
-    sieve = Sieve(evaluator, scenarios)
+    sieve = FeasibilityScreen(evaluator, scenarios)
     failing = [one for one, attempt in zip(given, sieve.meet(given), strict=True) if attempt.excess > 0]
     assert failing
     before = evaluator.rollouts
@@ -80,7 +80,7 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
     problem = make_problem(constraints=[f"worst.peak_tension<={bound}", "worst.delay_margin>=1ms"])
     bounded = Evaluator(prepare(problem), prune=False)
     hardest_last = [scenarios[index] for index in np.argsort(peaks)]
-    met = Sieve(bounded, hardest_last).meet([trial.candidate for trial in trials(bounded)])
+    met = FeasibilityScreen(bounded, hardest_last).meet([trial.candidate for trial in trials(bounded)])
     held, exceeding = met[0].result, met[SHARES.index(1.0)].result
     assert held is not None
     assert exceeding is not None
@@ -90,4 +90,4 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
 
 
 def test_nobody_meets_nowhere(evaluator: Evaluator) -> None:
-    assert Sieve(evaluator, others(evaluator.prepared.problem)).meet([]) == []
+    assert FeasibilityScreen(evaluator, others(evaluator.prepared.problem)).meet([]) == []

@@ -3,10 +3,10 @@
 import pytest
 
 from dualwinch.commands.tuning_setup import tuning_problem
-from dualwinch.tuning.by_ensemble import RESERVE
-from dualwinch.tuning.scoring.evaluation import Candidate
-from dualwinch.tuning.scoring.trim import MOST, trimmed
-from dualwinch.tuning.space import Interval
+from dualwinch.tuning.baseline import RESERVE
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.scoring.repair import MOST, repaired
+from dualwinch.tuning.space import ContinuousDimension
 
 RIG = tuning_problem(ensemble="rig")
 MARGIN, BOUND = 0.005, 6000.0
@@ -17,7 +17,7 @@ def trial(reserve: float) -> Candidate:
 
 
 def reserve_of(candidate: Candidate, excess: float) -> float | None:
-    other = trimmed(candidate, excess, RIG.space, RIG.constraints, MARGIN)
+    other = repaired(candidate, excess, RIG.space, RIG.constraints, MARGIN)
     if other is None:
         return None
     assert other.origin == candidate.origin
@@ -31,7 +31,9 @@ def test_the_reserve_changes_by_what_the_highest_peak_is_off(excess: float, rese
 
 
 def test_it_stays_within_the_space() -> None:
-    (upper,) = (each.upper for each in RIG.space.dimensions if isinstance(each, Interval) and each.name == RESERVE)
+    (upper,) = (
+        each.upper for each in RIG.space.dimensions if isinstance(each, ContinuousDimension) and each.name == RESERVE
+    )
     assert reserve_of(trial(upper - 10), 0.015) == upper
     assert reserve_of(trial(10.0), -0.5) == 0
     assert reserve_of(trial(upper), 0.015) is None
@@ -46,5 +48,5 @@ def test_a_peak_that_is_near_the_distance_or_far_too_high_is_left_alone() -> Non
 
 def test_without_a_bound_on_peaks_or_a_reserve_that_varies_there_is_nothing_to_trim() -> None:
     others = [each for each in RIG.constraints if "peak" not in each.text]
-    assert trimmed(trial(100.0), 0.003, RIG.space, others, MARGIN) is None
-    assert trimmed(trial(100.0), 0.003, RIG.space.without([RESERVE]), RIG.constraints, MARGIN) is None
+    assert repaired(trial(100.0), 0.003, RIG.space, others, MARGIN) is None
+    assert repaired(trial(100.0), 0.003, RIG.space.without([RESERVE]), RIG.constraints, MARGIN) is None

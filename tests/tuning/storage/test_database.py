@@ -22,14 +22,14 @@ from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.prepared import prepare
-from dualwinch.tuning.problem import Problem
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage import connection
-from dualwinch.tuning.storage.database import FINISHED, Database
+from dualwinch.tuning.storage.database import FINISHED, DatabaseStudy
 from dualwinch.tuning.storage.opening import kept_definition
-from dualwinch.tuning.storage.store import Budget
+from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.study import search
 from tests import postgres
 from tests.spring_law import SPRING, changed
@@ -42,8 +42,8 @@ TRIALS = 112
 WORKER = """
 import sys, time
 import dualwinch.tuning.storage.connection as connection
-from dualwinch.tuning.scoring.evaluate import Evaluator
-from dualwinch.tuning.scoring.evaluation import Candidate
+from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.ranking import Candidate
 
 connection.HEARTBEAT, connection.GRACE = 1, 2
 evaluate = Evaluator.evaluate
@@ -71,7 +71,7 @@ def url(server: Any, monkeypatch: pytest.MonkeyPatch) -> str:
     return postgres.url_of(server)
 
 
-def light(make_problem: MakeProblem) -> Problem:
+def light(make_problem: MakeProblem) -> TuningProblem:
     """A problem that a process is quick to set up."""
     return make_problem(ensemble=None, case=4, constraints=["worst.peak_tension<=6000"])
 
@@ -92,7 +92,9 @@ def waited_for(condition: Any, seconds: float = 240) -> None:
 
 def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_problem: MakeProblem) -> None:
     problem = light(make_problem)
-    store = Database.begin(url, "sea", problem, definition_of(problem, "cmaes"), Budget(TRIALS), resume=False)
+    store = DatabaseStudy.begin(
+        url, "sea", problem, definition_of(problem, "cmaes"), SearchBudget(TRIALS), resume=False
+    )
     environment = os.environ | {"DUALWINCH_STORAGE": url, "PYTHONPATH": str(Path.cwd())}
     words = [sys.executable, "-c", WORKER, "sea"]
     workers = [subprocess.Popen(words, env=environment, stderr=subprocess.PIPE) for _ in range(3)]
@@ -133,10 +135,10 @@ def test_a_study_in_the_database_is_that_of_the_journal(url: str, make_problem: 
     problem, found = light(make_problem), []
     prepared = prepare(problem)
     for storage in (url, str(tmp_path / "journal")):
-        store = open_store(storage, "same", problem, definition_of(problem, "cmaes"), Budget(40), resume=False)
+        store = open_store(storage, "same", problem, definition_of(problem, "cmaes"), SearchBudget(40), resume=False)
         search("cmaes", optimiser("cmaes", prepared, 0), store, Evaluator(prepared))
         found.append(store.finished())
-        assert store.claim(16, Budget(40), lambda count, first: []) == []  # noqa: ARG005
+        assert store.claim(16, SearchBudget(40), lambda count, first: []) == []  # noqa: ARG005
         store.close()
     assert len(found[0]) == 40
     assert found[0] == found[1]
@@ -147,8 +149,8 @@ def test_a_claim_that_loses_its_lock_adds_nothing(url: str, make_problem: MakePr
     import sqlalchemy as sa
 
     problem = light(make_problem)
-    store = Database.begin(url, "lock", problem, definition_of(problem, "random"), Budget(16), resume=False)
-    other, theirs = Database.join(url, "lock"), []
+    store = DatabaseStudy.begin(url, "lock", problem, definition_of(problem, "random"), SearchBudget(16), resume=False)
+    other, theirs = DatabaseStudy.join(url, "lock"), []
     engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
 
     def propose(count: int, first: bool) -> list[Candidate]:  # noqa: ARG001
@@ -159,10 +161,10 @@ def test_a_claim_that_loses_its_lock_adds_nothing(url: str, make_problem: MakePr
             connection_.execute(
                 sa.text("SELECT pg_terminate_backend(pid) FROM pg_locks WHERE locktype = 'advisory' AND granted")
             )
-        theirs.extend(other.claim(16, Budget(16), propose))
+        theirs.extend(other.claim(16, SearchBudget(16), propose))
         return propose(count, first)
 
-    assert store.claim(16, Budget(16), propose_late) == []
+    assert store.claim(16, SearchBudget(16), propose_late) == []
     assert len(theirs) == 16
     assert states(url, "lock") == {TrialState.RUNNING: 16}
     store.close()
@@ -173,7 +175,9 @@ def test_a_claim_that_loses_its_lock_adds_nothing(url: str, make_problem: MakePr
 def test_an_interrupted_batch_is_queued_again(url: str, make_problem: MakeProblem) -> None:
     problem = light(make_problem)
     prepared = prepare(problem)
-    store = Database.begin(url, "interrupted", problem, definition_of(problem, "random"), Budget(20), resume=False)
+    store = DatabaseStudy.begin(
+        url, "interrupted", problem, definition_of(problem, "random"), SearchBudget(20), resume=False
+    )
 
     class Interrupted(Evaluator):
         def evaluate(self, candidates: Any) -> Any:
@@ -191,11 +195,11 @@ def test_what_is_wrong_with_a_database_is_one_line_without_the_password(
     url: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(DualwinchError) as caught:
-        Database.join("postgresql+psycopg://me:secret@127.0.0.1:9/none", "sea")
+        DatabaseStudy.join("postgresql+psycopg://me:secret@127.0.0.1:9/none", "sea")
     assert "me:***@127.0.0.1:9" in str(caught.value)
     assert "secret" not in str(caught.value)
     with pytest.raises(ConfigurationError, match="--study nothing: is not there"):
-        Database.join(url, "nothing")
+        DatabaseStudy.join(url, "nothing")
     with pytest.raises(SystemExit):
         main(["worker", "--storage", "mysql://me:secret@host/x"])
     said = capsys.readouterr().err
@@ -216,7 +220,7 @@ def test_a_worker_imports_the_parts_that_the_study_rests_on(
         constraints=[],
     )
     definition = definition_of(problem, "cmaes")
-    Database.begin(url, "springs", problem, definition, Budget(3), resume=False).close()
+    DatabaseStudy.begin(url, "springs", problem, definition, SearchBudget(3), resume=False).close()
     assert kept_definition(url, "springs") == definition
     assert kept_definition(url, "no springs") is None
 
@@ -250,4 +254,4 @@ def test_a_schema_of_another_optuna_is_refused(url: str) -> None:
         connection_.execute(sa.text("UPDATE alembic_version SET version_num = 'v2.6.0.a'"))
     engine.dispose()
     with pytest.raises(connection.StorageError, match="is of another version of Optuna"):
-        Database.join(other, "sea")
+        DatabaseStudy.join(other, "sea")

@@ -19,7 +19,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
-from dualwinch.tuning.storage.noted_parts import Noted, in_words, noted, noted_parts
+from dualwinch.tuning.storage.noted_parts import PartRecord, in_words, part_record, part_records
 from dualwinch.tuning.storage.recall import recall
 from tests.own_parts import DriftFree, StateFeedback
 from tests.spring_law import SPRING, changed
@@ -34,12 +34,12 @@ def forgotten() -> None:
     sys.modules.pop(law.__module__)
 
 
-def noted_spring(folder: Path) -> Noted:
+def noted_spring(folder: Path) -> PartRecord:
     """What a study notes of the law."""
     file = folder / "law.py"
     file.write_text(SPRING)
     load_plugin(str(file))
-    parts = noted_parts(override(case(4), {"controller.kind": "spring"}))
+    parts = part_records(override(case(4), {"controller.kind": "spring"}))
     forgotten()
     return parts[0]
 
@@ -54,9 +54,9 @@ def test_a_study_notes_the_parts_that_are_not_built_in(tmp_path: Path) -> None:
         "sha256": hashlib.sha256(SPRING.encode()).hexdigest(),
     }
     assert in_words([part]) == f"position law 'spring' of law.py, sha256 {part['sha256']}"
-    assert noted_parts(case(4)) == []
+    assert part_records(case(4)) == []
     own = override(case(4, law=StateFeedback()), {})
-    assert [(part["kind"], part["source"]) for part in noted_parts(own, [DriftFree()], {"a": DriftFree()})] == [
+    assert [(part["kind"], part["source"]) for part in part_records(own, [DriftFree()], {"a": DriftFree()})] == [
         ("drift-free", "tests.own_parts"),
         ("state-feedback", "tests.own_parts"),
     ]
@@ -65,10 +65,10 @@ def test_a_study_notes_the_parts_that_are_not_built_in(tmp_path: Path) -> None:
 def test_parts_are_found_again_where_they_were(tmp_path: Path) -> None:
     part = noted_spring(tmp_path)
     recall("sea", [part])
-    assert noted(POSITION_LAWS["spring"]) == part
+    assert part_record(POSITION_LAWS["spring"]) == part
     recall("sea", [part])
     assert "state-feedback" not in POSITION_LAWS
-    recall("sea", [noted(StateFeedback)])
+    recall("sea", [part_record(StateFeedback)])
     assert POSITION_LAWS["state-feedback"] is StateFeedback
 
 
@@ -111,7 +111,7 @@ def test_a_part_of_a_built_in_kind_is_not_taken_for_the_built_in_one() -> None:
     class Nftsm(StateFeedback):
         kind: ClassVar = "nftsm"
 
-    part = noted_parts(case(4, law=Nftsm()))[0]
+    part = part_records(case(4, law=Nftsm()))[0]
     with pytest.raises(
         ConfigurationError, match=r"^--study sea: was begun with another position law 'nftsm': the source"
     ):
@@ -128,7 +128,7 @@ def test_a_file_that_changes_after_it_was_imported_is_noted_as_it_was(tmp_path: 
     part = noted_spring(tmp_path)
     load_plugin(part["source"])
     Path(part["source"]).write_text("x = 1\n")
-    assert noted(POSITION_LAWS["spring"]) == part
+    assert part_record(POSITION_LAWS["spring"]) == part
 
 
 def test_a_part_without_a_source_cannot_be_noted() -> None:
@@ -136,7 +136,7 @@ def test_a_part_without_a_source_cannot_be_noted() -> None:
     exec("from tests.own_parts import StateFeedback\nclass Typed(StateFeedback):\n    kind = 'typed'\n", namespace)  # noqa: S102
     typed = namespace["Typed"]
     with pytest.raises(ConfigurationError, match=r"^nowhere\.Typed: has no source to tell it from another by; define"):
-        noted(typed)  # pyright: ignore[reportArgumentType]
+        part_record(typed)  # pyright: ignore[reportArgumentType]
 
 
 def test_other_processes_cannot_import_a_script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,7 +144,9 @@ def test_other_processes_cannot_import_a_script(tmp_path: Path, monkeypatch: pyt
         case=4, settings=["simulation.duration=0.05"], space=["controller.nftsm.k"], constraints=[]
     )
     own = replace(problem, experiment=replace(problem.experiment, controller=Controller(law=StateFeedback())))
-    monkeypatch.setattr("dualwinch.tuning.storage.noted_parts.noted", lambda part: noted(part) | {"script": True})
+    monkeypatch.setattr(
+        "dualwinch.tuning.storage.noted_parts.part_record", lambda part: part_record(part) | {"script": True}
+    )
     options = Options(workers=2, storage="postgresql+psycopg://me@127.0.0.1:9/none", out=tmp_path)
     with StatusLine() as status, pytest.raises(ConfigurationError) as caught:
         tune(own, options, status)

@@ -13,10 +13,10 @@ from dualwinch.config.ensemble_file import ensemble_to_toml, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.tuning.result import TuningResult
 from dualwinch.tuning.storage.connection import StorageError, connected, shown
 from dualwinch.tuning.storage.opening import check_storage
 from dualwinch.tuning.tune import tune
-from dualwinch.tuning.tuned import Tuned
 
 SECRET = "hush-hush"  # noqa: S105
 
@@ -68,13 +68,13 @@ def test_what_is_no_url_is_not_repeated(url: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def tuned() -> Tuned:
+def tuned() -> TuningResult:
     settings = ["simulation.duration=0.1"]
     return tune(tuning_problem(case=4, settings=settings, space=["controller.nftsm.beta"], constraints=[]), trials=4)
 
 
 @pytest.mark.parametrize("url", URLS)
-def test_no_file_of_a_study_holds_a_secret(url: str, tmp_path: Path, tuned: Tuned) -> None:
+def test_no_file_of_a_study_holds_a_secret(url: str, tmp_path: Path, tuned: TuningResult) -> None:
     write(tuned, url, Options(storage=url, out=tmp_path))
     files = list(tmp_path.iterdir())
     assert len(files) == 3
@@ -85,7 +85,7 @@ def test_no_file_of_a_study_holds_a_secret(url: str, tmp_path: Path, tuned: Tune
 @pytest.mark.parametrize(
     "name", ["x\n[plant.vehicle]\nmass = 5", "x\r\nplant = 3", "\x85 \u2028 \x00 \ud800", "<script>*/"]
 )
-def test_a_name_changes_nothing_of_what_a_file_says(name: str, tmp_path: Path, tuned: Tuned) -> None:
+def test_a_name_changes_nothing_of_what_a_file_says(name: str, tmp_path: Path, tuned: TuningResult) -> None:
     """As the name of a study, of its ensemble and of its storage."""
     ensemble = Ensemble(name, f"of {name}", tuned.problem.experiment, {})
     named = replace(tuned, prepared=replace(tuned.prepared, problem=replace(tuned.problem, ensemble=ensemble)))
@@ -95,7 +95,7 @@ def test_a_name_changes_nothing_of_what_a_file_says(name: str, tmp_path: Path, t
     assert "<script>*/" not in report
 
 
-def test_the_ensemble_of_a_study_keeps_its_name(tuned: Tuned) -> None:
+def test_the_ensemble_of_a_study_keeps_its_name(tuned: TuningResult) -> None:
     name = 'a\nplant = 3 "quoted" \x7f \\'
     ensemble = Ensemble(name, "", tuned.problem.experiment, {})
     assert loads_ensemble(ensemble_to_toml(ensemble)).name == name

@@ -1,7 +1,7 @@
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.stress.imperfection import ALL, Imperfection, all_together, imperfections, union
+from dualwinch.tuning.robustness.imperfections import ALL, Imperfection, all_together, imperfections, union
 from tests.tuning.stress.ensembles import DRUMS, bare, of, rig, sea
 
 

@@ -1,10 +1,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.tuning.stress.ladder import HIGHEST, LOWEST, STEPS, Search, ladder, size
+from dualwinch.tuning.robustness.sizes import HIGHEST, LOWEST, STEPS, Bisection, decades, size
 
 
-def finished(search: Search, breaks) -> Search:
+def finished(search: Bisection, breaks) -> Bisection:
     for _ in range(100):
         wanted = search.wanted()
         if not wanted:
@@ -16,15 +16,15 @@ def finished(search: Search, breaks) -> Search:
 
 def test_sizes() -> None:
     assert [size(rung) for rung in (LOWEST, -STEPS, 0, HIGHEST)] == [1e-3, 0.1, 1.0, 100.0]
-    assert ladder(LOWEST, HIGHEST) == [-24, -16, -8, 0, 8, 16]
-    assert ladder(LOWEST, 3) == [-24, -16, -8, 0, 3]
-    assert ladder(0, 0) == [0]
-    assert ladder(LOWEST, LOWEST - 1) == []
+    assert decades(LOWEST, HIGHEST) == [-24, -16, -8, 0, 8, 16]
+    assert decades(LOWEST, 3) == [-24, -16, -8, 0, 3]
+    assert decades(0, 0) == [0]
+    assert decades(LOWEST, LOWEST - 1) == []
 
 
 @given(threshold=st.integers(LOWEST, HIGHEST + 1), top=st.integers(LOWEST, HIGHEST))
 def test_a_monotone_break_is_found_to_a_rung(threshold: int, top: int) -> None:
-    search = finished(Search(LOWEST, top), lambda rung: rung >= threshold)
+    search = finished(Bisection(LOWEST, top), lambda rung: rung >= threshold)
     if threshold > top:
         assert (search.broken, search.held) == (None, top)
     else:
@@ -36,7 +36,7 @@ def test_a_monotone_break_is_found_to_a_rung(threshold: int, top: int) -> None:
 
 @given(broken=st.sets(st.integers(LOWEST, HIGHEST)))
 def test_of_other_breaks_the_smallest_that_was_tried_is_told(broken: set[int]) -> None:
-    search = finished(Search(LOWEST, HIGHEST), broken.__contains__)
+    search = finished(Bisection(LOWEST, HIGHEST), broken.__contains__)
     tried = [rung for rung in search.tried if rung in broken]
     assert search.broken == (min(tried) if tried else None)
     if tried:
@@ -45,5 +45,5 @@ def test_of_other_breaks_the_smallest_that_was_tried_is_told(broken: set[int]) -
 
 
 def test_nothing_is_tried_where_nothing_is_allowed() -> None:
-    search = finished(Search(LOWEST, LOWEST - 1), lambda _: True)
+    search = finished(Bisection(LOWEST, LOWEST - 1), lambda _: True)
     assert (search.broken, search.held, search.tried) == (None, None, {})

@@ -3,15 +3,17 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.stress.limits import DEFAULTS, Reached, broken, constraints_of, limits_of
+from dualwinch.tuning.robustness.limits import DEFAULTS, ScaledRuns, broken, constraints_of, limits_of
 
 EXPERIMENT = Experiment()
 
 
-def reached(*given: dict[str, tuple[float, float]], outcomes: tuple[str, ...] = ("completed", "completed")) -> Reached:
+def reached(
+    *given: dict[str, tuple[float, float]], outcomes: tuple[str, ...] = ("completed", "completed")
+) -> ScaledRuns:
     """What two scenarios came to; later values take the place of earlier ones."""
     metrics = {name: np.array(values) for each in given for name, values in each.items()}
-    return Reached(np.array(outcomes), metrics)
+    return ScaledRuns(np.array(outcomes), metrics)
 
 
 GOOD = {"slack_share": (0.0, 0.0), "peak_tension": (5000.0, 5500.0), "mse": (1e-8, 4e-8), "min_tension": (200.0, 90.0)}

@@ -1,7 +1,5 @@
-from dualwinch.tuning.stress.imperfection import imperfections, union
-from dualwinch.tuning.stress.ladder import HIGHEST, LOWEST, STEPS, size
-from dualwinch.tuning.stress.reach import Reach, reach_of, reach_together, sizes_at
-from dualwinch.tuning.stress.scaling import Scaling
+from dualwinch.tuning.robustness.imperfections import ScaledEnsemble, imperfections, union
+from dualwinch.tuning.robustness.sizes import HIGHEST, LOWEST, STEPS, SizeRange, joint_range, size, size_range, sizes_at
 from tests.tuning.stress.ensembles import bare, of
 
 TEXT = """
@@ -19,18 +17,18 @@ added_mass = 100
 """
 
 
-def reaches() -> tuple[Scaling, dict[str, Reach]]:
+def reaches() -> tuple[ScaledEnsemble, dict[str, SizeRange]]:
     base = bare()
     together = union(base, of(TEXT, base))
-    scaling = Scaling(base, together, imperfections(base, together), 20, 0)
-    return scaling, {imperfection.label: reach_of(scaling, imperfection) for imperfection in scaling.single}
+    scaling = ScaledEnsemble(base, together, imperfections(base, together), 20, 0)
+    return scaling, {imperfection.label: size_range(scaling, imperfection) for imperfection in scaling.single}
 
 
 def test_ranges_end_where_values_do() -> None:
     _, found = reaches()
-    assert found["vehicle added mass"] == Reach(LOWEST, HIGHEST)
-    assert found["delay samples"] == Reach(LOWEST, STEPS)
-    assert found["actuator"] == Reach(0, 0)
+    assert found["vehicle added mass"] == SizeRange(LOWEST, HIGHEST)
+    assert found["delay samples"] == SizeRange(LOWEST, STEPS)
+    assert found["actuator"] == SizeRange(0, 0)
     assert found["jitter"].top == 5  # 4.2 times 0.1 ms are less than half a sample
     assert "simulation.jitter = 0.000562341: must be < 0.0005 s" in found["jitter"].obstacle
     assert found["position bias"].top == 5
@@ -42,8 +40,8 @@ def test_ranges_end_where_values_do() -> None:
 
 def test_together_each_stays_where_its_range_ends() -> None:
     scaling, _ = reaches()
-    single = {imperfection: reach_of(scaling, imperfection) for imperfection in scaling.single}
-    assert reach_together(scaling, single) == Reach(LOWEST, HIGHEST)
+    single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
+    assert joint_range(scaling, single) == SizeRange(LOWEST, HIGHEST)
     at_most, small = sizes_at(HIGHEST, single), sizes_at(-STEPS, single)
     assert at_most["plant.vehicle.added_mass"] == 100.0
     assert at_most["simulation.delay_samples"] == 10.0
@@ -53,8 +51,8 @@ def test_together_each_stays_where_its_range_ends() -> None:
 
 
 def test_what_cannot_be_scaled_at_all_has_no_rungs() -> None:
-    assert Reach(LOWEST, LOWEST - 1, "out of range").rungs == []
-    assert Reach(0, 0).rungs == [0]
+    assert SizeRange(LOWEST, LOWEST - 1, "out of range").rungs == []
+    assert SizeRange(0, 0).rungs == [0]
     scaling, _ = reaches()
     (mass,) = [imperfection for imperfection in scaling.single if imperfection.label == "vehicle mass"]
-    assert sizes_at(0, {mass: Reach(LOWEST, LOWEST - 1, "out of range")}) == {"plant.vehicle.mass": 0.0}
+    assert sizes_at(0, {mass: SizeRange(LOWEST, LOWEST - 1, "out of range")}) == {"plant.vehicle.mass": 0.0}

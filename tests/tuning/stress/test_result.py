@@ -7,13 +7,12 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.plots.files import encode
-from dualwinch.tuning.constraint import constraints_from
-from dualwinch.tuning.stress.amounts import Amount
-from dualwinch.tuning.stress.record import to_record
-from dualwinch.tuning.stress.result import Stress
-from dualwinch.tuning.stress.run import stress
-from dualwinch.tuning.stress.summary import stress_table
-from dualwinch.tuning.stress.words import SHARE, multiple, plain
+from dualwinch.tuning.constraints import constraints_from
+from dualwinch.tuning.robustness.imperfections import ImperfectionSize
+from dualwinch.tuning.robustness.limits import SHARE, multiple, plain
+from dualwinch.tuning.robustness.result import RobustnessResult
+from dualwinch.tuning.robustness.run import stress
+from dualwinch.tuning.robustness.summary import stress_table, to_record
 from tests.tuning.stress.ensembles import of, sea
 
 TEXT = """
@@ -29,14 +28,14 @@ added_mass = 4e3
 
 
 @pytest.fixture(scope="module")
-def found() -> Stress:
+def found() -> RobustnessResult:
     base = sea()
     own = {"paper": paper_controller(), "a|b.toml": Controller(estimator=Kalman())}
     constraints = constraints_from(["worst.peak_tension<=1", "worst.mse<=1.05*paper"], base.experiment)
     return stress(own, base, of(TEXT, base), constraints, scenarios=3, seed=0)
 
 
-def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: Stress) -> None:
+def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: RobustnessResult) -> None:
     lines = [line for line in repr(found).splitlines() if line.startswith("|")]
     assert len(lines) == 2 + len(found.rows)
     assert len({len(line) for line in lines}) == 1
@@ -49,7 +48,7 @@ def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: Stress) 
     assert "&gt;" in html
 
 
-def test_amounts_are_those_of_the_value_that_goes_furthest(found: Stress) -> None:
+def test_amounts_are_those_of_the_value_that_goes_furthest(found: RobustnessResult) -> None:
     _, rows = stress_table(found)
     assert {row[0]: row[1] for row in rows} == {
         "winch radius error": "±0.2 %",
@@ -60,13 +59,13 @@ def test_amounts_are_those_of_the_value_that_goes_furthest(found: Stress) -> Non
     }
 
 
-def test_who_breaks_a_limit_in_the_base_is_told(found: Stress) -> None:
+def test_who_breaks_a_limit_in_the_base_is_told(found: RobustnessResult) -> None:
     """No rope is without tension: a peak of 1 N is exceeded by all."""
     assert all(found.limits[name][0].eased for name in found.controllers)
     assert "paper: does not keep to all of that even in the base; held to worst.peak_tension <= " in repr(found)
 
 
-def test_the_record_says_what_the_result_does(found: Stress) -> None:
+def test_the_record_says_what_the_result_does(found: RobustnessResult) -> None:
     record = json.loads(json.dumps(to_record(found), allow_nan=False))
     assert [row["label"] for row in record["imperfections"]] == [row.imperfection.label for row in found.ranking]
     assert [gains["name"] for gains in record["gains"]] == ["paper", "a|b.toml"]
@@ -88,7 +87,7 @@ def test_the_record_says_what_the_result_does(found: Stress) -> None:
                 assert kept["breaks"][name]["amount"]["high"] == pytest.approx(4e3 * broken.size)
 
 
-def test_the_figure_has_a_row_for_each_imperfection(found: Stress) -> None:
+def test_the_figure_has_a_row_for_each_imperfection(found: RobustnessResult) -> None:
     figure = found.plot()
     (axes,) = figure.axes
     labels = [text.get_text() for text in axes.get_yticklabels()]
@@ -105,17 +104,17 @@ def test_the_figure_has_a_row_for_each_imperfection(found: Stress) -> None:
 @pytest.mark.parametrize(
     ("amount", "words"),
     [
-        (Amount(-2e-3, 2e-3, "m", drawn=True), "±2 mm"),
-        (Amount(-2e-6, 2e-6, "m", drawn=True), "±2 µm"),
-        (Amount(-2.5, 2.5, "m", drawn=True), "±2.5 m"),
-        (Amount(-1.5e-5, 1.5e-5, SHARE, drawn=True), "±0.0015 %"),
-        (Amount(-0.1, 0.3, "N", drawn=True), "−0.1 to 0.3 N"),
-        (Amount(4096, 4096, "1", drawn=False), "4096"),
-        (Amount(5e-5, 5e-5, "s", drawn=False), "50 µs"),
-        (Amount(None, None, "", drawn=False, text="motor"), "motor"),
+        (ImperfectionSize(-2e-3, 2e-3, "m", drawn=True), "±2 mm"),
+        (ImperfectionSize(-2e-6, 2e-6, "m", drawn=True), "±2 µm"),
+        (ImperfectionSize(-2.5, 2.5, "m", drawn=True), "±2.5 m"),
+        (ImperfectionSize(-1.5e-5, 1.5e-5, SHARE, drawn=True), "±0.0015 %"),
+        (ImperfectionSize(-0.1, 0.3, "N", drawn=True), "−0.1 to 0.3 N"),
+        (ImperfectionSize(4096, 4096, "1", drawn=False), "4096"),
+        (ImperfectionSize(5e-5, 5e-5, "s", drawn=False), "50 µs"),
+        (ImperfectionSize(None, None, "", drawn=False, text="motor"), "motor"),
     ],
 )
-def test_amounts_in_words(amount: Amount, words: str) -> None:
+def test_amounts_in_words(amount: ImperfectionSize, words: str) -> None:
     assert str(amount) == words
 
 

@@ -15,11 +15,11 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.constraint import constraints_from
-from dualwinch.tuning.stress import bench
-from dualwinch.tuning.stress.ladder import size
-from dualwinch.tuning.stress.result import Stress
-from dualwinch.tuning.stress.run import PAPER, stress
+from dualwinch.tuning.constraints import constraints_from
+from dualwinch.tuning.robustness import run as bench
+from dualwinch.tuning.robustness.result import RobustnessResult
+from dualwinch.tuning.robustness.run import PAPER, stress
+from dualwinch.tuning.robustness.sizes import size
 from tests.tuning.stress.ensembles import DRUMS, bare, of, sea, short
 
 GAINS = Path(__file__).with_name("tuned_in_the_sea.toml")
@@ -52,7 +52,7 @@ def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
     text = DRUMS + "[sensors]\nspeed_noise = 4e-3\n"
     own = {"paper": paper_controller(), "other": Controller(estimator=Kalman(), limits=Limits(preload=3e3))}
 
-    def found(seed: int, threads: int) -> Stress:
+    def found(seed: int, threads: int) -> RobustnessResult:
         constraints = constraints_from(["worst.mse<=1.01*paper"], base.experiment)
         return stress(own, base, of(text, base), constraints, scenarios=3, seed=seed, threads=threads)
 

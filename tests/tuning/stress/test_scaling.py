@@ -10,14 +10,13 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.stress.imperfection import imperfections, union
-from dualwinch.tuning.stress.scaling import Scaling, between
+from dualwinch.tuning.robustness.imperfections import ScaledEnsemble, between, imperfections, union
 from tests.tuning.stress.ensembles import DRUMS, bare, of, rig, sea
 
 
-def scaling_of(base: Ensemble, ensemble: Ensemble, count: int = 3, seed: int = 5) -> Scaling:
+def scaling_of(base: Ensemble, ensemble: Ensemble, count: int = 3, seed: int = 5) -> ScaledEnsemble:
     together = union(base, ensemble)
-    return Scaling(base, together, imperfections(base, together), count, seed)
+    return ScaledEnsemble(base, together, imperfections(base, together), count, seed)
 
 
 def own(ensemble: Ensemble) -> Ensemble:

@@ -1,0 +1,112 @@
+"""The paper's gains, as what others are compared with."""
+
+from collections.abc import Collection
+from dataclasses import replace
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.estimators.low_pass import LowPass
+from dualwinch.controllers.limits import Limits
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.comparison import paper_controller
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+
+
+def baseline_controller(own: Controller) -> Controller:
+    """The paper's controller with the paper's gains, for the machine that another one is for.
+
+    Where the winches have other limits than the paper's it keeps to those, and has the other's preload: the paper's
+    gains say nothing of how strong a machine is. It never keeps a reserve.
+    """
+    paper = paper_controller()
+    limits = paper.limits
+    if _strength(own.limits) != _strength(limits):
+        limits = replace(own.limits, reserve=limits.reserve)
+    return replace(paper, nominal=own.nominal, limits=limits)
+
+
+def is_baseline(own: Controller) -> bool:
+    """Whether a controller is the paper's with the paper's gains.
+
+    A low-pass without a time constant filters nothing, and is as good as none.
+    """
+    paper = baseline_controller(own)
+    return own.estimator in (paper.estimator, LowPass(0.0)) and replace(own, estimator=paper.estimator) == paper
+
+
+def _strength(limits: Limits) -> tuple[float, float]:
+    return limits.tension_min, limits.tension_max
+
+
+KNOWN = ("drum_radius", "layer_thickness")
+"""Numbers of a winch that a controller knows, unless they are drawn."""
+
+POSITIONS = frozenset(
+    (
+        *(f"plant.winch_{i}.{name}" for i in (1, 2) for name in (*KNOWN, "radius_error", "eccentricity")),
+        *(f"plant.creep_{i}.elongation" for i in (1, 2)),
+        *(f"sensors.encoder_zero_{i}" for i in (1, 2)),
+        *(f"sensors.{name}" for name in ("position_bias", "position_drift", "outage_length")),
+    )
+)
+"""Keys of what an estimator is misled by that takes drums and encoder zeros for exact."""
+
+FORCES = frozenset(
+    (
+        *(f"plant.winch_{i}.{name}" for i in (1, 2) for name in ("torque_error", "torque_ripple")),
+        *(f"sensors.load_cell_{name}_{i}" for i in (1, 2) for name in ("error", "zero")),
+    )
+)
+"""Keys of what makes tensions others than torques and load cells say."""
+
+RESERVE = "controller.coordination.reserve"
+
+
+def default_estimator(ensemble: Ensemble) -> str:
+    """The kind of filter for noisy sensors and inexact ropes, and maybe drums that nobody knows exactly."""
+    return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else "calibrating-kalman"
+
+
+def default_reserve(ensemble: Ensemble) -> float:
+    """What tensions near their limit may be off by, in N, as far as torques and load cells are uncertain."""
+    if not _uncertain(ensemble, FORCES):
+        return 0.0
+    limit = ensemble.experiment.controller.limits.tension_max
+    shares = (_largest(ensemble, key) for key in FORCES if "zero" not in key and "ripple" not in key)
+    zeros = (_largest(ensemble, key) for key in FORCES if "zero" in key)
+    return limit * max(shares) + max(zeros)
+
+
+def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
+    """Gains to search for beside the standard ones, as entries of a space.
+
+    Where tensions are uncertain, commands keep off their limit: by up to what tensions may be off there, and half of it
+    again for what they swing. More of it is missing where the reference asks for nearly all the force there is, which
+    is too seldom for a search to see.
+    """
+    off = default_reserve(ensemble)
+    return {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
+
+
+def _largest(ensemble: Ensemble, key: str) -> float:
+    """Largest magnitude that a key has in any scenario."""
+    given = leaves(ensemble.experiment)[key]
+    drawn = ensemble.distributions.get(key)
+    return max(abs(float(value)) for value in (drawn.ends(given) if drawn else (given,)))
+
+
+def assumptions(ensemble: Ensemble | None) -> str:
+    """What has to be true of a machine for gains tuned in an ensemble to be worth what they are there, in words."""
+    if ensemble is None:
+        return "this assumes that machine and sensors match the model exactly"
+    if _uncertain(ensemble, POSITIONS):
+        return f"this holds for machines within the tolerances of '{ensemble.name}'"
+    return (
+        "this assumes exact drums, encoder zeros and position sensor, as "
+        f"'{ensemble.name}' does (dualwinch stress finds how exact they must be)"
+    )
+
+
+def _uncertain(ensemble: Ensemble, keys: Collection[str]) -> bool:
+    """Whether one of these is drawn, or is not zero, beside what a controller knows."""
+    given = leaves(ensemble.experiment)
+    return any(key in ensemble.distributions or (given[key] and not key.endswith(KNOWN)) for key in keys)

@@ -1,0 +1,201 @@
+"""Who takes part in a race: a law, an estimator and a coordination, as they are or with something held."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
+from typing import Any
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.laws.nftsm import Nftsm
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.part import Registry
+from dualwinch.tuning.problem import TuningProblem
+
+ALL = "all"
+"""Stands for every kind of a registry."""
+
+LAW, ESTIMATOR, COORDINATION = "controller.kind", "controller.estimator", "controller.coordination.kind"
+"""Keys of the three parts."""
+
+
+@dataclass(frozen=True)
+class BenchmarkEntry:
+    """One combination of parts that is tuned.
+
+    Attributes:
+        law, estimator, coordination: kinds of its parts.
+        variant: what is changed, in a few words; empty: nothing.
+        settings: key → value of what is changed.
+        held: keys that are left out of the search.
+        search: number of the search, from 0: each has a seed of its own.
+    """
+
+    law: str
+    estimator: str
+    coordination: str
+    variant: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
+    search: int = 0
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others: its parts, what is changed, and which search it is but for the first."""
+        return ", ".join(self._words)
+
+    @property
+    def _words(self) -> tuple[str, ...]:
+        search = f"search {self.search + 1}" if self.search else ""
+        return tuple(filter(None, (self.law, self.variant, self.estimator, self.coordination, search)))
+
+    @property
+    def stem(self) -> str:
+        """Name of its files."""
+        return "+".join(re.sub(r"[^a-z0-9]+", "-", word.lower()).strip("-") for word in self._words)
+
+    @property
+    def group(self) -> str:
+        """Key of its first search: what all its searches share."""
+        return replace(self, search=0).key
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Every setting that makes it what it is."""
+        kinds = {LAW: self.law, ESTIMATOR: self.estimator, COORDINATION: self.coordination}
+        return kinds | dict(self.settings)
+
+
+def kinds(asked: Sequence[str] | str | None, registry: Registry[Any], usual: Sequence[str]) -> list[str]:
+    """The kinds that are asked for: `ALL`, one or several, each once; what is usual where nothing is.
+
+    Raises:
+        ConfigurationError: there is no such kind; the message names the nearest.
+    """
+    texts = [asked] if isinstance(asked, str) else list(asked or usual)
+    found: list[str] = []
+    for text in texts:
+        found += list(registry) if text == ALL else [registry.find(text).kind]
+    return list(dict.fromkeys(found))
+
+
+def combinations(laws: Iterable[str], estimators: Iterable[str], coordinations: Iterable[str]) -> list[BenchmarkEntry]:
+    """Every law with every estimator and every coordination."""
+    return [BenchmarkEntry(*parts) for parts in product(laws, estimators, coordinations)]
+
+
+def names(entries: Sequence[BenchmarkEntry]) -> dict[str, str]:
+    """Key of each entry → what it is called among these: its law, what is changed, and parts that most do not have.
+
+    All searches of an entry are called alike.
+    """
+    usual = {part: _usual([getattr(entry, part) for entry in entries]) for part in ("estimator", "coordination")}
+
+    def name(entry: BenchmarkEntry) -> str:
+        unusual = (getattr(entry, part) for part, kind in usual.items() if getattr(entry, part) != kind)
+        return ", ".join(filter(None, (entry.law, entry.variant, *unusual)))
+
+    return {entry.key: name(entry) for entry in entries}
+
+
+def _usual(kinds_there: Sequence[str]) -> str:
+    """The kind that more than half have; empty where there is none."""
+    kind = max(kinds_there, key=kinds_there.count, default="")
+    return kind if 2 * kinds_there.count(kind) > len(kinds_there) else ""
+
+
+PAPER = Controller().law.kind
+"""The paper's law."""
+
+NO_OBSERVER = Nftsm.kind
+"""The paper's law without its observer is a law of its own."""
+
+CONSTANT_GAIN, NO_ANTI_SATURATION, LINEAR_SURFACE = (
+    "constant observer gain",
+    "without anti-saturation",
+    "linear surface",
+)
+"""What is taken away, in words."""
+
+VARIANTS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    CONSTANT_GAIN: (
+        {"controller.observer.kf": 0.0},
+        tuple(f"controller.observer.{name}" for name in ("kf", "error_scale", "rate_scale", "filter_time")),
+    ),
+    NO_ANTI_SATURATION: (
+        {"controller.auxiliary.gamma": 0.0, "controller.auxiliary.gamma_force": 0.0},
+        tuple(f"controller.auxiliary.{name}" for name in ("gamma", "gamma_force", "k_a")),
+    ),
+    # the law needs p > q; with 1.00002 the surface is linear within 0.03 % from the smoothed speed errors on upwards
+    LINEAR_SURFACE: (
+        {"controller.nftsm.p": 100_001, "controller.nftsm.q": 99_999},
+        ("controller.nftsm.p", "controller.nftsm.q"),
+    ),
+}
+"""What is taken away → settings, and keys that are not searched then."""
+
+
+def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
+    """The paper's law as it is, and without each of its parts."""
+    whole = [BenchmarkEntry(PAPER, estimator, coordination), BenchmarkEntry(NO_OBSERVER, estimator, coordination)]
+    return whole + [
+        BenchmarkEntry(PAPER, estimator, coordination, variant, settings, held)
+        for variant, (settings, held) in VARIANTS.items()
+    ]
+
+
+UNSEEN = 3_000_000
+"""Added to the seed of a race: scenarios that score, which no search, no choice and no study's own score has seen."""
+
+ROLLOUTS, HELD_OUT = 30_000, 200
+"""Budget of a search, and scenarios that score, where nothing else is asked for."""
+
+
+@dataclass(frozen=True)
+class BenchmarkTerms:
+    """What is the same for all.
+
+    Attributes:
+        ensemble: its name.
+        configuration: the ensemble with the paper's controller, as TOML.
+        constraints: what all keep to.
+        method: name of the optimiser.
+        rollouts: budget of each search.
+        scenarios: number of scenarios a candidate is tuned on.
+        held_out: number of unseen scenarios that score.
+        seed: of scenarios and searches.
+    """
+
+    ensemble: str
+    configuration: str
+    constraints: tuple[str, ...]
+    method: str
+    rollouts: int
+    scenarios: int
+    held_out: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        """Raise `ConfigurationError` where a number is out of range."""
+        for name, least in (("rollouts", 1), ("held_out", 2)):
+            if getattr(self, name) < least:
+                raise ConfigurationError(f"{name} = {getattr(self, name)}: must be a whole number >= {least}")
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class EntryProblem:
+    """Who takes part, ready to be tuned.
+
+    Attributes:
+        entry: who.
+        problem: what is searched for.
+        definition: the problem as data that is kept with the result.
+    """
+
+    entry: BenchmarkEntry
+    problem: TuningProblem
+    definition: Mapping[str, Any]

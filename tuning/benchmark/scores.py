@@ -1,0 +1,230 @@
+"""What those who took part in a race came to in the unseen scenarios, as data and as JSON."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.ensembles.result import Statistic
+from dualwinch.tuning.benchmark.entries import BenchmarkEntry
+from dualwinch.tuning.scoring.ranking import Evaluation
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ScoredRuns:
+    """The unseen scenarios, as some gains ran them.
+
+    Attributes:
+        outcomes: (scenarios,) ``completed``, ``diverged`` or ``left_track``.
+        metrics: figure of merit → (scenarios,), as in `simulation.metrics.metrics.Metrics`.
+        violations: constraint → how far it is exceeded there, as a share of its bound; <= 0: kept to.
+        operations: arithmetic operations that the controller takes a sample.
+    """
+
+    outcomes: NDArray[np.str_]
+    metrics: dict[str, Floats]
+    violations: dict[str, float]
+    operations: int
+
+    @property
+    def completed(self) -> NDArray[np.bool_]:
+        """(scenarios,) whether each ran to its end."""
+        return self.outcomes == "completed"
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """The constraints that are not kept to, the worst first."""
+        return tuple(sorted((name for name, by in self.violations.items() if by > 0), key=self._least_kept))
+
+    def _least_kept(self, name: str) -> float:
+        return -self.violations[name]
+
+    def over(self, statistic: Statistic) -> float:
+        """A statistic over the scenarios that ran to their end; NaN without any."""
+        return statistic.over(self.metrics[statistic.metric][self.completed])
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return {
+            "outcomes": self.outcomes.tolist(),
+            "counts": dict(Counter(self.outcomes.tolist()).most_common()),
+            "metrics": {name: _numbers(values) for name, values in self.metrics.items()},
+            "violations": self.violations,
+            "operations": self.operations,
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
+        """What `to_record` took apart."""
+        metrics = {name: np.array(values, float) for name, values in record["metrics"].items()}
+        return cls(np.array(record["outcomes"]), metrics, record["violations"], record["operations"])
+
+
+def scored_runs(result: BatchResult, row: int, violations: Mapping[str, float], operations: int) -> ScoredRuns:
+    """A row of a result."""
+    metrics = {name: np.array(values[row], float) for name, values in result.metrics.items()}
+    return ScoredRuns(result.outcomes[row], metrics, dict(violations), operations)
+
+
+@dataclass(frozen=True)
+class BaselineScore:
+    """The paper's gains, what others are compared with, and what no controller gets below.
+
+    Attributes:
+        runs: of the paper's controller with the paper's gains.
+        least: (scenarios,) least mean square error in m² of a controller that does not foresee the scenario.
+        least_foreseeing: (scenarios,) that of one that does.
+    """
+
+    runs: ScoredRuns
+    least: Floats
+    least_foreseeing: Floats
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return {
+            "runs": self.runs.to_record(),
+            "least": self.least.tolist(),
+            "least_foreseeing": self.least_foreseeing.tolist(),
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
+        """What `to_record` took apart."""
+        runs = ScoredRuns.from_record(record["runs"])
+        return cls(runs, *(np.array(record[name], float) for name in ("least", "least_foreseeing")))
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """A trial of a search, scored in the unseen scenarios.
+
+    Attributes:
+        cost: mean of the figure of merit that is traded for error, in its unit.
+        error: mean square error in m², the mean of the scenarios.
+        kept: whether every scenario is completed and every constraint kept to.
+        gains: tuned key → value.
+    """
+
+    cost: float
+    error: float
+    kept: bool
+    gains: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class SearchRecord:
+    """How the gains of an entry were found.
+
+    Attributes:
+        trials, rollouts: what the search had, the rollouts with those that gradients stand for.
+        gains: number of gains that were searched for.
+        seconds: wall time of all, preparing and scoring included.
+        improved: whether the best is better than what the search began with.
+        version: of the program.
+    """
+
+    trials: int
+    rollouts: int
+    gains: int
+    seconds: float
+    improved: bool
+    version: str
+
+
+@dataclass(frozen=True)
+class EntryResult:
+    """An entry with the best gains that were found for it.
+
+    Attributes:
+        entry: who.
+        runs: of those gains in the unseen scenarios.
+        gains: tuned key → value.
+        fronts: figure of merit → what it costs in error, by cost.
+        search: how the gains were found.
+        stress: what breaks the gains first, the first first, each a label, a size and what is broken there; ``None``:
+            nobody has asked.
+    """
+
+    entry: BenchmarkEntry
+    runs: ScoredRuns
+    gains: dict[str, Any]
+    fronts: dict[str, tuple[FrontPoint, ...]]
+    search: SearchRecord
+    stress: tuple[dict[str, Any], ...] | None = None
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return {
+            "entry": asdict(self.entry) | {"held": list(self.entry.held)},
+            "runs": self.runs.to_record(),
+            "gains": self.gains,
+            "fronts": {name: [asdict(point) for point in points] for name, points in self.fronts.items()},
+            "search": asdict(self.search),
+            "stress": None if self.stress is None else list(self.stress),
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
+        """What `to_record` took apart."""
+        entry = record["entry"]
+        stress = record["stress"]
+        return cls(
+            entry=BenchmarkEntry(**(entry | {"held": tuple(entry["held"])})),
+            runs=ScoredRuns.from_record(record["runs"]),
+            gains=record["gains"],
+            fronts={name: tuple(FrontPoint(**point) for point in points) for name, points in record["fronts"].items()},
+            search=SearchRecord(**record["search"]),
+            stress=None if stress is None else tuple(stress),
+        )
+
+
+def _numbers(values: Floats) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.tolist()]
+
+
+ERROR = "mse"
+"""Figure of merit on one side of the trade."""
+
+COSTS = ("chatter", "continuous_load")
+"""Figures of merit on the other side."""
+
+POINTS = 8
+"""Points of a front that are scored again, at most."""
+
+
+def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
+    """Indices of the points that no other one beats in one figure without losing in the other; by cost.
+
+    Args:
+        costs: (points,)
+        errors: (points,)
+    """
+    kept: list[int] = []
+    across, heights = np.asarray(costs), np.asarray(errors)
+    for index in np.lexsort((heights, across)).tolist():
+        if not kept or heights[index] < heights[kept[-1]]:
+            kept.append(index)
+    return kept
+
+
+def front(trials: Sequence[Evaluation], cost: str, most: int = POINTS) -> list[Evaluation]:
+    """The front of the trials that keep to every constraint, from the least cost to the least error.
+
+    Args:
+        trials: of a search.
+        cost: one of `COSTS`.
+        most: number of points, spread evenly over the front; both ends are among them.
+    """
+    whole = [trial for trial in trials if trial.feasible]
+    costs, errors = (np.array([trial.statistics[f"mean.{name}"] for trial in whole]) for name in (cost, ERROR))
+    kept = undominated(costs, errors)
+    chosen = dict.fromkeys(np.linspace(0, len(kept) - 1, min(most, len(kept))).round().astype(int).tolist())
+    return [whole[kept[index]] for index in chosen]

@@ -1,0 +1,301 @@
+"""Statistics as every storage and every comparison wants them: finite, also where nothing was measured."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import Quantity, behind_number, nearest
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.signals.units import UNITS, factor
+from dualwinch.simulation.analysis.worst_margins import WorstMargin
+from dualwinch.simulation.ensembles.result import Statistic, statistic_from
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metric import Metric
+
+UNMEASURED = 1e9
+"""What stands for a statistic of no completed scenario, and the largest magnitude of any other."""
+
+
+def measured(statistic: Statistic, values: NDArray[np.float64]) -> float:
+    """A statistic over the figure of merit of completed scenarios (n,); `UNMEASURED`, at its bad end, without any."""
+    found = statistic.over(values)
+    if np.isnan(found):
+        return -UNMEASURED if statistic.small_is_bad else UNMEASURED
+    return float(np.clip(found, -UNMEASURED, UNMEASURED))
+
+
+MARGINS = {
+    "gain_margin": ("gain", Quantity("1", "largest factor on the loop gain")),
+    "phase_margin": ("phase", Quantity("deg", "largest extra phase lag")),
+    "delay_margin": ("delay", Quantity("s", "largest extra delay")),
+    "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes, 0 to 2")),
+}
+"""Name of a margin → its kind (`simulation.analysis.least_margins.KINDS`), unit and meaning."""
+
+
+@dataclass(frozen=True)
+class MarginStatistic:
+    """The least of a margin.
+
+    Attributes:
+        metric: one of `MARGINS`.
+    """
+
+    metric: str
+
+    kind = "worst"
+    small_is_bad = True
+
+    @property
+    def margin(self) -> str:
+        """Which margin, of `simulation.analysis.least_margins.KINDS`."""
+        return MARGINS[self.metric][0]
+
+    @property
+    def name(self) -> str:
+        """Such as ``worst.delay_margin``."""
+        return f"{self.kind}.{self.metric}"
+
+    @property
+    def quantity(self) -> Quantity:
+        """Unit and meaning."""
+        return MARGINS[self.metric][1]
+
+    @property
+    def unit(self) -> str:
+        """Unit of the margin."""
+        return self.quantity.unit
+
+    def of(self, worst: dict[str, WorstMargin]) -> float:
+        """Its value, finite: a loop that bears anything has a very large one."""
+        return min(worst[self.margin].value, UNMEASURED)
+
+
+def margin_statistic(text: str, own: Sequence[Metric] = ()) -> MarginStatistic | None:
+    """The statistic of a name; ``None`` where it is not about a margin.
+
+    Args:
+        text: the name.
+        own: the experiment's own metrics, which may be called as they like.
+
+    Raises:
+        ConfigurationError: a margin other than the worst, or one that there is not.
+    """
+    kind, _, metric = text.strip().rpartition(".")
+    if metric in {part.table() for part in own}:
+        return None
+    if metric in MARGINS:
+        if kind != MarginStatistic.kind:
+            raise ConfigurationError(f"'{text.strip()}': a margin is the worst one, {MarginStatistic(metric).name}")
+        return MarginStatistic(metric)
+    if metric.endswith("_margin"):
+        raise ConfigurationError(f"'{text.strip()}': unknown margin '{metric}'; must be {', '.join(MARGINS)}")
+    return None
+
+
+ANGLES = {"deg": 1.0, "rad": 180 / math.pi}
+"""Units of a phase margin, and what brings them to degrees."""
+
+DECIBEL = "dB"
+"""Unit of a gain margin beside the plain factor."""
+
+
+def in_si(text: str, statistic: Statistic | MarginStatistic) -> float:
+    """A number in the unit of a statistic.
+
+    Args:
+        text: the number, with or without a unit.
+        statistic: what it bounds.
+
+    Raises:
+        ValueError: no number.
+        ConfigurationError: a unit that the statistic does not come in.
+    """
+    parts = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z].*)", text.strip())
+    if not parts or re.fullmatch(r"[eE][-+]?\d+", parts[2]):
+        return float(text)
+    value, unit = float(parts[1]), parts[2]
+    if unit == statistic.unit:
+        return value
+    if statistic.metric == "gain_margin":
+        return 10 ** (value / 20) if unit == DECIBEL else _refused(unit, [DECIBEL])
+    if statistic.unit == "deg":
+        return value * ANGLES[unit] if unit in ANGLES else _refused(unit, list(ANGLES))
+    if statistic.unit in UNITS:
+        return value * factor(unit, statistic.unit)
+    return _refused(unit, [] if statistic.unit == "1" else [statistic.unit])
+
+
+def _refused(unit: str, allowed: list[str]) -> float:
+    known = f"must be one of {', '.join(allowed)}" if allowed else "must be a plain number"
+    raise ConfigurationError(f'unit "{unit}": {known}')
+
+
+NONE = "none"
+"""What is said for no constraint."""
+
+NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
+NO_PEAK = "worst.peak_tension<=controller.coordination.tension_max"
+QUIET = "mean.chatter<=0.25*paper"
+NO_LOUDER = "mean.chatter<=1*paper"
+NO_HEAVIER = "mean.continuous_load<=1.05*paper"
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A statistic that is to stay on one side of a bound.
+
+    Attributes:
+        text: as it was asked for.
+        statistic: what is bounded.
+        at_least: whether the bound is a lower one.
+        bound: in the statistic's unit, or a factor.
+        of_paper: whether the bound is a factor on what the paper's controller reaches.
+    """
+
+    text: str
+    statistic: Statistic | MarginStatistic
+    at_least: bool
+    bound: float
+    of_paper: bool = False
+
+    def given(self, reached: float) -> "Constraint":
+        """The constraint with its bound as a number, given what the paper's controller reaches."""
+        return replace(self, bound=self.bound * reached, of_paper=False) if self.of_paper else self
+
+    def violation(self, value: float, margin: float = 0.0) -> float:
+        """How far beyond its bound a value is, as a share of the bound (of 1 where that is 0); <= 0: it is kept to.
+
+        Args:
+            value: of the statistic.
+            margin: distance to keep from the bound, as the same share.
+        """
+        beyond = self.bound - value if self.at_least else value - self.bound
+        share = beyond / (abs(self.bound) or 1.0) + margin
+        return min(max(share, -UNMEASURED), UNMEASURED)
+
+    @property
+    def label(self) -> str:
+        """The constraint with its bound as a number with its unit, or as a factor."""
+        sign = ">=" if self.at_least else "<="
+        bound = f"{self.bound:.6g}{behind_number(self.statistic.unit)}"
+        if self.of_paper:
+            bound = "the paper's" if self.bound == 1 else f"{self.bound:.6g} times the paper's"
+        return f"{self.statistic.name} {sign} {bound}"
+
+
+def default_constraints(ensemble: bool, *, lag: bool = False) -> tuple[str, ...]:
+    """No slack rope, no peak beyond the limit, and quieter than the paper's.
+
+    By far quieter, where sensors are noisy and motors pass on all the chatter that they are asked for. Where they are
+    late, motors have to bear hardly more load than with the paper's gains: there a higher preload gains next to
+    nothing, and gains that rest on one fail on kinder machines.
+
+    Args:
+        ensemble: whether the tuning is in one.
+        lag: whether torques follow their commands late.
+    """
+    if ensemble and lag:
+        return NO_SLACK, NO_PEAK, NO_LOUDER, NO_HEAVIER
+    return NO_SLACK, NO_PEAK, QUIET if ensemble else NO_LOUDER
+
+
+def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
+    """The constraints of some texts.
+
+    Args:
+        texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``, or `NONE`, which bounds nothing.
+        experiment: where configuration keys are looked up, and metrics beside the built-in ones.
+
+    Raises:
+        ConfigurationError: anything else, or an unknown name.
+    """
+    found = [_constraint(text, experiment) for text in texts if text != NONE]
+    for index, constraint in enumerate(found):
+        side = constraint.statistic, constraint.at_least
+        if side in [(other.statistic, other.at_least) for other in found[:index]]:
+            raise ConfigurationError(f"--constraint {constraint.text}: {constraint.statistic.name} is bounded twice")
+    return tuple(found)
+
+
+def constraints_with(
+    texts: Sequence[str] | None, defaults: Sequence[str], experiment: Experiment
+) -> tuple[Constraint, ...]:
+    """The constraints that are meant by some texts; as of `constraints_from` beside those.
+
+    Stability margins say nothing of runs. So where nothing else is bounded, the default constraints hold beside them.
+
+    Args:
+        texts: `NONE` among them leaves the default ones out; ``None``: these alone.
+        defaults: the default ones.
+        experiment: as of `constraints_from`.
+    """
+    if texts is None:
+        return constraints_from(defaults, experiment)
+    found = constraints_from(texts, experiment)
+    margins = bool(found) and all(isinstance(constraint.statistic, MarginStatistic) for constraint in found)
+    return (*constraints_from(defaults, experiment), *found) if margins and NONE not in texts else found
+
+
+def _constraint(text: str, experiment: Experiment) -> Constraint:
+    parts = re.fullmatch(r"\s*([\w.]+)\s*(<=|>=)\s*(?:([^*]+)\*)?\s*([^*]+?)\s*", text)
+    if not parts:
+        raise ConfigurationError(f"--constraint {text}: must be STATISTIC<=BOUND, e.g. worst.peak_tension<=6000")
+    name, sign, factor, term = parts.groups()
+    own = experiment.metrics
+    statistic = margin_statistic(name, own) or statistic_from(name, own)
+    scale = 1.0 if factor is None else _number(factor, text)
+    if term == "paper":
+        return Constraint(text, statistic, sign == ">=", scale, of_paper=True)
+    if re.match(r"[A-Za-z]", term) and term not in {"inf", "nan"}:
+        values = leaves(experiment)
+        value = values.get(term)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            hint = nearest(term, ["paper", *(key for key, known in values.items() if isinstance(known, float))])
+            raise ConfigurationError(f"--constraint {text}: '{term}' names no number; did you mean '{hint}'?")
+        return Constraint(text, statistic, sign == ">=", scale * float(value))
+    return Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic))
+
+
+def _number(word: str, text: str, statistic: Statistic | MarginStatistic | None = None) -> float:
+    try:
+        value = in_si(word, statistic) if statistic else float(word)
+    except ValueError:
+        value = math.nan
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--constraint {text}: {error}") from None
+    if not math.isfinite(value):
+        raise ConfigurationError(f"--constraint {text}: '{word.strip()}' must be a finite number")
+    return value
+
+
+DEFAULT_OBJECTIVES = ("mean.mse",)
+
+
+def objectives_from(texts: Sequence[str], own: Sequence[Metric] = ()) -> tuple[Statistic, ...]:
+    """The statistics to minimise, e.g. ``["mean.mse", "mean.chatter"]``; more than one makes a Pareto front.
+
+    Args:
+        texts: their names.
+        own: the experiment's own metrics.
+
+    Raises:
+        ConfigurationError: an unknown name, one named twice, or one whose small values are the bad ones.
+    """
+    for text in texts:
+        if margin := margin_statistic(text, own):
+            raise ConfigurationError(f"--objective {margin.name}: make it a constraint, {margin.name}>=...")
+    found = tuple(statistic_from(text, own) for text in texts)
+    for index, statistic in enumerate(found):
+        if statistic in found[:index]:
+            raise ConfigurationError(f"--objective {statistic.name}: is named twice")
+        if statistic.small_is_bad:
+            raise ConfigurationError(
+                f"--objective {statistic.name}: small is bad; make it a constraint, {statistic.name}>=..."
+            )
+    return found

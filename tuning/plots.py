@@ -1,0 +1,347 @@
+"""Names of gains and statistics as figures and tables show them."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from dualwinch.model.quantities.quantity import behind_number
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.ensembles.result import Statistic, statistic_from
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.plots.style import (
+    BLUE,
+    GREY,
+    INK,
+    LIGHT,
+    SKY,
+    VERMILION,
+    house_style,
+    legend_below,
+    new_figure,
+    time_axis,
+)
+from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.constraints import UNMEASURED, Constraint
+from dualwinch.tuning.problem import HELD_OUT, TuningProblem
+from dualwinch.tuning.scoring.ranking import Evaluation, best_first, pareto_front
+from dualwinch.tuning.scoring.test_set import SelectionResult
+from dualwinch.tuning.space import ContinuousDimension
+from dualwinch.tuning.storage.record import finished_trial
+
+ABBREVIATIONS = ("mse", "mae")
+
+
+def axis_title(statistic: Statistic) -> str:
+    """Statistic with its unit, as on an axis."""
+    unit = shown_unit(statistic.unit)
+    return f"{shown_name(statistic.name)}{f' ({unit})' if unit else ''}"
+
+
+def shown_name(name: str) -> str:
+    """Name of a statistic in words."""
+    words = name.replace(".", " ").replace("_", " ").split()
+    return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
+
+
+def shown_unit(unit: str) -> str:
+    """A unit as printed; empty for a pure number."""
+    return "" if unit == "1" else unit.replace("^2", "²")
+
+
+def short(name: str) -> str:
+    """A dimension's name without what all of them share."""
+    return name.removeprefix("controller.")
+
+
+SHOWN = 40
+"""Candidates in parallel coordinates."""
+
+CHATTER = "mean.chatter"
+"""What the objective is drawn against where there is only one."""
+
+MANY = 3000
+"""Points that a figure shows of a kind, at most, evenly thinned."""
+
+
+def history(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure:
+    """The first objective of every trial, and the best that keeps to the constraints so far."""
+    objective = problem.objectives[0]
+    values = np.array([trial.objectives[0] for trial in trials])
+    feasible = np.array([trial.feasible for trial in trials])
+    best = np.minimum.accumulate(np.where(feasible, values, np.inf))
+    with house_style():
+        figure = new_figure(3.4, "History of the search", f"{axis_title(objective)} of every trial")
+        axes = figure.subplots()
+        numbers = np.arange(len(trials))
+        for chosen, colour in ((~feasible, LIGHT), (feasible, SKY)):
+            shown = _thinned(numbers[chosen & (values < UNMEASURED)])
+            axes.plot(shown, values[shown], ".", markersize=3, color=colour, rasterized=True)
+        axes.plot(numbers, best, color=BLUE, drawstyle="steps-post")
+        start = next((trial.objectives[0] for trial in trials if trial.point == problem.start), None)
+        if start:
+            axes.axhline(start, color=VERMILION, linestyle=(0, (4, 2)), linewidth=0.9)
+        _scale(axes.set_yscale, values[values < UNMEASURED])
+        axes.set(xlabel="trial", ylabel=axis_title(objective), xlim=(0, max(len(trials) - 1, 1)))
+        legend_below(
+            figure,
+            [
+                Line2D([], [], color=BLUE, label="best so far"),
+                _dots(SKY, "keeps to the constraints"),
+                _dots(LIGHT, "does not"),
+                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="start"),
+            ],
+        )
+    return figure
+
+
+def importance(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure | None:
+    """How much each gain decides whether a candidate is among the best tenth; ``None`` for too few trials.
+
+    PED-ANOVA (Watanabe, Bansal and Hutter, IJCAI 2023, 4389), by the first objective.
+    """
+    shares = importances(problem, trials)
+    if not shares:
+        return None
+    names = sorted(shares, key=shares.__getitem__)
+    with house_style():
+        figure = new_figure(
+            0.9 + 0.24 * len(names),
+            "Which gains matter",
+            "Share of what tells the best tenth of the trials from the rest",
+        )
+        axes = figure.subplots()
+        bars = axes.barh([short(name) for name in names], [shares[name] for name in names], color=BLUE, height=0.6)
+        axes.bar_label(bars, [f"{100 * shares[name]:.0f} %" for name in names], padding=3, color=INK, fontsize=8)
+        axes.set(xlabel="importance", xlim=(0, 1.12 * max(shares.values())))
+        axes.grid(visible=False, axis="y")
+    return figure
+
+
+def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[str, float]:
+    """Name of a dimension → its importance, all of them 1 together; empty for fewer than 20 trials."""
+    import optuna
+
+    whole = [trial for trial in trials if not trial.pruned and trial.objectives[0] < UNMEASURED]
+    if len(whole) < 20 or len(problem.space.dimensions) < 2:
+        return {}
+    study = optuna.create_study()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        study.add_trials([finished_trial(_single(trial), problem.space) for trial in whole])
+        found = optuna.importance.get_param_importances(
+            study, evaluator=optuna.importance.PedAnovaImportanceEvaluator(), normalize=True
+        )
+    return {name: float(value) for name, value in found.items()} if sum(found.values()) > 0 else {}
+
+
+def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure:
+    """Where the best candidates lie in every dimension, with the start and the bounds."""
+    order = [index for index in best_first(trials) if not trials[index].pruned][:SHOWN]
+    dimensions = problem.space.dimensions
+    with house_style():
+        figure = new_figure(
+            4.2, "Where the best lie", f"The {len(order)} best trials in every searched gain, best darkest"
+        )
+        axes = figure.subplots()
+        columns = np.arange(len(dimensions))
+        for rank, index in reversed(list(enumerate(order))):
+            shade = 0.15 + 0.75 * (1 - rank / len(order)) ** 2
+            axes.plot(columns, problem.space.encoded(trials[index].point), color=BLUE, alpha=shade, linewidth=0.8)
+        axes.plot(columns, problem.space.encoded(trials[order[0]].point), color=BLUE, linewidth=2.2)
+        start = problem.space.encoded(problem.start)
+        axes.plot(columns, start, color=VERMILION, linestyle=(0, (4, 2)), linewidth=1.2)
+        for column, dimension in zip(columns, dimensions, strict=True):
+            ends = (
+                (f"{dimension.lower:g}", f"{dimension.upper:g}")
+                if isinstance(dimension, ContinuousDimension)
+                else (dimension.choices[0], dimension.choices[-1])
+            )
+            for text, y, align in zip(ends, (-0.03, 1.03), ("top", "bottom"), strict=True):
+                axes.text(float(column), y, text, ha="center", va=align, fontsize=7.5, color=GREY)
+        axes.set_xticks(columns, [short(name) for name in problem.space.names], rotation=40, ha="right")
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        axes.set(ylim=(-0.1, 1.1), xlim=(-0.4, len(dimensions) - 0.6))
+        legend_below(
+            figure,
+            [
+                Line2D([], [], color=BLUE, linewidth=2.2, label="best where tuned"),
+                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="start"),
+            ],
+        )
+    return figure
+
+
+def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Sequence[Evaluation]) -> Figure:
+    """Two figures of merit against each other: the objectives, or the one objective and the chatter.
+
+    Args:
+        problem: what was tuned.
+        constraints: bounds as numbers; those on the second figure of merit are drawn.
+        trials: finished trials.
+    """
+    across = problem.objectives[0]
+    upward = problem.objectives[1] if len(problem.objectives) > 1 else statistic_from(CHATTER)
+    whole = [trial for trial in trials if not trial.pruned]
+    points = np.array([[trial.statistics[statistic.name] for statistic in (across, upward)] for trial in whole])
+    kept = (np.abs(points) < UNMEASURED).all(axis=1)
+    feasible = np.array([trial.feasible for trial in whole]) & kept
+    with house_style():
+        words = f"{axis_title(upward)} against {axis_title(across)}, complete trials"
+        figure = new_figure(3.8, "What is traded", words)
+        axes = figure.subplots()
+        for chosen, colour in ((kept & ~feasible, LIGHT), (feasible, SKY)):
+            shown = _thinned(np.flatnonzero(chosen))
+            axes.plot(*points[shown].T, ".", markersize=3, color=colour, rasterized=True)
+        handles: list[Line2D] = [_dots(SKY, "keeps to the constraints"), _dots(LIGHT, "does not")]
+        if len(problem.objectives) > 1:
+            edge, label = points[pareto_front(whole)], "Pareto front"
+        else:
+            edge, label = points[kept][_lower_edge(points[kept])], "lower edge of all trials"
+        if len(edge):
+            axes.plot(*edge.T, color=BLUE, marker="o", markersize=3)
+            handles.append(Line2D([], [], color=BLUE, marker="o", markersize=3, label=label))
+        for constraint in constraints:
+            if constraint.statistic == upward:
+                dotted = {"color": GREY, "linestyle": (0, (1, 1.5))}
+                axes.axhline(constraint.bound, **dotted)
+                handles.append(
+                    Line2D([], [], **dotted, label=f"bound {constraint.bound:.3g}{behind_number(upward.unit)}")
+                )
+        _scale(axes.set_xscale, points[kept, 0])
+        _scale(axes.set_yscale, points[kept, 1])
+        axes.set(xlabel=axis_title(across), ylabel=axis_title(upward))
+        legend_below(figure, [*handles])
+    return figure
+
+
+def _single(trial: Evaluation) -> Evaluation:
+    return Evaluation(trial.candidate, trial.objectives[:1], {}, {}, {}, trial.scenarios)
+
+
+def _lower_edge(points: np.ndarray) -> list[int]:
+    """Indices of the points that no other beats in both, by the first coordinate."""
+    order, edge, lowest = np.lexsort((points[:, 1], points[:, 0])), [], np.inf
+    for index in order:
+        if points[index, 1] < lowest:
+            edge.append(int(index))
+            lowest = points[index, 1]
+    return edge
+
+
+def _scale(setter: Callable[[str], None], values: np.ndarray) -> None:
+    if len(values) and values.min() > 0 and values.max() > 10 * values.min():
+        setter("log")
+
+
+def _thinned(indices: np.ndarray) -> np.ndarray:
+    return indices[:: -(-len(indices) // MANY) or 1]
+
+
+def _dots(colour: str, label: str) -> Line2D:
+    return Line2D([], [], color=colour, marker=".", linestyle="none", markersize=7, label=label)
+
+
+ROWS = 2500
+"""Rows of a run that are drawn, at most."""
+
+CONTENDERS = {"paper": ("paper's gains", VERMILION), "best": ("best", BLUE)}
+"""Name of a score in a verdict → its label and colour."""
+
+DISTRIBUTED = ("mse", "chatter", "peak_tension", "min_tension")
+"""Figures of merit whose distribution is shown."""
+
+BINS = 40
+
+
+def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure:
+    """Error and tensions with the paper's controller and with the best, in one scenario.
+
+    With an ensemble it is the held-out scenario in which the best does as in the middle of them.
+    """
+    runs, words = _runs(problem, verdict)
+    experiment = problem.experiment
+    limits = experiment.controller.limits
+    with house_style():
+        figure = new_figure(6.6, "The paper's gains and the best", words)
+        panels = figure.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1.2, 1.2))
+        for axes, name in zip(panels, ("paper", "best"), strict=False):
+            label, colour = CONTENDERS[name]
+            axes.plot(runs[name]["t"], 1e3 * runs[name]["e"], color=colour, linewidth=0.8)
+            axes.set(ylabel="e (mm)", title=f"tracking error, {label}")
+        for rope, axes in enumerate(panels[2:], start=1):
+            for name, (_, colour) in CONTENDERS.items():
+                axes.plot(runs[name]["t"], 1e-3 * runs[name][f"F{rope}"], color=colour, linewidth=0.7)
+            for limit in (limits.tension_min, limits.tension_max):
+                axes.axhline(1e-3 * limit, color=GREY, linestyle=(0, (4, 2)), linewidth=0.8)
+            axes.set(ylabel=f"F{rope} (kN)", title=f"tension of rope {rope}")
+        time_axis(panels[-1], experiment)
+        figure.align_ylabels()
+        handles = [Line2D([], [], color=colour, label=label) for label, colour in CONTENDERS.values()]
+        limit = Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="limits of the commands")
+        legend_below(figure, [*handles, limit])
+    return figure
+
+
+def held_out(verdict: SelectionResult) -> Figure | None:
+    """How figures of merit spread over the held-out scenarios; ``None`` without an ensemble."""
+    if not verdict.held_out:
+        return None
+    scenarios = verdict.scored.scenarios
+    with house_style():
+        figure = new_figure(4.6, "Scenarios that nobody tuned on", f"Distribution over {scenarios} held-out scenarios")
+        for axes, metric in zip(figure.subplots(2, 2).flat, DISTRIBUTED, strict=True):
+            quantity = metric_quantities()[metric]
+            values = {name: _completed(verdict, name, metric) for name in CONTENDERS}
+            everything = np.concatenate(list(values.values()))
+            log = bool(len(everything)) and everything.min() > 0 and everything.max() > 20 * everything.min()
+            span = (np.log10(everything) if log else everything) if len(everything) else np.zeros(1)
+            edges = np.linspace(span.min(), span.max() + 1e-9, BINS + 1)
+            for name, (_, colour) in CONTENDERS.items():
+                axes.hist(values[name], 10**edges if log else edges, color=colour, alpha=0.7, histtype="stepfilled")
+            axes.set_xscale("log" if log else "linear")
+            axes.set(xlabel=f"{shown_name(metric)} ({shown_unit(quantity.unit)})", ylabel="scenarios")
+        handles = [Line2D([], [], color=colour, linewidth=5, label=label) for label, colour in CONTENDERS.values()]
+        legend_below(figure, [*handles])
+    return figure
+
+
+def _completed(verdict: SelectionResult, name: str, metric: str) -> np.ndarray:
+    result = verdict.scores[name].result
+    values = result.metrics[metric][0, result.outcomes[0] == "completed"]
+    return values[np.isfinite(values)]
+
+
+def _runs(problem: TuningProblem, verdict: SelectionResult) -> tuple[dict[str, dict[str, np.ndarray]], str]:
+    """Rows of the paper's controller and of the best in one scenario, and which one it is in words."""
+    experiments = {"paper": problem.paper_experiment, "best": problem.tuned(verdict.best.point)}
+    index, words = 0, "The tuned experiment"
+    if verdict.held_out:
+        mse = verdict.scores["best"].result.metrics["mse"][0]
+        index = int(np.argsort(mse)[len(mse) // 2])
+        words = f"Held-out scenario {index}, in which the best does as in the middle of all"
+    stride = max(1, -(-problem.experiment.samples // ROWS))
+    runs: dict[str, dict[str, np.ndarray]] = {}
+    for name, experiment in experiments.items():
+        scenario: Experiment | Scenario = experiment
+        if problem.ensemble is not None:
+            scenario = replace(problem.ensemble, experiment=experiment).scenario(index, problem.seed + HELD_OUT)
+        columns = rollout([], [[]], [scenario], stride=stride).columns
+        runs[name] = {column: values[0, 0] for column, values in columns.items() if column in {"t", "e", "F1", "F2"}}
+    return runs, words
+
+
+__all__ = [
+    "before_and_after",
+    "front",
+    "held_out",
+    "history",
+    "importance",
+    "importances",
+    "parallel_coordinates",
+]

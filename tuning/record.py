@@ -1,0 +1,185 @@
+"""What a study leaves: ``best.toml`` to simulate with, and ``study.json`` with every trial and score."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from dualwinch.codegen.files import atomic
+from dualwinch.codegen.text import one_line
+from dualwinch.model.quantities.quantity import behind_number
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.tuning.problem import HELD_OUT, SELECTION
+from dualwinch.tuning.result import TuningResult, contenders, headline, margin_places, where, worth
+from dualwinch.tuning.scoring.ranking import Evaluation, pareto_front
+from dualwinch.tuning.scoring.test_set import ControllerScore
+from dualwinch.tuning.space import space_to_record
+
+
+def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[str, Any]) -> None:
+    """Write the best as a configuration file, with where it comes from as comments.
+
+    Args:
+        path: the file.
+        tuned: the study.
+        toml: the experiment with the best's gains.
+        facts: name → value of what else belongs to its provenance, such as code version and date.
+    """
+    problem, verdict = tuned.problem, tuned.verdict
+    best, scored = verdict.best, verdict.scored
+    others = [name for name in ("start", "paper") if name in verdict.shown]
+    lines = ["The best gains of a study by `dualwinch tune`."]
+    lines += [f"{name}: {value}" for name, value in facts.items()]
+    lines += [worth(tuned), headline(tuned), *contenders(tuned)]
+    lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
+    lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
+    lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
+    lines += [f"{where(tuned)}{', ' * bool(others)}{' and '.join(others)} in brackets:"]
+    for name, value in scored.statistics.items():
+        unit = behind_number(problem.units[name])
+        beside = ", ".join(f"{verdict.statistics(other)[name]:.6g}" for other in others)
+        lines.append(f"    {name} = {value:.6g}{unit}" + (f" ({beside})" if others else ""))
+    lines += ["constraints there:"]
+    lines += [
+        f"    {constraint.label}: {scored.statistics[constraint.statistic.name]:.6g}, "
+        f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
+        for constraint in verdict.constraints
+    ]
+    if places := margin_places(tuned):
+        lines += ["least stability margins:", *(f"    {words}" for words in places)]
+    lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in tuned.gains.items())]
+    with atomic(Path(path)) as unfinished:
+        unfinished.write_text(
+            "".join(f"# {one_line(line)}".rstrip() + "\n" for line in lines) + "\n" + toml, encoding="utf-8"
+        )
+
+
+def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str) -> None:
+    """Write everything a report needs: the problem, every trial as columns, the best and the held-out scores.
+
+    Args:
+        path: the file, JSON.
+        tuned: the study.
+        facts: provenance.
+        configuration: TOML of ensemble or experiment.
+    """
+    problem, verdict, plan = tuned.problem, tuned.verdict, tuned.verdict.plan
+    content = {
+        **facts,
+        "seeds": {
+            "tuning": problem.seed,
+            "selection": problem.seed + SELECTION,
+            "held_out": problem.seed + HELD_OUT,
+        },
+        "scenarios": {
+            "tuning": len(tuned.prepared.scenarios),
+            "selection": plan.draws + plan.last_draws if verdict.held_out else 0,
+            "held_out": verdict.scored.scenarios if verdict.held_out else 0,
+        },
+        "objectives": [{"name": objective.name, "unit": objective.unit} for objective in problem.objectives],
+        "constraints": [
+            {
+                "text": constraint.text,
+                "label": constraint.label,
+                "statistic": constraint.statistic.name,
+                "at_least": constraint.at_least,
+                "bound": constraint.bound,
+                "unit": constraint.statistic.unit,
+            }
+            for constraint in tuned.prepared.constraints
+        ],
+        "space": space_to_record(problem.space),
+        "units": problem.units,
+        "trials": trial_columns(tuned),
+        "pareto_front": [tuned.trials[index].number for index in pareto_front(tuned.trials)],
+        "best": {
+            "trial": verdict.best.number if verdict.improved else None,
+            "trimmed": tuned.trimmed,
+            "start_kept": verdict.obstacle or None,
+            "passed_over": list(verdict.passed_over),
+            "settings": tuned.gains,
+            "tuning": _scores(verdict.best),
+            "selection": _scores(verdict.selection),
+            "held_out": _scores(verdict.scored if verdict.held_out else None),
+        },
+        "margins": {name: _attained(score) for name, score in verdict.scores.items()},
+        "start": _scores(verdict.scores["start"].evaluation),
+        "paper": _scores(verdict.scores["paper"].evaluation),
+        "held_out": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.held_out},
+        "within_authority": verdict.within_authority.tolist() if verdict.held_out else [],
+        "metric_units": {
+            name: quantity.unit for name, quantity in metric_quantities(problem.experiment.metrics).items()
+        },
+        "cost": {"trials": len(tuned.trials), "seconds": tuned.cost.seconds, **asdict(tuned.cost)},
+        "interrupted": tuned.interrupted,
+        "configuration": configuration,
+    }
+    with atomic(Path(path)) as unfinished:
+        unfinished.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def trial_columns(tuned: TuningResult) -> dict[str, Any]:
+    """The trials as columns, JSON-ready: each a list with an entry a trial, some of them in named groups."""
+    problem, trials = tuned.problem, tuned.trials
+    return {
+        "number": [trial.number for trial in trials],
+        "origin": [trial.candidate.origin for trial in trials],
+        "state": ["pruned" if trial.pruned else "complete" for trial in trials],
+        "feasible": [trial.feasible for trial in trials],
+        "scenarios": [trial.scenarios for trial in trials],
+        "outcomes": [trial.outcomes for trial in trials],
+        "parameters": {name: [trial.point[name] for trial in trials] for name in problem.space.names},
+        "objectives": {
+            objective.name: [trial.objectives[index] for trial in trials]
+            for index, objective in enumerate(problem.objectives)
+        },
+        "violations": {name: [trial.violations.get(name) for trial in trials] for name in trials[0].violations},
+        "statistics": {name: [trial.statistics.get(name) for trial in trials] for name in problem.units},
+    }
+
+
+def _scores(evaluation: Evaluation | None) -> dict[str, Any] | None:
+    if evaluation is None:
+        return None
+    return {
+        "statistics": evaluation.statistics,
+        "violations": evaluation.violations,
+        "feasible": evaluation.feasible,
+        "outcomes": evaluation.outcomes,
+    }
+
+
+def _attained(score: ControllerScore) -> dict[str, Any]:
+    """Name of a stability margin that is bounded → its worst and where that is, null where it is nowhere."""
+    return {
+        name: {
+            "value": _finite(attained.worst.value),
+            "machine": attained.machine,
+            "x": attained.worst.x,
+            "v": attained.worst.v,
+            "cut": attained.worst.cut or None,
+            "frequency": _finite(attained.worst.frequency),
+            "reason": attained.worst.reason or None,
+        }
+        for name, attained in score.attained.items()
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _table(result: BatchResult) -> dict[str, Any]:
+    """One row of a result: outcome and figures of merit of every scenario, null where not measured."""
+    metrics = {
+        name: [value if math.isfinite(value) else None for value in values[0].tolist()]
+        for name, values in result.metrics.items()
+    }
+    return {"outcomes": result.outcomes[0].tolist(), "metrics": metrics}
+
+
+def _yes(truth: bool) -> str:
+    return "yes" if truth else "no"

@@ -1,0 +1,340 @@
+"""Imperfections: what an ensemble has and another does not, in groups that are scaled together."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Leaf, Mark
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.validation import shown
+from dualwinch.simulation.check import check
+from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Drawn, Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.robustness.limits import SHARE, unit_of, with_unit
+
+MACHINE = ("plant.", "disturbance.", "sensors.", "actuator.", "simulation.")
+"""What the keys of a machine and of what acts on it begin with. Elsewhere only what is drawn is an imperfection."""
+
+METHOD = frozenset({"simulation.substeps", SEED_KEY})
+"""Keys beside `Mark.TIMING` that say how a run is computed, and nothing of the machine."""
+
+NUMBERED = re.compile(r"_[12](?=[._]|$)")
+"""The number of a rope or winch in a key."""
+
+ALL = "all together"
+"""Name of all imperfections at once."""
+
+
+@dataclass(frozen=True)
+class Imperfection:
+    """Keys that are scaled together.
+
+    Attributes:
+        name: their key without the numbers of ropes and winches, such as ``plant.winch.drum_radius``, or `ALL`.
+        keys: of the values, those of both ropes or winches.
+    """
+
+    name: str
+    keys: tuple[str, ...]
+
+    @property
+    def label(self) -> str:
+        """The name in words, such as ``winch drum radius``."""
+        words = self.name.removesuffix(".kind")
+        return (words.partition(".")[2] or words).replace(".", " ").replace("_", " ")
+
+
+def union(base: Ensemble, ensemble: Ensemble) -> Ensemble:
+    """The ensemble on top of a base: what the base draws and the ensemble does not say is drawn as well.
+
+    Raises:
+        ConfigurationError: gains are drawn; both are to have those that are asked about.
+    """
+    together = {**base.distributions, **ensemble.distributions}
+    for key in together:
+        if key.startswith("controller."):
+            raise ConfigurationError(f"{key}: is drawn in an ensemble; a stress test needs the gains as they are")
+    return Ensemble(ensemble.name, ensemble.description, ensemble.experiment, together)
+
+
+def imperfections(base: Ensemble, ensemble: Ensemble) -> tuple[Imperfection, ...]:
+    """What an ensemble (`union`) has and its base does not, in the order of the keys.
+
+    An imperfection is a number that is drawn or set otherwise, a switch, or a part of another kind with all its own
+    numbers. Keys that differ only in the number of a rope or winch are one. Motion, metrics and method are none, nor is
+    how an imperfection comes and goes (`Mark.COURSE`).
+
+    Raises:
+        ConfigurationError: there are none.
+    """
+    ours, theirs = leaves(base.experiment), leaves(ensemble.experiment)
+    known = describe_parts(ensemble.experiment)
+    kinds = [key for key, leaf in known.items() if Mark.PART in leaf.marks and ours.get(key) != theirs[key]]
+    groups: dict[str, list[str]] = {}
+    for key, leaf in known.items():
+        drawn = ensemble.distributions.get(key)
+        if not (_scalable(key, leaf, drawn) and _differs(key, drawn, base, ours, theirs)):
+            continue
+        owner = next((kind for kind in kinds if key not in ours and key.startswith(kind.rpartition(".")[0] + ".")), key)
+        groups.setdefault(NUMBERED.sub("", owner), []).append(key)
+    if not groups:
+        raise ConfigurationError(
+            f"ensemble '{ensemble.name}': has no imperfection that its base '{base.name}' lacks; give another base"
+        )
+    return tuple(Imperfection(name, tuple(keys)) for name, keys in groups.items())
+
+
+def all_together(single: tuple[Imperfection, ...]) -> Imperfection:
+    """All imperfections as one."""
+    return Imperfection(ALL, tuple(key for imperfection in single for key in imperfection.keys))
+
+
+def _scalable(key: str, leaf: Leaf, drawn: Drawn | None) -> bool:
+    if key in METHOD or not leaf.marks.isdisjoint({Mark.TIMING, Mark.PARTS, Mark.COURSE}):
+        return False
+    if drawn is not None:
+        return True
+    if not key.startswith(MACHINE):
+        return False
+    return leaf.kind in {float, int, bool} or Mark.PART in leaf.marks
+
+
+def _differs(key: str, drawn: Drawn | None, base: Ensemble, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
+    if drawn != base.distributions.get(key):
+        return True
+    follows = drawn is None or drawn.relative
+    return follows and ours.get(key) != theirs[key]
+
+
+def believed(experiment: Experiment) -> dict[str, Any]:
+    """The values of the plant that a controller was designed for, by their keys in the experiment."""
+    return leaves(experiment.plant, "plant.")
+
+
+SWITCHED_AT = 1.0
+"""Size from which on a switch is thrown, or a part is of the ensemble's kind: there is nothing in between."""
+
+
+def between(leaf: Leaf, base: Any, ensemble: Any, size: float) -> Any:
+    """A value of some size: that of the base at 0, that of the ensemble at 1, and on from there.
+
+    Whole numbers are rounded. Counts a turn become fewer, as it is their step that grows. What is no number is there
+    from size `SWITCHED_AT` on.
+    """
+    if size == 1 or base == ensemble:
+        return ensemble
+    if leaf.kind not in {int, float} or base is None or ensemble is None:
+        return ensemble if size >= SWITCHED_AT else base
+    if counts(leaf):
+        step = _step(base) + size * (_step(ensemble) - _step(base))
+        return max(round(1 / step), 1) if step > 0 else 0
+    value = base + size * (ensemble - base)
+    return round(value) if leaf.kind is int else value
+
+
+def counts(leaf: Leaf) -> bool:
+    """Whether a number says into how many steps something is divided; 0 is without steps."""
+    return leaf.kind is int and Mark.READS_IN_STEPS in leaf.marks
+
+
+def _step(number: int) -> float:
+    return 1 / number if number else 0.0
+
+
+@dataclass(frozen=True)
+class ScaledEnsemble:
+    """The scenarios of a base and of an ensemble, and all between and beyond.
+
+    Attributes:
+        base: at size 0; its own imperfections are in every scenario.
+        ensemble: at size 1 of all imperfections, as by `union`.
+        single: the imperfections.
+        count: number of scenarios.
+        seed: of the draws.
+    """
+
+    base: Ensemble
+    ensemble: Ensemble
+    single: tuple[Imperfection, ...]
+    count: int
+    seed: int
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """Of all that is scaled."""
+        return tuple(key for imperfection in self.single for key in imperfection.keys)
+
+    @cached_property
+    def known(self) -> dict[str, Leaf]:
+        """What every key is, of the base and of the ensemble."""
+        return {**describe_parts(self.base.experiment), **describe_parts(self.ensemble.experiment)}
+
+    @cached_property
+    def _start(self) -> Ensemble:
+        """The base with all of the ensemble that is no imperfection: motion, metrics, method, courses."""
+        values, keys = leaves(self.base.experiment), set(self.keys)
+        own = {key: values[key] for key in self.keys if key in values}
+        drawn = {key: drawn for key, drawn in self.ensemble.distributions.items() if key not in keys}
+        drawn |= {key: drawn for key, drawn in self.base.distributions.items() if key in keys}
+        return replace(self.base, experiment=with_leaves(self.ensemble.experiment, own), distributions=drawn)
+
+    @cached_property
+    def _bases(self) -> dict[Controller, Experiment]:
+        """Controller → the base's experiment with it: the same of all scenarios and sizes."""
+        return {}
+
+    def _base_with(self, controller: Controller) -> Experiment:
+        if controller not in self._bases:
+            self._bases[controller] = replace(self._start.experiment, controller=controller)
+        return self._bases[controller]
+
+    @cached_property
+    def _ends(self) -> list[tuple[Scenario, dict[str, Any], dict[str, Any]]]:
+        """Every scenario of the base, with its values there and in the ensemble."""
+        starts, ends = (drawn.chosen(range(self.count), self.seed) for drawn in (self._start, self.ensemble))
+        return [(start, self._of(start), self._of(end)) for start, end in zip(starts, ends, strict=True)]
+
+    def _of(self, scenario: Scenario) -> dict[str, Any]:
+        values = leaves(scenario.experiment)
+        return {key: values[key] for key in self.keys if key in values}
+
+    def values(self, index: int, sizes: Mapping[str, float]) -> dict[str, Any]:
+        """What is scaled in a scenario.
+
+        Args:
+            index: number of the scenario.
+            sizes: key → size; 0 where it is not given.
+        """
+        _, base, ensemble = self._ends[index]
+        return self._between(base, ensemble, sizes)
+
+    def _between(
+        self, base: Mapping[str, Any], ensemble: Mapping[str, Any], sizes: Mapping[str, float]
+    ) -> dict[str, Any]:
+        keys = [key for key in self.keys if key in base or key in ensemble]
+        return {
+            key: between(self.known[key], base.get(key), ensemble.get(key), sizes.get(key, 0.0))
+            for key in keys
+            if key in base or sizes.get(key, 0.0) >= SWITCHED_AT
+        }
+
+    def scenario(
+        self, index: int, controller: Controller, sizes: Mapping[str, float], nominal: Plant | None = None
+    ) -> Scenario:
+        """One scenario.
+
+        Whatever its sizes, all that may be scaled is among its draws: so every scenario is run by the same compiled
+        code, unless it asks for another structure.
+
+        Args:
+            index: its number.
+            controller: with the gains.
+            sizes: key → size; 0 where it is not given.
+            nominal: the plant the controller was designed for, where it is known (`nominal`).
+
+        """
+        draws = self._ends[index][0].draws | self.values(index, sizes)
+        return Scenario(index, self._base_with(controller), nominal or self.nominal(sizes), draws)
+
+    def switched(self, imperfection: Imperfection) -> bool:
+        """Whether an imperfection is there or not, with nothing in between."""
+        values = leaves(self.base.experiment)
+        return not any(self.known[key].kind in {int, float} and key in values for key in imperfection.keys)
+
+    def compiled(self, imperfection: Imperfection) -> bool:
+        """Whether each size of an imperfection is compiled code of its own."""
+        return any(Mark.SHAPES_CODE in self.known[key].marks for key in imperfection.keys)
+
+    def scenarios(self, controller: Controller, sizes: Mapping[str, float]) -> list[Scenario]:
+        """All of them."""
+        nominal = self.nominal(sizes)
+        return [self.scenario(index, controller, sizes, nominal) for index in range(self.count)]
+
+    def nominal(self, sizes: Mapping[str, float]) -> Plant:
+        """The plant a controller was designed for: it knows what is set, and not what is drawn."""
+        ours, theirs = believed(self._start.experiment), believed(self.ensemble.experiment)
+        mixed = self._between(ours, theirs, sizes)
+        return with_leaves(self._start.experiment.plant, mixed, "plant.")
+
+    def obstacle(self, sizes: Mapping[str, float]) -> str:
+        """What is wrong with some sizes, in one line; empty where all their scenarios are allowed."""
+        for index in range(self.count):
+            values = self.values(index, sizes)
+            for key in sizes:
+                if key in values and not self.known[key].admits(values[key]):
+                    return f"{key}: must be {self.known[key].wanted}"
+            try:
+                check(self.scenario(index, self._start.experiment.controller, sizes).experiment)
+            except ConfigurationError as error:
+                return str(error)
+        return ""
+
+
+@dataclass(frozen=True)
+class ImperfectionSize:
+    """How far an imperfection goes.
+
+    Attributes:
+        low, high: least and largest departure of what is drawn from the base's nominal value, or the value itself,
+            twice, where it is set and not drawn; ``None`` where it is no number.
+        unit: of both; `SHARE` for shares, such as those of the base's nominal value.
+        drawn: whether it is drawn.
+        text: what stands for a value that is no number.
+    """
+
+    low: float | None
+    high: float | None
+    unit: str
+    drawn: bool
+    text: str = ""
+
+    def __str__(self) -> str:
+        """Such as ``±0.2 %``."""
+        if self.low is None or self.high is None:
+            return self.text
+        (low, high), unit = with_unit([self.low, self.high], self.unit)
+        if not self.drawn or low == high:
+            return f"{high}{unit}"
+        if abs(self.low + self.high) <= 1e-9 * abs(self.high):
+            return f"±{high}{unit}"
+        return f"{low} to {high}{unit}"
+
+
+def amount_of(scaling: ScaledEnsemble, imperfection: Imperfection, size: float) -> ImperfectionSize | None:
+    """How large an imperfection of some size is: that of its values that goes furthest; ``None`` for all together."""
+    if imperfection not in scaling.single:
+        return None
+    amounts = [_of_key(scaling, key, size) for key in imperfection.keys]
+    parts = [
+        amount for amount, key in zip(amounts, imperfection.keys, strict=True) if Mark.PART in scaling.known[key].marks
+    ]
+    return max(parts or amounts, key=lambda amount: max(abs(amount.low or 0.0), abs(amount.high or 0.0)))
+
+
+def _of_key(scaling: ScaledEnsemble, key: str, size: float) -> ImperfectionSize:
+    leaf = scaling.known[key]
+    base, ensemble = (leaves(each.experiment).get(key) for each in (scaling.base, scaling.ensemble))
+    drawn = scaling.ensemble.distributions.get(key)
+    if drawn is None or base is None or leaf.kind not in {int, float}:
+        value = between(leaf, base, ensemble, size)
+        if isinstance(value, bool | str) or value is None:
+            return ImperfectionSize(None, None, "", drawn=False, text=value if isinstance(value, str) else shown(value))
+        return ImperfectionSize(value, value, unit_of(leaf.quantity), drawn=False)
+    ends = [between(leaf, *pair, size) - base for pair in _ends(scaling.base.distributions.get(key), drawn, base)]
+    shares = drawn.relative and base != 0
+    low, high = (end(ends) / abs(base) if shares else end(ends) for end in (min, max))
+    return ImperfectionSize(low, high, SHARE if shares else unit_of(leaf.quantity), drawn=True)
+
+
+def _ends(ours: Drawn | None, theirs: Drawn, nominal: Any) -> list[tuple[Any, Any]]:
+    """The values of a base that draws, or does not, and of an ensemble at both ends of its distribution."""
+    ends = theirs.ends(nominal)
+    starts = ours.ends(nominal) if ours else ()
+    return list(zip(starts if len(starts) == len(ends) else [nominal] * len(ends), ends, strict=True))

@@ -1,0 +1,112 @@
+"""Rollouts of candidates in scenarios, and statistics of what they gave."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.simulation.batch.rollout import BatchResult, rollout
+from dualwinch.simulation.ensembles.result import Statistic
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.outcomes import WORDS
+from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.constraints import Constraint, measured
+
+LEAST_TENSION = "worst.min_tension"
+"""The statistic by which ropes are kept from being slack."""
+
+
+LEEWAY = 0.05
+"""Share by which bounds on what is the worst may be exceeded in an overwhelming scenario.
+
+It is harder than any draw, and there to find gains that end in kilonewtons; were the bounds to hold to the last newton,
+it alone would decide how quick gains may be.
+"""
+
+
+def run_pairs(
+    keys: Sequence[str],
+    parameters: Sequence[Sequence[float]],
+    scenarios: Sequence[Experiment | Scenario],
+    threads: int | None = None,
+    most_slack: float | None = None,
+) -> BatchResult:
+    """`rollout`, but an interrupt is raised, for half a batch is of no use here; arguments as there.
+
+    Raises:
+        KeyboardInterrupt: it was interrupted, even if every rollout was under way by then and is finished.
+    """
+    result = rollout(keys, parameters, scenarios, threads=threads, most_slack=most_slack)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result
+
+
+def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
+    """Whether a scenario counts in a statistic: a hard one in what is the worst only, an overwhelming one in none."""
+    if not isinstance(scenario, Scenario):
+        return True
+    return not scenario.beyond_authority if statistic.kind == "worst" else not scenario.hard
+
+
+def keeps_tight(constraints: Sequence[Constraint]) -> bool:
+    """Whether constraints forbid slack ropes."""
+    return any(
+        constraint.statistic.name == LEAST_TENSION and constraint.at_least and constraint.bound > 0
+        for constraint in constraints
+    )
+
+
+def leeways(scenarios: Sequence[Experiment | Scenario]) -> NDArray[np.float64]:
+    """By how much bounds on what is the worst may be exceeded in each scenario (n,), as a share."""
+    overstrained = [isinstance(scenario, Scenario) and scenario.beyond_authority for scenario in scenarios]
+    return np.where(overstrained, LEEWAY, 0.0)
+
+
+def worst_of(
+    result: BatchResult, constraints: Sequence[Constraint], scenarios: Sequence[Experiment | Scenario]
+) -> NDArray[np.float64]:
+    """By how much each run exceeds the bound that it exceeds the most, as a share; infinite where it did not end.
+
+    Args:
+        result: of (candidates, scenarios).
+        constraints: of which those on what is the worst count; <= 0 where all of them are kept to.
+        scenarios: of the result.
+    """
+    worst = np.full(result.outcomes.shape, -np.inf)
+    for constraint in constraints:
+        statistic = constraint.statistic
+        if isinstance(statistic, Statistic) and statistic.kind == "worst":
+            beyond = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
+            worst = np.maximum(worst, np.array(beyond) - leeways(scenarios))
+    return np.where(result.outcomes == "completed", worst, np.inf)
+
+
+def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
+    """A statistic of a row of a result, over the scenarios that count and ran to their end; finite.
+
+    A run that was given up because a rope was slack had a tension of zero, whatever else came of it.
+    """
+    if statistic.name == LEAST_TENSION and (result.outcomes[row] == WORDS[Outcome.GIVEN_UP]).any():
+        return 0.0
+    counted = [counts(statistic, scenario) for scenario in scenarios]
+    return measured(statistic, result.metrics[statistic.metric][row, (result.outcomes[row] == "completed") & counted])
+
+
+def row_of(result: BatchResult, row: int) -> BatchResult:
+    """One candidate's results as a result of one row."""
+    metrics = {name: table[row : row + 1] for name, table in result.metrics.items()}
+    return BatchResult(result.outcomes[row : row + 1], result.end_times[row : row + 1], metrics, {})
+
+
+def joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
+    """One candidate's results in the first scenarios, and a row of those in others, as one result of one row."""
+    more = row_of(late, row)
+    metrics = {name: np.hstack([early.metrics[name], more.metrics[name]]) for name in early.metrics}
+    return BatchResult(
+        outcomes=np.hstack([early.outcomes, more.outcomes]),
+        end_times=np.hstack([early.end_times, more.end_times]),
+        metrics=metrics,
+        columns={},
+    )

@@ -1,0 +1,178 @@
+"""What a study comes to: the best, whether it is better than the start, and what it is worth."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.simulation.analysis.worst_margins import MarginSurvey, WorstMargin
+from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.scoring.config import SampleSizes
+from dualwinch.tuning.scoring.evaluation import Scorer, bounds_in
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.training_set import machine_name
+
+ALIKE = 1e-9
+"""Relative difference of all statistics below which the start does what the paper's controller does."""
+
+
+@dataclass(frozen=True)
+class MarginLocation:
+    """Where the worst of a stability margin is attained.
+
+    Attributes:
+        worst: value, point and cut.
+        machine: what the machine is called.
+    """
+
+    worst: WorstMargin
+    machine: str
+
+    @property
+    def words(self) -> str:
+        """In words, such as ``cut at u, x = 2.5 m, v = 1.8 m/s, 14.7 Hz, draw 12``."""
+        worst = self.worst
+        point = f"x = {worst.x:.4g} m, v = {worst.v:.4g} m/s"
+        if worst.reason:
+            return f"{worst.reason} at {point}, {self.machine}"
+        if not worst.cut:
+            return "nothing of the kind makes it unstable"
+        return f"cut at {worst.cut}, {point}, {worst.frequency / (2 * math.pi):.3g} Hz, {self.machine}"
+
+
+@dataclass(frozen=True)
+class ControllerScore:
+    """What a controller came to where the best is scored.
+
+    Attributes:
+        evaluation: its statistics and violations there.
+        result: figures of merit of every scenario, one row.
+        attained: name of a stability margin that is bounded → where its worst is.
+    """
+
+    evaluation: Evaluation
+    result: BatchResult
+    attained: Mapping[str, MarginLocation] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SelectionResult:
+    """The best of a study and its score.
+
+    Attributes:
+        best: as it was tuned; the start, where nothing is better.
+        obstacle: why the best is the start, in words; empty where it is better.
+        passed_over: trials that were better where they were chosen, but not better than the start where scored.
+        selection: the best in the selection scenarios, before its reserve was raised if it was (`scoring.confirm`);
+            ``None`` without an ensemble.
+        scores: ``best``, ``start`` and ``paper`` → what each came to in the same scenarios, which neither the search
+            nor the choice of the best saw; without an ensemble in the only one there is.
+        constraints: of the problem, every bound a number in those scenarios.
+        held_out: whether those are such scenarios.
+        within_authority: (scenarios,) whether the motors can hold each.
+        plan: how many finalists met in how many scenarios.
+    """
+
+    best: Evaluation
+    obstacle: str
+    passed_over: tuple[int, ...]
+    selection: Evaluation | None
+    scores: dict[str, ControllerScore]
+    constraints: tuple[Constraint, ...]
+    held_out: bool
+    within_authority: NDArray[np.bool_]
+    plan: SampleSizes
+
+    @property
+    def improved(self) -> bool:
+        """Whether the best is better than the start."""
+        return not self.obstacle
+
+    @property
+    def scored(self) -> Evaluation:
+        """The best where it is scored."""
+        return self.scores["best"].evaluation
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Which scores say something different: the best, the start and the paper's, each where it is another."""
+        start = () if self.start_is_papers or not self.improved else ("start",)
+        return "best", *start, *(() if self.start_is_papers and not self.improved else ("paper",))
+
+    @property
+    def start_is_papers(self) -> bool:
+        """Whether the start does what the paper's controller does."""
+        start, paper = (self.statistics(name) for name in ("start", "paper"))
+        return all(abs(value - paper[name]) <= ALIKE * abs(paper[name]) for name, value in start.items())
+
+    def statistics(self, name: str) -> dict[str, float]:
+        """Name of a statistic → its value for ``best``, ``start`` or ``paper``."""
+        return self.scores[name].evaluation.statistics
+
+    def improvement(self, statistic: str, over: str = "paper") -> float:
+        """How many times a statistic of the best is below that of the paper's gains or of the start."""
+        ours, theirs = self.statistics("best")[statistic], self.statistics(over)[statistic]
+        return theirs / ours if ours else np.inf
+
+    def improvement_within_authority(self) -> float:
+        """How many times the mean MSE is below the paper's over the scenarios that the motors can hold.
+
+        NaN without such a scenario that both ran to its end.
+        """
+        results = [self.scores[name].result for name in ("best", "paper")]
+        kept = self.within_authority.copy()
+        for result in results:
+            kept &= result.outcomes[0] == "completed"
+        if not kept.any():
+            return np.nan
+        best, paper = (result.metrics["mse"][0, kept].mean() for result in results)
+        return float(paper / best)
+
+
+class TestSet:
+    """Draws of a problem's ensemble of their own, or its experiment.
+
+    Attributes:
+        scenarios: what is run.
+        constraints: with bounds that are numbers there.
+        paper: what the paper's controller comes to.
+    """
+
+    def __init__(self, scorer: Scorer, count: int, seed: int) -> None:
+        """Draw so many scenarios, and run the paper's controller in them."""
+        problem, self._scorer = scorer.prepared.problem, scorer
+        self.scenarios = problem.drawn(count, seed)
+        self._machines = scorer.survey(self.scenarios)
+        with_paper = problem.drawn(count, seed, problem.paper_experiment)
+        result = scorer.run(None, with_paper)
+        self.constraints = bounds_in(scorer.prepared, result, with_paper)
+        machines = scorer.survey(with_paper, problem.paper_experiment)
+        self.paper = self._scored(Candidate({}, "paper"), result, with_paper, machines)
+
+    def score(self, candidate: Candidate) -> ControllerScore:
+        """What a candidate comes to."""
+        return self._scored(candidate, self._scorer.run([candidate], self.scenarios), self.scenarios, self._machines)
+
+    def _scored(
+        self,
+        candidate: Candidate,
+        result: BatchResult,
+        scenarios: Sequence[Experiment | Scenario],
+        machines: MarginSurvey | None,
+    ) -> ControllerScore:
+        scorer = self._scorer
+        (margins,) = scorer.margins([candidate], machines)
+        evaluation = scorer.judged(candidate, result, scenarios, margins=margins, constraints=self.constraints)
+        if not (margins and machines):
+            return ControllerScore(evaluation, result)
+        names = {statistic.margin: statistic.name for statistic in scorer.prepared.problem.margins}
+        attained = {
+            names[kind]: MarginLocation(worst, machine_name(machines.machines[worst.machine]))
+            for kind, worst in margins.items()
+        }
+        return ControllerScore(evaluation, result, attained)
