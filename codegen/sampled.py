@@ -1,4 +1,4 @@
-"""A sampled system as named CasADi functions: what the compiled drivers run."""
+"""Sampled systems as named CasADi functions: what the compiled drivers run, and what a filter over a log predicts."""
 
 from dataclasses import dataclass
 
@@ -46,6 +46,53 @@ class Sampled:
             "PARAMETERS": self.sample.numel_in("parameters"),
             "HOLD": self.sample.numel_out("hold"),
             "COLUMNS": self.observe.numel_out("row"),
+            "PARTS": self.parts,
+            "HAS_ONE_STEP": int(self.one_step is not None),
+        }
+
+
+@dataclass(frozen=True)
+class PredictedSystem:
+    """A sampled system under recorded inputs, with sensors, some of whose parameters are to be fitted.
+
+    The state begins with what moves between two samples, `motion`; the rest changes at a sample. All functions are of
+    dense SX expressions.
+
+    Attributes:
+        sense: ``sense(state, input, parameters) -> reading``.
+        prepare: ``prepare(state, input, parameters) -> (rest, hold)``: the rest of the state at the next sample, and
+            what is held until then.
+        move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``, over one of `parts` equal parts of the
+            time until the next sample.
+        parts: number of these parts.
+        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)`` over all that time, wherever
+            ``valid > 0``; or None.
+        fitted: indices of the parameters to be fitted.
+    """
+
+    sense: ca.Function
+    prepare: ca.Function
+    move: ca.Function
+    parts: int
+    one_step: ca.Function | None
+    fitted: tuple[int, ...]
+
+    @property
+    def functions(self) -> tuple[ca.Function, ...]:
+        """All functions there are."""
+        return (self.sense, self.prepare, self.move, *((self.one_step,) if self.one_step else ()))
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the vectors, by the names of their C macros."""
+        return {
+            "STATES": self.sense.numel_in("state"),
+            "MOTION": self.move.numel_in("motion"),
+            "REST": self.prepare.numel_out("rest"),
+            "INPUTS": self.sense.numel_in("input"),
+            "READINGS": self.sense.numel_out("reading"),
+            "HOLD": self.prepare.numel_out("hold"),
+            "FITTED": len(self.fitted),
             "PARTS": self.parts,
             "HAS_ONE_STEP": int(self.one_step is not None),
         }

@@ -11,7 +11,7 @@ from typing import Any
 
 import casadi as ca
 
-from dualwinch.codegen.predicted import PredictedSystem
+from dualwinch.codegen.sampled import PredictedSystem
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal

@@ -12,10 +12,10 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
+from dualwinch.codegen.cache import cache_folder
 from dualwinch.codegen.compiler import fingerprint
 from dualwinch.codegen.errors import CacheError
 from dualwinch.codegen.files import atomic
-from dualwinch.codegen.trusted_folder import cache_folder
 from dualwinch.lab.catalogue.catalogue import catalogue
 from dualwinch.lab.wasm.build import FLAGS, modules, wasm_compiler
 from dualwinch.lab.wasm.structures import Structure, structures

@@ -40,13 +40,10 @@ TWICE: set[str] = {
     "Environment",
     "Expected",
     "Force",
-    "Lanes",
     "Limits",
     "Motion",
     "Page",
-    "Runs",
     "Sensed",
-    "Signal",
     "Structure",
 }
 """Names of more than one class, likewise."""

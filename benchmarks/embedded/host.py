@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.block import Block
-from dualwinch.codegen.export.prepared import prepared
-from dualwinch.codegen.source.precision import Precision
+from dualwinch.codegen.export.package import prepared
+from dualwinch.codegen.source.operations import Precision
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror")
 PRECISE = ("-Wdouble-promotion", "-Wfloat-conversion")

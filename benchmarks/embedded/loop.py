@@ -10,7 +10,7 @@ from benchmarks.embedded.host import Host, build
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.codegen.source.precision import Precision
+from dualwinch.codegen.source.operations import Precision
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment

@@ -13,9 +13,8 @@ from benchmarks.embedded.host import Host, build
 from benchmarks.embedded.loop import loop_table
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.export.package import Provenance, c_package, frozen
-from dualwinch.codegen.export.prepared import prepared
-from dualwinch.codegen.source.precision import Precision
+from dualwinch.codegen.export.package import Provenance, c_package, frozen, prepared
+from dualwinch.codegen.source.operations import Precision
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.codegen.source.precision import Precision
+from dualwinch.codegen.source.operations import Precision
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import block

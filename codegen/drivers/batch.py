@@ -16,10 +16,8 @@ from dualwinch.codegen.drivers.signals.fill import CompiledFill, compile_fill
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.codegen.source.c_source import c_source
-from dualwinch.codegen.source.expressions import BUILDING
-from dualwinch.codegen.source.instructions import elements_read
-from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
+from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
+from dualwinch.codegen.source.expressions import BUILDING, elements_read
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +31,7 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
     often = [function for function in functions if function.name() in EVERY_SAMPLE]
     read, used = _read(functions, "exogenous"), _read(often, "parameters")
     lanes = {
-        function.name(): Lanes(
+        function.name(): LaneLayout(
             paired=not compiler.is_clang,
             shared=("part",),
             packed={"exogenous": read} | ({"parameters": used} if function in often else {}),

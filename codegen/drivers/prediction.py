@@ -12,9 +12,8 @@ from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
-from dualwinch.codegen.predicted import PredictedSystem
-from dualwinch.codegen.source.c_source import c_source
-from dualwinch.codegen.source.lanes import Lanes, lane_flags, lane_sizes
+from dualwinch.codegen.sampled import PredictedSystem
+from dualwinch.codegen.source.c_source import LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
@@ -257,7 +256,7 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
     linear = [_linear(functions[name], product) for name, product in (by_state | {"move": by_parts}).items()]
     sloped = [product.slopes for product in fitted.values()]
     hoisted = hoisted_all([*functions.values(), *linear, *sloped])
-    lanes = {each.name(): Lanes(not compiler.is_clang, shared=("parameters", "derived")) for each in sloped}
+    lanes = {each.name(): LaneLayout(not compiler.is_clang, shared=("parameters", "derived")) for each in sloped}
     macros = {f"{name}_BY_STATE": product for name, product in by_state.items()} | {"MOVE_BY_ALL": by_parts}
     macros |= {f"{name}_BY_ALL": product for name, product in fitted.items()}
     defines = [f"#define {name.upper()} {' '.join(product.statements)}" for name, product in macros.items()]

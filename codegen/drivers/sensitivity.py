@@ -17,10 +17,9 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import as_written
 from dualwinch.codegen.source.hoist import hoisted
-from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
 from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
@@ -113,8 +112,8 @@ def sensitivity_source(
     run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
     sloped, along = [hoisted(product.slopes)[1] for product in products.values()], _along(smooth.move, varied)
     paired = not compiler.is_clang
-    lanes = {slopes.name(): Lanes(paired, shared=("parameters", "derived")) for slopes in sloped}
-    lanes[along.name()] = Lanes(paired, shared=smooth.move.name_in(), apart="DIRECTIONS")
+    lanes = {slopes.name(): LaneLayout(paired, shared=("parameters", "derived")) for slopes in sloped}
+    lanes[along.name()] = LaneLayout(paired, shared=smooth.move.name_in(), apart="DIRECTIONS")
     definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
     defines = [f"#define {name} {' '.join(product.statements)}" for name, product in products.items()]
     sizes = system.sizes | lane_sizes(compiler) | {"DIRECTIONS": varied.directions, "TRACKED": 0}

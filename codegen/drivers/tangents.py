@@ -1,11 +1,149 @@
-"""How tangents pass through a function: its slopes, computed once, and products with them, once a direction."""
+"""Jacobian-vector products of a function by vertex elimination: its slopes once, and products with them per direction.
 
-from collections.abc import Mapping, Sequence
+The linearised computational graph of the function is reduced to few edges. An edge is a partial derivative, and a
+product for each direction that tangents are taken along. A Jacobian is the graph without inner vertices; where much
+goes through few values, a graph that keeps these has far fewer edges (A. Griewank, O. Vogel: Analysis and exploitation
+of Jacobian scarcity, 2005).
+"""
+
+import heapq
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 
-from dualwinch.codegen.drivers.linearised_graph import LinearisedGraph, Vertex
+from dualwinch.codegen.source.expressions import applied, built_once, instructions, operands_of
+
+Vertex = Hashable
+
+
+class LinearisedGraph:
+    """Partial derivatives of a function's elements by each other.
+
+    Attributes:
+        into: vertex → the vertices it depends on → the partial derivatives. Inputs are ``(name, element)``, outputs
+            too, what is between them the numbers of instructions.
+    """
+
+    def __init__(
+        self,
+        function: ca.Function,
+        symbols: dict[str, ca.SX],
+        active: Collection[Vertex],
+        outputs: Collection[str],
+        fixed: Collection[str] = (),
+    ) -> None:
+        """Build the graph.
+
+        Args:
+            function: of dense SX expressions.
+            symbols: of its inputs; the derivatives are expressions of these.
+            active: elements of inputs, ``(name, element)``, to differentiate by.
+            outputs: names of the outputs to differentiate.
+            fixed: names of inputs that stay the same from call to call; partial derivatives of what depends on these
+                alone cost nothing, and so does their product.
+        """
+        self.into: dict[Vertex, dict[Vertex, ca.SX]] = {}
+        self._out_of: dict[Vertex, set[Vertex]] = {}
+        self._fixed: set[int] = set()
+        names_in, names_out = function.name_in(), function.name_out()
+        vertices: dict[int, Vertex | None] = {}
+        values: dict[int, ca.SX] = {}
+        operands = operands_of(function)
+        for step, instruction in enumerate(instructions(function)):
+            operation, made_of = instruction.operation, operands.get(step, ())
+            if operation == ca.OP_INPUT:
+                vector, element = instruction.read
+                source = names_in[vector], element
+                values[step] = symbols[source[0]][element]
+                vertices[step] = source if source in active else None
+                if source[0] in fixed:
+                    self._fixed.add(step)
+            elif operation == ca.OP_CONST:
+                values[step], vertices[step] = ca.SX(instruction.constant), None
+                self._fixed.add(step)
+            elif operation == ca.OP_OUTPUT:
+                vector, element = instruction.written
+                target, source = (names_out[vector], element), vertices[made_of[0]]
+                if target[0] in outputs and source is not None:
+                    self._connect(source, target, ca.SX(1))
+            else:
+                given = [values[operand] for operand in made_of]
+                values[step], vertices[step] = applied(operation, given), None
+                if self._fixed.issuperset(made_of):
+                    self._fixed.add(step)
+                for operand, slope in zip(made_of, _partials(operation, len(given)).call(given), strict=True):
+                    source = vertices[operand]
+                    if source is not None and not slope.is_zero():
+                        self._connect(source, step, slope)
+                        vertices[step] = step
+        self._drop_unused()
+
+    def _connect(self, source: Vertex, target: Vertex, slope: ca.SX) -> None:
+        edges = self.into.setdefault(target, {})
+        edges[source] = edges[source] + slope if source in edges else slope
+        self._out_of.setdefault(source, set()).add(target)
+
+    def _inner(self) -> list[int]:
+        return [vertex for vertex in self.into if isinstance(vertex, int)]
+
+    def _drop_unused(self) -> None:
+        """Drop what no output depends on."""
+        for vertex in reversed(self._inner()):
+            if not self._out_of.get(vertex):
+                self._remove(vertex)
+
+    def _remove(self, vertex: Vertex) -> None:
+        for source in self.into.pop(vertex):
+            self._out_of[source].discard(vertex)
+        for target in self._out_of.pop(vertex, ()):
+            del self.into[target][vertex]
+
+    def _growth(self, vertex: Vertex) -> tuple[int, int]:
+        """How many edges more there are without a vertex, and how many products that takes."""
+        sources, targets = self.into[vertex], self._out_of[vertex]
+        new = sum(source not in self.into[target] for target in targets for source in sources)
+        return new - len(sources) - len(targets), len(sources) * len(targets)
+
+    def eliminate(self) -> None:
+        """Take vertices out one by one as long as that leaves no more edges, those first that leave fewest.
+
+        What is fixed, and leads to fixed values only, goes first whatever that leaves.
+        """
+        for vertex in self._inner():
+            if vertex in self._fixed and self._fixed.issuperset(self._out_of[vertex]):
+                self._take_out(vertex)
+        heap = [(*self._growth(vertex), vertex) for vertex in self._inner()]
+        heapq.heapify(heap)
+        while heap and heap[0][0] <= 0:
+            growth, products, vertex = heapq.heappop(heap)
+            if vertex not in self.into or (growth, products) != self._growth(vertex):
+                continue  # there is a newer entry, or none is needed any more
+            into, slopes = self._take_out(vertex)
+            near = {*into, *slopes}
+            near |= {target for source in into for target in self._out_of[source]}
+            near |= {source for target in slopes for source in self.into[target]}
+            for other in near:
+                if isinstance(other, int):
+                    heapq.heappush(heap, (*self._growth(other), other))
+
+    def _take_out(self, vertex: int) -> tuple[dict[Vertex, ca.SX], dict[Vertex, ca.SX]]:
+        """Connect what a vertex depends on with what depends on it, without it; both, and the partial derivatives."""
+        into = self.into[vertex]
+        slopes = {target: self.into[target][vertex] for target in self._out_of[vertex]}
+        self._remove(vertex)
+        for target, slope in slopes.items():
+            for source, before in into.items():
+                self._connect(source, target, slope * before)
+        return into, slopes
+
+
+@built_once
+def _partials(operation: int, count: int) -> ca.Function:
+    """The derivatives of an operation by its operands."""
+    operands = [ca.SX.sym(f"operand_{operand}") for operand in range(count)]
+    value = applied(operation, operands)
+    return ca.Function("partials", operands, [ca.jacobian(value, operand) for operand in operands])
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,80 @@
-"""C source of CasADi functions, over arrays that have the names of the functions' own arguments."""
+"""C source of CasADi functions over arrays with the names of the functions' own arguments, plain or in vector lanes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import casadi as ca
 
-from dualwinch.codegen.source.instructions import elements_read
-from dualwinch.codegen.source.lanes import Lanes
+from dualwinch.codegen.compiler import SCHEDULED, Compiler
+from dualwinch.codegen.source.expressions import elements_read
+from dualwinch.codegen.source.loops import rolled_statements
 from dualwinch.codegen.source.operations import Style
-from dualwinch.codegen.source.rolled import rolled_statements
 from dualwinch.codegen.source.statements import Strand, helpers, statements
+
+LANES = 16
+"""Computations that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
+
+FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512", "-fno-finite-math-only")
+"""Beside the flags of every build. Contraction and reciprocals change last bits, the same way in every lane.
+
+Numbers that are not finite are reckoned with: gcc turns choices into branches and back into masks, and where it takes
+`x > 0` for the opposite of `x <= 0`, a NaN in one of two interleaved lanes loses what the other one computed.
+"""
+
+GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps")
+"""Flags that only gcc knows. It orders instructions with an eye to its registers, and leaves choices as they are.
+
+Else it makes branches of choices, threads those through each other, and turns what comes of it into several masks each.
+"""
+
+
+def lane_flags(compiler: Compiler) -> tuple[str, ...]:
+    """Flags of a build with lanes, beside those of every build."""
+    return FLAGS if compiler.is_clang else FLAGS + GCC_FLAGS
+
+
+def lane_sizes(compiler: Compiler) -> dict[str, int]:
+    """``LANES``, and ``PAIRED``: whether functions work on two lanes a call (clang interleaves them by itself)."""
+    return {"LANES": LANES, "PAIRED": int(not compiler.is_clang)}
+
+
+@dataclass(frozen=True)
+class LaneLayout:
+    """A function in lanes: its arrays' elements lie some lanes apart, it calls nothing that `elementary.h` has.
+
+    Attributes:
+        paired: a call works on a lane and on the one lanes/2 further on, statement by statement, so that a processor
+            has something to do while it waits for a result.
+        shared: arguments that are the same in all lanes.
+        apart: the number of lanes as C text.
+        packed: input → those of its elements that its array holds, in their order; others hold all.
+    """
+
+    paired: bool
+    shared: Collection[str] = ()
+    apart: str = "LANES"
+    packed: Mapping[str, Sequence[int]] = field(default_factory=dict)
+
+    style = Style(compares=True, inlined=True)
+    """How operations are written."""
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        """The evaluations of a call."""
+        first = Strand(self._element)
+        return (first, Strand(self._half_further, "b")) if self.paired else (first,)
+
+    def _element(self, name: str, element: int) -> str:
+        position = self.packed[name].index(element) if name in self.packed else element
+        return f"{name}[{position}]" if name in self.shared else f"{name}[{position}*{self.apart}]"
+
+    def _half_further(self, name: str, element: int) -> str:
+        here = self._element(name, element)
+        return here if name in self.shared else f"{here[:-1]}+{self.apart}/2]"
 
 
 def c_source(
-    functions: Sequence[ca.Function], style: Style | None = None, lanes: Mapping[str, Lanes] | None = None
+    functions: Sequence[ca.Function], style: Style | None = None, lanes: Mapping[str, LaneLayout] | None = None
 ) -> str:
     """C99 definitions ``static inline void NAME(const double *IN, ..., double *OUT, ...)``, one a function.
 
@@ -32,7 +94,7 @@ def c_source(
     return "\n\n".join(["#include <math.h>", *([helping] if helping else []), *definitions]) + "\n"
 
 
-def _definition(function: ca.Function, style: Style, lanes: Lanes | None) -> str:
+def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -> str:
     inputs, outputs, real = function.name_in(), function.name_out(), style.precision
     arguments = ",\n    ".join(
         [f"const {real} *restrict {name}" for name in inputs] + [f"{real} *restrict {name}" for name in outputs]

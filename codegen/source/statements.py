@@ -8,9 +8,8 @@ from typing import TypeAlias
 import casadi as ca
 
 from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.instructions import instructions
-from dualwinch.codegen.source.operations import ERF_INVERSE, Style, name_of, patterns
-from dualwinch.codegen.source.precision import Precision, literal, suffix
+from dualwinch.codegen.source.expressions import instructions
+from dualwinch.codegen.source.operations import ERF_INVERSE, Precision, Style, literal, name_of, patterns, suffix
 
 Element: TypeAlias = Callable[[str, int], str]
 """``(argument or result, element) -> C``: where an element stands."""

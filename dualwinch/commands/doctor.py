@@ -8,10 +8,9 @@ from importlib.metadata import PackageNotFoundError, version
 from rich.table import Table
 
 from dualwinch import __version__
-from dualwinch.codegen.cache import libraries
+from dualwinch.codegen.cache import cache_folder, libraries
 from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.codegen.trusted_folder import cache_folder
 from dualwinch.commands.terminal import terminal
 
 REQUIRED = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.runs import Runs
-from dualwinch.codegen.drivers.stepping import Stepping
+from dualwinch.codegen.drivers.stepping import SteppedRuns, Stepping
 from dualwinch.simulation.stepper.pages import Page
 from dualwinch.simulation.stepper.scenarios import Lane
 
@@ -26,8 +25,8 @@ class Lanes:
     """
 
     def __init__(self, code: Stepping, count: int, samples: int, *, shared: bool) -> None:
-        """Make room; see `codegen.drivers.runs.Runs`."""
-        self.runs = Runs(code, count, samples, shared=shared)
+        """Make room; see `codegen.drivers.stepping.SteppedRuns`."""
+        self.runs = SteppedRuns(code, count, samples, shared=shared)
         self.lanes: dict[int, Lane] = {}
         self._pages: dict[int, Page] = {}
         self._ends = np.full(count, NEVER)
@@ -44,7 +43,7 @@ class Lanes:
         self.runs.look()
 
     def step(self, samples: int, threads: int = 1, row: int | None = None) -> int:
-        """Move all runs under way on; the number of those that are so after it. See `Runs.step`."""
+        """Move all runs under way on; the number of those that are so after it. See `SteppedRuns.step`."""
         running = 1
         while samples and running:
             stretch = min(samples, self._left)

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from dualwinch.codegen import cache
-from dualwinch.codegen.cache import libraries, library
+from dualwinch.codegen.cache import MARKER, cache_folder, libraries, library
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CacheError, CompileError
-from dualwinch.codegen.trusted_folder import MARKER, cache_folder
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="permission bits")
 

@@ -14,8 +14,8 @@ import pytest
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.fmu import About, archive, build_fmu, fmu_model, host_platform
-from dualwinch.codegen.fmu.source import fmu_source
-from dualwinch.codegen.fmu.units import base_powers
+from dualwinch.codegen.fmu.build import fmu_source
+from dualwinch.codegen.fmu.description import base_powers
 
 ABOUT = About("tested 1.0", 2.0)
 SANITISERS = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]

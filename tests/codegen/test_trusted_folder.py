@@ -11,11 +11,10 @@ from pathlib import Path
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.codegen import cache, trusted_folder
-from dualwinch.codegen.cache import library
+from dualwinch.codegen import cache
+from dualwinch.codegen.cache import MARKER, NAME, cache_folder, library
 from dualwinch.codegen.compiler import find_compiler, fingerprint
 from dualwinch.codegen.errors import CacheError, CacheWarning
-from dualwinch.codegen.trusted_folder import MARKER, NAME, cache_folder
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="owners and permission bits")
 
@@ -31,7 +30,7 @@ AS_ROOT = pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reas
 @pytest.fixture(autouse=True)
 def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder that ``DUALWINCH_CACHE_DIR`` names."""
-    trusted_folder._substitute.cache_clear()
+    cache._substitute.cache_clear()
     folder = tmp_path / "given"
     folder.mkdir(mode=0o755)
     monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(folder))
@@ -171,7 +170,7 @@ def test_files_of_somebody_else(given: Path) -> None:
 def test_a_group_of_ones_own_is_nobody_else(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given.chmod(0o775)
     assert cache_folder() == given / NAME
-    monkeypatch.setattr(trusted_folder, "_private", lambda _: False)
+    monkeypatch.setattr(cache, "_private", lambda _: False)
     built_elsewhere(f"others may write to {given}")
 
 
@@ -195,7 +194,7 @@ def test_the_command_line_says_so_in_a_line(given: Path, capsys: pytest.CaptureF
 
 def test_a_folder_of_a_process_goes_with_it(given: Path) -> None:
     given.chmod(0o777)
-    program = "from dualwinch.codegen.trusted_folder import cache_folder; print(cache_folder())"
+    program = "from dualwinch.codegen.cache import cache_folder; print(cache_folder())"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert NAME in done.stdout
     assert not Path(done.stdout.strip()).exists()

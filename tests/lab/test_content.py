@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from dualwinch.codegen.cache import NAME
 from dualwinch.codegen.errors import CompileError
-from dualwinch.codegen.trusted_folder import NAME
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.lab import content as kept
 from dualwinch.lab.content import Content, content

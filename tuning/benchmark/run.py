@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from dualwinch.codegen.files import atomic
-from dualwinch.codegen.source.instructions import instructions
+from dualwinch.codegen.source.expressions import instructions
 from dualwinch.controllers.controller import controller_function
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves

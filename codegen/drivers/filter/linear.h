@@ -1,4 +1,4 @@
-/* The system of codegen/predicted.py with its slopes. Comes after driver.h, elementary.h, lanes.h, the sizes and the
+/* The system of codegen/sampled.py with its slopes. Comes after driver.h, elementary.h, lanes.h, the sizes and the
    functions of codegen/drivers/prediction.py, each with its derive_NAME(parameters, derived):
      NAME           sense, prepare, move, one_step
      linear_NAME    the same with slopes by the state, of `move` by the fitted numbers, too

@@ -10,7 +10,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.drivers.sensitivity import Varied, compile_sensitivity
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.codegen.source.lanes import LANES
+from dualwinch.codegen.source.c_source import LANES
 from tests.codegen.toy import oscillator
 
 SAMPLES, GAINS = 40, (3, 4)

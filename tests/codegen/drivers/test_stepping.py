@@ -11,8 +11,7 @@ import pytest
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.rollout import compile_rollout
-from dualwinch.codegen.drivers.runs import Runs
-from dualwinch.codegen.drivers.stepping import Commanded, compile_stepping, stepping_source
+from dualwinch.codegen.drivers.stepping import Commanded, SteppedRuns, compile_stepping, stepping_source
 from tests.codegen.drivers.test_rollout import SANITISERS
 from tests.codegen.toy import oscillator
 
@@ -37,7 +36,7 @@ def test_runs_are_those_of_single_rollouts(exact: bool, one_step: bool, count: i
     rng = np.random.default_rng(0)
     parameters = PARAMETERS * rng.uniform(0.8, 1.2, (count, 3))
     forces, speeds = rng.uniform(-5, 5, (count, 31, 1)), rng.uniform(-0.5, 0.5, (30, count))
-    runs = Runs(compile_stepping(system, exact=exact), count, 30, shared=False)
+    runs = SteppedRuns(compile_stepping(system, exact=exact), count, 30, shared=False)
     runs.start(np.arange(count), np.tile(START, (count, 1)), parameters)
     for run in range(count):
         runs.read(run, forces[run].ctypes.data)
@@ -60,7 +59,7 @@ def test_runs_are_those_of_single_rollouts(exact: bool, one_step: bool, count: i
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_outcomes_are_each_runs_own(exact: bool) -> None:
-    runs = Runs(compile_stepping(commanded(), exact=exact), 4, 50, shared=True)
+    runs = SteppedRuns(compile_stepping(commanded(), exact=exact), 4, 50, shared=True)
     assert runs.outcomes.tolist() == [Outcome.COMPLETED] * 4  # nothing to step before they are started
     assert runs.step(1) == 0
     runs.start(np.arange(3), np.tile(START, (3, 1)), PARAMETERS[np.newaxis])

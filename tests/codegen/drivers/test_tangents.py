@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.codegen.drivers.linearised_graph import LinearisedGraph
-from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
+from dualwinch.codegen.drivers.tangents import JacobianProduct, LinearisedGraph, Tangents, jacobian_product
 
 ALONG = {"state": Tangents("state_tangent"), "gains": Tangents("direction", (0, 2))}
 numbers = st.floats(0.1, 2.0)

@@ -10,9 +10,7 @@ from benchmarks.embedded.host import Host, build
 from benchmarks.embedded.loop import float_controller
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.export.compensate import compensated
-from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.codegen.export.prepared import prepared
+from dualwinch.codegen.export.package import Provenance, c_package, compensated, prepared
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.scalar import where
 from dualwinch.simulation.paper import case

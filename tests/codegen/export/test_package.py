@@ -17,9 +17,8 @@ from benchmarks.embedded.report import recorded
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.export.package import Provenance, c_package, frozen
-from dualwinch.codegen.export.prepared import prepared
-from dualwinch.codegen.source.precision import PRECISIONS, Precision
+from dualwinch.codegen.export.package import Provenance, c_package, frozen, prepared
+from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS

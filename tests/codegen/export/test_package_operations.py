@@ -12,7 +12,7 @@ from dualwinch.codegen.block import Block, Variable
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.codegen.source.precision import PRECISIONS, Precision
+from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from tests.codegen.operations import functions, interpreted
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")

@@ -7,10 +7,9 @@ import pytest
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.drivers.rollout import rollout_source
 from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.c_source import LaneLayout, c_source
+from dualwinch.codegen.source.expressions import elements_read
 from dualwinch.codegen.source.hoist import hoisted
-from dualwinch.codegen.source.instructions import elements_read
-from dualwinch.codegen.source.lanes import Lanes
 from dualwinch.codegen.source.statements import statements
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
@@ -96,7 +95,7 @@ def test_each_operation_is_a_statement_in_its_order() -> None:
 def test_lanes_have_their_elements_apart_and_two_of_them_interleaved() -> None:
     x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
     function = ca.Function("f", [x, p], [x[2] * p[1]], ["x", "p"], ["y"])
-    lanes = Lanes(paired=True, shared=("p",), packed={"x": [0, 2]})
+    lanes = LaneLayout(paired=True, shared=("p",), packed={"x": [0, 2]})
     assert statements(function, lanes.style, lanes.strands)[2:] == [
         "  a0=x[1*LANES];",
         "  b0=x[1*LANES+LANES/2];",

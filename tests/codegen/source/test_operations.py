@@ -14,8 +14,7 @@ from dualwinch.codegen.drivers.unit import unit
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.native import NON_FINITE
 from dualwinch.codegen.native import compile as compiled
-from dualwinch.codegen.source.c_source import c_source
-from dualwinch.codegen.source.lanes import LANES, Lanes, lane_flags, lane_sizes
+from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.operations import FUNCTIONS_OF_ONE, FUNCTIONS_OF_TWO, INLINED, Style, name_of, patterns
 from tests.codegen.operations import NUMBERS, SPECIAL, functions, interpreted, pairs
 
@@ -65,7 +64,7 @@ def in_float(tmp_path_factory: pytest.TempPathFactory) -> Evaluate:
 @pytest.fixture(scope="module", params=[True, False], ids=["paired", "unpaired"])
 def in_lanes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Evaluate:
     compiler = find_compiler()
-    lanes = {function.name(): Lanes(paired=request.param) for function in WRITTEN.values()}
+    lanes = {function.name(): LaneLayout(paired=request.param) for function in WRITTEN.values()}
     loops = [
         f"{EXPORT} void every_{name}(const double *restrict x, const double *restrict y, double *restrict z, int n) "
         f"{{ for (; n > 0; n -= LANES, x += LANES, y += LANES, z += LANES) EACH_CALL {name}(x + l, y + l, z + l); }}"

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from dualwinch.codegen.source.precision import PRECISIONS, Precision, literal
+from dualwinch.codegen.source.operations import PRECISIONS, Precision, literal
 
 
 def test_literals_keep_guards_against_division_by_zero() -> None:

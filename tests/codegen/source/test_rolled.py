@@ -11,9 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.source.loops import Loop, loops
+from dualwinch.codegen.source.loops import Loop, loops, rolled_statements
 from dualwinch.codegen.source.operations import Style
-from dualwinch.codegen.source.rolled import rolled_statements
 from dualwinch.codegen.source.statements import statements
 
 BUILD = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off", "-shared", "-fPIC")

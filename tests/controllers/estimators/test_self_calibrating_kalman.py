@@ -12,7 +12,7 @@ import pytest
 from benchmarks.embedded.host import PRECISE, Host, build
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.codegen.source.precision import Precision
+from dualwinch.codegen.source.operations import Precision
 from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.kalman import KalmanGains, kalman_gain

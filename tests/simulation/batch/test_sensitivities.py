@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.drivers import sensitivity as driver
-from dualwinch.codegen.source.lanes import LANES
+from dualwinch.codegen.source.c_source import LANES
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError

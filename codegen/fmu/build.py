@@ -1,0 +1,240 @@
+"""An FMU as a file: its one C source, binaries for each platform, and the archive around them."""
+
+import hashlib
+import io
+import math
+import platform
+import sys
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
+
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.cache import library
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.errors import CodegenError, CompilerNotFoundError
+from dualwinch.codegen.fmu.description import About, build_description, model_description_2, model_description_3
+from dualwinch.codegen.fmu.model import KINDS, VERSIONS, FmuModel, FmuVariable
+from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.text import c_comment
+
+PORTABLE = ("-fno-finite-math-only", "-ftrapping-math", "-s")
+"""After the flags of every build: an FMU must notice values that are not finite."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """One platform.
+
+    Attributes:
+        name: its folder in an FMU of FMI 2, and how it is asked for.
+        tuple_: its folder in an FMU of FMI 3.
+        suffix: of a shared library.
+        target: for zig; oldest system libraries the binary runs with included.
+        machine: a processor every such machine has, for gcc and clang.
+    """
+
+    name: str
+    tuple_: str
+    suffix: str
+    target: str
+    machine: str
+
+
+PLATFORMS = {
+    supported.name: supported
+    for supported in (
+        Platform("linux64", "x86_64-linux", ".so", "x86_64-linux-gnu.2.17", "x86-64"),
+        Platform("win64", "x86_64-windows", ".dll", "x86_64-windows-gnu", "x86-64"),
+        Platform("darwin64", "x86_64-darwin", ".dylib", "x86_64-macos.11.0-none", "x86-64"),
+        Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17", "armv8-a"),
+        Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos.11.0-none", "armv8-a"),
+    )
+}
+"""Every platform by its name."""
+
+
+def find_platform(name: str) -> Platform | None:
+    """The platform of a name, FMI 2's or FMI 3's; None where there is none."""
+    return next((known for known in PLATFORMS.values() if name in {known.name, known.tuple_}), None)
+
+
+def host_platform() -> Platform:
+    """The platform this runs on.
+
+    Raises:
+        CodegenError: it is none of those an FMU can have.
+    """
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    found = find_platform(f"{machine}-{platform.system().lower()}")
+    if found is None:
+        raise CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name others")
+    return found
+
+
+def compiler_for(wanted: Platform) -> tuple[Compiler, tuple[str, ...]]:
+    """Compiler and flags that build for a platform: zig where it is installed, else the machine's own for its own.
+
+    Raises:
+        CompilerNotFoundError: zig is not installed and the platform is not this one, or there is no compiler.
+    """
+    try:
+        zig = find_compiler("zig")
+    except CompilerNotFoundError:
+        if wanted is not host_platform():
+            raise CompilerNotFoundError(
+                f"no compiler for {wanted.name}: it needs zig; run: pip install 'dualwinch[zig]'"
+            ) from None
+        return find_compiler(), (*PORTABLE, f"-march={wanted.machine}")
+    return replace(zig, command=(*zig.command, "-target", wanted.target)), PORTABLE
+
+
+ROLES = ("input", "parameter", "output", "state", "derivative")
+"""What the vectors in an instance's memory hold, in this order."""
+
+WRAPPERS = {2: ("core.c", "fmi2.c"), 3: ("core.c", "fmi3.c", "fmi3_lacking.c")}
+"""What stands around the generated functions, by version of FMI."""
+
+
+def fmu_source(model: FmuModel) -> tuple[str, str]:
+    """The C source of an FMU and its token, which the model description repeats."""
+    functions = model.functions
+    tangents = [tangent for tangent in (functions.start_tangent, functions.now_tangent) if tangent is not None]
+    body = [
+        *_sizes(model),
+        *_tables(model),
+        c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
+        *((files("dualwinch.codegen.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
+    ]
+    digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
+    token = f"{{{'-'.join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]))}}}"
+    what = f"{model.block.name}: {model.block.description}; functional mock-up unit, FMI {model.version}.0"
+    heading = f"/* {c_comment(what)} */"
+    return "\n".join([heading, f'#define TOKEN "{token}"', *body]), token
+
+
+def _sizes(model: FmuModel) -> list[str]:
+    sizes: dict[str, int] = {}
+    reference = 0
+    for role in ROLES:
+        count = len(model.of(role))
+        sizes |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": reference}
+        reference += count
+    sizes["DERIVED"] = model.functions.derive.numel_out("derived")
+    sizes |= {"TIME": reference, "VARIABLES": reference + 1, "HAS_DERIVATIVES": int(bool(model.of("derivative")))}
+    sizes["HAS_HELD"] = int(model.functions.on_input[len(model.of("derivative")) :].any())
+    return [
+        *(f"#define {name} {size}" for name, size in sizes.items()),
+        f"#define SAMPLE_TIME {model.block.sample_time!r}",
+        f"#define MODEL_IDENTIFIER {model.block.name}",
+        f"#define OFFERS_MODEL_EXCHANGE {int(model.flows)}",
+        f"#define OFFERS_CO_SIMULATION {int(model.steps)}",
+    ]
+
+
+def _tables(model: FmuModel) -> list[str]:
+    """Names, start values and ranges of all variables, and which outputs answer an input at once."""
+    listed = model.signals
+    nominals = [_number(state.nominal) for state in model.block.continuous]
+    uses = model.functions.on_input[len(model.of("derivative")) :]
+    return [
+        _table("const char *const name", "VARIABLES", [f'"{signal.name}"' for signal in listed]),
+        _table("double start_value", "VARIABLES", [_number(signal.variable.start) for signal in listed]),
+        _table("double lower", "VARIABLES", [_number(_limits(signal)[0]) for signal in listed]),
+        _table("double upper", "VARIABLES", [_number(_limits(signal)[1]) for signal in listed]),
+        *([_table("double nominal", "DERIVATIVES", nominals)] if model.flows else []),
+        _table("int held", "OUTPUTS", [str(int(row.any())) for row in uses]),
+    ]
+
+
+def _limits(signal: FmuVariable) -> tuple[float, float]:
+    """Range within which a variable can be set; a state can be any number."""
+    largest = sys.float_info.max
+    if signal.role not in {"input", "parameter"}:
+        return -largest, largest
+    lower = max(signal.variable.lower, -largest)
+    if signal.variable.exclusive:
+        lower = math.nextafter(lower, largest)
+    return lower, min(signal.variable.upper, largest)
+
+
+def _number(value: float) -> str:
+    return repr(float(value)) if math.isfinite(value) else "0.0"
+
+
+def _table(what: str, size: str, entries: list[str]) -> str:
+    constant = what if what.startswith("const") else f"const {what}"
+    lines = [", ".join(entries[reference : reference + 6]) for reference in range(0, len(entries), 6)]
+    return f"static {constant}[{size}] = {{\n  " + ",\n  ".join(lines) + "};"
+
+
+EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Time stamp of every file in the archive."""
+
+
+def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuModel:
+    """A block seen through FMI.
+
+    Args:
+        block: what to export.
+        version: of FMI, 2 or 3.
+        kind: ``co-simulation``, ``model-exchange`` or ``both``; default: all the block can be.
+
+    Raises:
+        CodegenError: an unknown version or kind, or model exchange of a block that is sampled by nature.
+    """
+    if version not in VERSIONS:
+        raise CodegenError(f"FMI version {version}: must be 2 or 3")
+    kind = kind or ("both" if block.derivative is not None else "co-simulation")
+    if kind not in KINDS:
+        raise CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(KINDS)}")
+    if kind != "co-simulation" and block.derivative is None:
+        raise CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
+    return FmuModel(block, kind, version)  # pyright: ignore[reportArgumentType]
+
+
+def build_fmu(
+    model: FmuModel, platforms: Sequence[Platform], about: About, progress: Callable[[str], None] | None = None
+) -> dict[str, bytes]:
+    """Generate and compile everything an FMU holds; binaries come from the cache where they are known.
+
+    Args:
+        model: what to export.
+        platforms: what to compile for; the sources are always included.
+        about: what the model description says beside the block.
+        progress: called with the name of each platform before it is compiled for.
+
+    Returns:
+        Path in the archive → content.
+
+    Raises:
+        CompilerNotFoundError: no compiler for a platform.
+        CompileError: the compiler fails.
+        CacheError: the cache folder cannot be used.
+    """
+    compilers = {platform: compiler_for(platform) for platform in platforms}
+    source, token = fmu_source(model)
+    describe = model_description_2 if model.version == 2 else model_description_3
+    name = model.block.name
+    content = {"modelDescription.xml": describe(model, token, about), f"sources/{name}.c": source.encode()}
+    if model.version == 3:
+        content["sources/buildDescription.xml"] = build_description(model)
+    for target, (compiler, flags) in compilers.items():
+        if progress:
+            progress(target.name)
+        folder = target.name if model.version == 2 else target.tuple_
+        content[f"binaries/{folder}/{name}{target.suffix}"] = library(source, compiler, flags).read_bytes()
+    return content
+
+
+def archive(files: Mapping[str, bytes]) -> bytes:
+    """The archive of some files, which is the FMU; the same files give the same bytes."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as zipped:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name, EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            zipped.writestr(entry, content)
+    return buffer.getvalue()
