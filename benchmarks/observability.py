@@ -19,7 +19,7 @@ from benchmarks.document import markdown, put
 from dualwinch.controllers.estimators.encoder_calibration import DrumGains
 from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.plant import Plant
-from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.ropes import rope_lengths
 
 Floats = NDArray[np.float64]
 

@@ -34,7 +34,7 @@ from dualwinch.controllers.laws.extended_state_observer import corrected
 from dualwinch.controllers.laws.predictive.box import least_in_box
 from dualwinch.controllers.laws.predictive.mpc import Mpc
 from dualwinch.controllers.signals import Estimate
-from dualwinch.model.motions.preview import Previewed
+from dualwinch.model.motions import Previewed
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.exogenous.signals import asked_motion

@@ -15,10 +15,8 @@ import annotated_types as at
 from dualwinch.config.settings import leaf_of
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.numbers import numbers_of
-from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.quantities.validation import shown, validated
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, numbers_of
+from dualwinch.model.quantities.tree import leaves, shown, validated, with_leaves
 from dualwinch.simulation.ensembles.distributions import (
     DISTRIBUTIONS,
     Choice,

@@ -11,7 +11,7 @@ from dualwinch.config.plugins import load_entry_points
 from dualwinch.config.settings import describe_choices, from_folder, override, with_settings, without_digests
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
 from dualwinch.model.quantities.description import describe_parts, every_leaf
-from dualwinch.model.quantities.origin import built_in
+from dualwinch.model.quantities.part import built_in
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed

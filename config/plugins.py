@@ -27,9 +27,7 @@ from typing import Any, TypeVar
 import dualwinch.simulation.ensembles.ensemble  # noqa: F401  registries that no experiment holds
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import check_keys, every_leaf
-from dualwinch.model.quantities.origin import PLUGIN, named
-from dualwinch.model.quantities.part import Part, Registry, base_of
-from dualwinch.model.quantities.wrong_parts import check_defaults
+from dualwinch.model.quantities.part import PLUGIN, Part, Registry, base_of, check_defaults, named
 from dualwinch.simulation.experiment import Experiment
 
 PartType = TypeVar("PartType", bound=type[Part])

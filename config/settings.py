@@ -10,8 +10,7 @@ from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.quantities.validation import validated
+from dualwinch.model.quantities.tree import leaves, validated, with_leaves
 from dualwinch.simulation.experiment import Experiment
 
 

@@ -26,7 +26,7 @@ from dualwinch.controllers.signals import (
     PositionOutput,
 )
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.preview import Previewed, previewed
+from dualwinch.model.motions import Previewed, previewed
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.part import Choice

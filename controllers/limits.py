@@ -5,9 +5,9 @@ from typing import Annotated, ClassVar
 
 import annotated_types as at
 
+from dualwinch.model.linear.operating_point import PRELOAD, TENSION_MAX, TENSION_MIN
 from dualwinch.model.quantities.quantity import Quantity, Rule, Tunable
 from dualwinch.model.scalar import Scalar, clip
-from dualwinch.model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from typing import Annotated
 
 import annotated_types as at
 
+from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.plant import Plant, specified_plant
 from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.model.ropes.kelvin_voigt import Rope, tangent_rope
-from dualwinch.model.steady_cruise import PRELOAD
+from dualwinch.model.ropes import Rope, tangent_rope
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.model.signals.signal import Signal
+from dualwinch.model.signals import Signal
 from dualwinch.simulation.results.content import Content
 
 Floats = NDArray[np.float64]

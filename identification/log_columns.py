@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.signals.tables import csv_units
+from dualwinch.model.recordings import csv_units
 
 Floats = NDArray[np.float64]
 Columns = tuple[dict[str, Floats], dict[str, str]]

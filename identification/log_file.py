@@ -11,7 +11,7 @@ from dualwinch.identification.log import TORQUES, Log
 from dualwinch.identification.sensed import Sensed
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.signals.units import factor
+from dualwinch.model.recordings import factor
 from dualwinch.simulation.loop.row import READ
 
 UNIT_OF = {

@@ -1,6 +1,6 @@
 """The machine under recorded torques as a filter sees it: motion, motors, and what acts on it unrecorded.
 
-Its equations are those of every simulation (`simulation.loop.between`, `model.actuators.drive`); from sample to sample
+Its equations are those of every simulation (`simulation.loop.between`, `model.actuators`); from sample to sample
 torques and the unrecorded are held.
 """
 
@@ -17,7 +17,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.identification.sensed import sensed
 from dualwinch.identification.unrecorded import NAMES, Unrecorded
-from dualwinch.model.actuators.drive import drive
+from dualwinch.model.actuators import drive
 from dualwinch.model.plant import Torques, torques_amid
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar, exp

@@ -4,8 +4,7 @@ from matplotlib.figure import Figure
 
 from dualwinch.identification.found import Found
 from dualwinch.identification.summary import headline, notes, tables
-from dualwinch.model.quantities.html import page, table
-from dualwinch.model.quantities.markdown import markdown
+from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.simulation.plots.page import GivenAxes
 
 

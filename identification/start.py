@@ -15,9 +15,8 @@ from dualwinch.identification.sensed import READINGS
 from dualwinch.identification.unrecorded import Scatter
 from dualwinch.model.plant import holding_torques
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.ropes.creep import crept
-from dualwinch.model.ropes.track import rope_lengths
-from dualwinch.model.winding import angle_of, winding
+from dualwinch.model.ropes import crept, rope_lengths
+from dualwinch.model.winch import angle_of, winding
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import Structure
 

@@ -9,10 +9,10 @@ from typing import Annotated
 
 import annotated_types as at
 
+from dualwinch.model.quantities.description import slots
 from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.quantities.slots import slots
 from dualwinch.model.scalar import Scalar, sin
-from dualwinch.model.signals.signal import Signal
+from dualwinch.model.signals import Signal
 from dualwinch.model.vehicle import Vehicle, drag
 
 

@@ -8,15 +8,10 @@ import casadi as ca
 from dualwinch.model.quantities.part import Choice
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
-from dualwinch.model.ropes.creep import NEW, Creep, crept
-from dualwinch.model.ropes.kelvin_voigt import Rope
-from dualwinch.model.ropes.registry import ROPES
-from dualwinch.model.ropes.rope_law import RopeLaw, one_sided
-from dualwinch.model.ropes.track import Track, rope_lengths
+from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, one_sided, rope_lengths
 from dualwinch.model.scalar import Scalar, reciprocals
 from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
-from dualwinch.model.winch import Winch, drum_acceleration, shaft_torque, specified_winch
-from dualwinch.model.winding import angle_of, winding
+from dualwinch.model.winch import Winch, angle_of, drum_acceleration, shaft_torque, specified_winch, winding
 
 ROPE_LAW = Quantity("", "law of the rope's tension", "paper Section 2.2")
 

@@ -15,15 +15,24 @@ from typing import Annotated, Literal
 import annotated_types as at
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.preview import Departures
-from dualwinch.model.motions.recorded import RecordedMotion, recorded_motion
-from dualwinch.model.motions.s_curve import least_duration, speed_up
-from dualwinch.model.motions.setpoint import Setpoint, later, piece_at
-from dualwinch.model.motions.way_points import Limits, Move, longest_cruise, moves, way_point_motion
-from dualwinch.model.quantities.numbers import NONE, numbers_of
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.motions import (
+    Departures,
+    Limits,
+    Move,
+    RecordedMotion,
+    Setpoint,
+    later,
+    least_duration,
+    longest_cruise,
+    moves,
+    piece_at,
+    recorded_motion,
+    speed_up,
+    way_point_motion,
+)
+from dualwinch.model.quantities.quantity import NONE, Mark, Quantity, numbers_of
+from dualwinch.model.recordings import Origin, Recording, recorded
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.signals.recording import Origin, Recording, recorded
 
 
 @dataclass(frozen=True)

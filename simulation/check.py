@@ -9,12 +9,11 @@ import numpy as np
 
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.s_curve import least_duration
+from dualwinch.model.motions import least_duration
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantities.validation import check_rules
+from dualwinch.model.quantities.tree import check_rules
 from dualwinch.model.reference import Reference, cruise_speed, setpoint
-from dualwinch.model.ropes.kelvin_voigt import kelvin_voigt
-from dualwinch.model.ropes.track import Track
+from dualwinch.model.ropes import Track, kelvin_voigt
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.solver import FINE, is_automatic, solver_of, swing_rates

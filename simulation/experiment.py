@@ -7,14 +7,12 @@ from typing import Annotated, ClassVar, Literal
 import annotated_types as at
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.model.actuators.actuator import Actuator
-from dualwinch.model.actuators.ideal import Ideal
-from dualwinch.model.actuators.registry import ACTUATORS
+from dualwinch.model.actuators import ACTUATORS, Actuator, Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.part import Choice, Choices
 from dualwinch.model.quantities.quantity import Mark, Quantity, Rule
-from dualwinch.model.quantities.validation import check_values
+from dualwinch.model.quantities.tree import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
 from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.metrics.check import checked_metrics

@@ -13,13 +13,12 @@ from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.registry import POSITION_LAWS
-from dualwinch.model.actuators.actuator import Actuator
-from dualwinch.model.actuators.ideal import Ideal
+from dualwinch.model.actuators import Actuator, Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
-from dualwinch.model.ropes.rope_law import RopeLaw
+from dualwinch.model.ropes import RopeLaw
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric
 

@@ -7,8 +7,7 @@ import annotated_types as at
 import casadi as ca
 import numpy as np
 
-from dualwinch.model.actuators.actuator import Actuator, Demand
-from dualwinch.model.actuators.ideal import NoState
+from dualwinch.model.actuators import Actuator, Demand, NoState
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar
 

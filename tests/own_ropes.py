@@ -6,8 +6,7 @@ from typing import Annotated, ClassVar
 import annotated_types as at
 
 from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.ropes.kelvin_voigt import Rope
-from dualwinch.model.ropes.rope_law import RopeLaw
+from dualwinch.model.ropes import Rope, RopeLaw
 from dualwinch.model.scalar import Scalar, absolute, exp, sqrt
 
 

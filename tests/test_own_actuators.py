@@ -10,10 +10,7 @@ import pytest
 from dualwinch.codegen.native import compile as compile_function
 from dualwinch.config.experiment_file import load, loads, to_toml
 from dualwinch.config.settings import override
-from dualwinch.model.actuators.actuator import Actuator, Demand
-from dualwinch.model.actuators.ideal import Ideal, NoState, is_ideal
-from dualwinch.model.actuators.motor import Motor
-from dualwinch.model.actuators.registry import ACTUATORS
+from dualwinch.model.actuators import ACTUATORS, Actuator, Demand, Ideal, Motor, NoState, is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.scalar import Scalar

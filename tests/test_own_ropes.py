@@ -18,8 +18,7 @@ from dualwinch.model.linear.modes import modes
 from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.ropes.kelvin_voigt import Rope
-from dualwinch.model.ropes.registry import ROPES
+from dualwinch.model.ropes import ROPES, Rope
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, behind_number, nearest
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.signals.units import UNITS, factor
+from dualwinch.model.recordings import UNITS, factor
 from dualwinch.simulation.analysis.worst_margins import WorstMargin
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.model.quantities.html import page, section, table
+from dualwinch.model.quantities.tables import page, section, table
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import assumptions
 from dualwinch.tuning.optimisers import default_method

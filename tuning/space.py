@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Tunable, behind_number, nearest
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.quantities.validation import shown
+from dualwinch.model.quantities.tree import leaves, shown
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import Structure, structure_of

@@ -22,8 +22,7 @@ from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, Kalman
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.ropes.kelvin_voigt import Rope, kelvin_voigt, stiffness
-from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.ropes import Rope, kelvin_voigt, rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar, clip, exp, where
 
 

@@ -29,7 +29,7 @@ from dualwinch.controllers.estimators.least_squares import Knowledge, expected, 
 from dualwinch.controllers.estimators.shrinkage import shrunk
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
-from dualwinch.model.winding import TURN
+from dualwinch.model.winch import TURN
 
 
 @dataclass(frozen=True)

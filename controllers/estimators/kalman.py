@@ -13,7 +13,7 @@ A taut rope turns its drum encoder into a precise position sensor: ``R_1 theta_1
 2.2, E1, without damping). While a rope is slack its encoder says nothing and is left out.
 
 All three positions measure the same state, so they are one measurement with the weights of their variances. The gain
-solves the discrete Riccati equation (`controllers.riccati`); it depends on parameters alone. It is exact as long as all
+solves the discrete Riccati equation (`model.matrix`); it depends on parameters alone. It is exact as long as all
 sensors are in use and the noise is white, which a position rounded to 1 mm is not quite: its noise level is to include
 the rounding.
 
@@ -34,14 +34,12 @@ import annotated_types as at
 
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.estimator import Estimator
-from dualwinch.controllers.riccati import riccati
 from dualwinch.controllers.signals import Estimate, Measurement
-from dualwinch.model.matrix import Matrix, diagonal, plus, solve, transpose
+from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, transpose
 from dualwinch.model.plant import Environment, Plant, vehicle_acceleration
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.ropes.kelvin_voigt import compliance, kelvin_voigt
-from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, where
 
 

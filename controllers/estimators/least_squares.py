@@ -29,8 +29,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from dualwinch.model.matrix import Matrix, factorised, solved
-from dualwinch.model.quantities.arrays import vector
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity, vector
 from dualwinch.model.scalar import Scalar
 
 

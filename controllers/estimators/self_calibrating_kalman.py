@@ -43,10 +43,9 @@ from dualwinch.controllers.signals import Measurement
 from dualwinch.model.matrix import Matrix
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.ropes.kelvin_voigt import compliance, kelvin_voigt
-from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, both, clip, either, maximum, where
-from dualwinch.model.winding import winding
+from dualwinch.model.winch import winding
 
 
 @dataclass(frozen=True)

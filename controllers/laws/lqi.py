@@ -24,9 +24,8 @@ import annotated_types as at
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.riccati import riccati
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.matrix import Matrix, diagonal, times, transpose
+from dualwinch.model.matrix import Matrix, diagonal, riccati, times, transpose
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, both, clip, either, where

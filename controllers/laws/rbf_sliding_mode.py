@@ -26,8 +26,7 @@ from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.arrays import vector
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, exp, where
 

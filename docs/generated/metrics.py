@@ -1,7 +1,7 @@
 """Every figure of merit with its unit and its formula."""
 
 from docs.generated.text import code, table, unit
-from dualwinch.model.quantities.html import readable
+from dualwinch.model.quantities.tables import readable
 from dualwinch.simulation.metrics.metrics import metric_quantities
 
 

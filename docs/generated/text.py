@@ -1,6 +1,6 @@
 """Words of tables, as Markdown shows them."""
 
-from dualwinch.model.quantities.html import readable_unit
+from dualwinch.model.quantities.tables import readable_unit
 
 
 def cell(text: str) -> str:

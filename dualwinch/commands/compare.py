@@ -20,7 +20,7 @@ from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.html import readable_unit
+from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.comparison import CONFIDENCE, RESAMPLES, Comparison, paper_controller
 from dualwinch.simulation.ensembles.comparison import compare as run

@@ -16,11 +16,10 @@ from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.terminal import terminal
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.files import writer
 from dualwinch.model.linear.linearisation import linearise_at
-from dualwinch.model.linear.mode_tracks import track_modes
+from dualwinch.model.linear.modes import track_modes
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
-from dualwinch.model.linear.system import LinearSystem, save_sweep
+from dualwinch.model.linear.system import LinearSystem, save_sweep, writer
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.experiment import Experiment
 

@@ -10,13 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from dualwinch.commands.terminal import styled, terminal
-from dualwinch.model.linear.controllability import is_controllable, sufficient_sensors
-from dualwinch.model.linear.mode_label import plant_prefix
-from dualwinch.model.linear.mode_tracks import ModeTrack
-from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, Mode, modes
+from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, Mode, ModeTrack, modes, plant_prefix
 from dualwinch.model.linear.operating_point import OperatingPoint
+from dualwinch.model.linear.properties import dc_gains, is_controllable, sufficient_sensors
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.linear.zeros import dc_gains
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import numbers

@@ -11,8 +11,8 @@ from rich import box
 from rich.table import Table
 
 from dualwinch.commands.terminal import styled, terminal
-from dualwinch.model.quantities.html import readable, readable_unit
 from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.sensitivities import Sensitivities, described
 from dualwinch.simulation.experiment import Experiment

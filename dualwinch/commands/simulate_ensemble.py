@@ -14,7 +14,7 @@ from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.toml_text import parse_assignment
-from dualwinch.model.quantities.html import readable_unit
+from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, ensemble_writer, save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble

@@ -9,8 +9,7 @@ import numpy as np
 from dualwinch.config.renamed import current
 from dualwinch.config.settings import leaf_of, override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.quantities.validation import shown
+from dualwinch.model.quantities.tree import leaves, shown
 from dualwinch.simulation.batch.sweep import run_grid
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment

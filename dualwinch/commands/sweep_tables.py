@@ -10,8 +10,8 @@ from rich import box
 from rich.table import Table
 
 from dualwinch.commands.terminal import styled, terminal
-from dualwinch.model.quantities.html import readable_unit
 from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.results.content import Content, plain
 from dualwinch.simulation.sweep import Sweep

@@ -10,7 +10,7 @@ from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, load
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
-from dualwinch.model.actuators.ideal import is_ideal
+from dualwinch.model.actuators import is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment

@@ -140,7 +140,7 @@ NOTES = (
         "The stiffness E A / x of rope 2 (2.2) is infinite at the start, where x = 0.",
         "Each rope has a dead length between winch and rail that stays at the rail's end.",
         keys=("plant.track.rope_offset",),
-        modules=("model/ropes/track.py",),
+        modules=("model/ropes.py",),
     ),
     Note(
         "A2",
@@ -150,7 +150,7 @@ NOTES = (
         "Spring and damper together never go below zero; a rope shorter than its rest length gives nothing. With "
         "rope_slack = false the rope is the paper's two-sided one.",
         keys=("plant.rope_slack",),
-        modules=("model/ropes/rope_law.py",),
+        modules=("model/ropes.py",),
     ),
     Note(
         "A3",

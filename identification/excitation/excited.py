@@ -5,9 +5,8 @@ from matplotlib.figure import Figure
 
 from dualwinch.identification.excitation.designed import Designed
 from dualwinch.identification.excitation.figure import excited_figure
-from dualwinch.model.quantities.html import page, table
-from dualwinch.model.quantities.markdown import markdown
 from dualwinch.model.quantities.quantity import behind_number
+from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.simulation.plots.page import GivenAxes
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.way_points import Limits, gaining_time, top_speed
+from dualwinch.model.motions import Limits, gaining_time, top_speed
 from dualwinch.model.reference import Reference, cruise_speed
 from dualwinch.simulation.experiment import Experiment
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 
 from dualwinch.lab.wasm.settings import DURATION, GIVEN, KIND, MOTIONS, SAMPLE_TIME, Settings
-from dualwinch.model.motions.preview import no_departures
+from dualwinch.model.motions import no_departures
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import PAPER_DURATION, PAPER_SPEED, Reference, departures, setpoint, steady_window
 from dualwinch.model.scalar import Scalar, both, where

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.model.actuators.motor import Motor
+from dualwinch.model.actuators import Motor
 from dualwinch.model.scalar import where
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.between import named_function

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.operating_point import OperatingPoint, operating_points
+from dualwinch.model.linear.operating_point import PRELOAD, TENSION_MAX, TENSION_MIN, OperatingPoint, operating_points
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import (
     Environment,
@@ -24,7 +24,6 @@ from dualwinch.model.plant import (
 )
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves, numbers
-from dualwinch.model.steady_cruise import PRELOAD, TENSION_MAX, TENSION_MIN
 
 STATES = tuple(describe(PlantState))
 INPUTS = ("tau_1", "tau_2", "D", "current")

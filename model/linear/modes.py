@@ -1,16 +1,117 @@
-"""Modes of a linear system: how fast, how damped, in which states, and what to call them."""
+"""Modes of a linear system: how fast, how damped, in which states, what to call them; followed along a sweep."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.linear.mode_label import label
+from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.plant import Plant
+from dualwinch.model.plant import Plant, PlantState
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.ropes import rope_lengths
+from dualwinch.model.vehicle import inertia
+
+RIGID = 0.05
+"""A mode is rigid where the ropes stretch by less than this share of the largest displacement."""
+
+TAKES_PART = 0.2
+"""A body (a rope) takes part with this share of the kinetic energy (the elastic energy), or more."""
+
+
+class Shape(NamedTuple):
+    """A mode of the plant in metres: complex displacements along the track, the drums' at their rims."""
+
+    vehicle: complex
+    drum_1: complex
+    drum_2: complex
+
+    @property
+    def stretches(self) -> tuple[complex, complex]:
+        """Stretches of rope 1 and rope 2."""
+        return self.drum_1 - self.vehicle, self.vehicle - self.drum_2
+
+
+def label(system: LinearSystem, participation: Mapping[str, float], shape: Mapping[str, complex], plant: Plant) -> str:
+    """A mode's name in words.
+
+    Args:
+        system: whose mode it is.
+        participation: state → its share in the mode.
+        shape: state → complex amplitude.
+        plant: parameters of the plant that was linearised.
+    """
+    prefix = plant_prefix(system.states)
+    x = system.operating_point.get("x")
+    if prefix is None or x is None or sum(participation[prefix + name] for name in describe(PlantState)) < 0.5:
+        return _by_states(participation)
+    moved = displacements(shape, plant, prefix)
+    largest = max(map(abs, moved))
+    if max(map(abs, moved.stretches)) < RIGID * largest:
+        speed, position = participation[prefix + "v"], participation[prefix + "x"]
+        return "rigid drift: speed" if speed > position else "rigid drift: position"
+    springs = _springs(plant, x, system.operating_point)
+    return _by_energies(moved, plant, springs)
+
+
+def plant_prefix(states: Sequence[str]) -> str | None:
+    """What stands before the names of the plant's six states; None where they are not all there."""
+    for name in states:
+        prefix = name.removesuffix("theta_1")
+        if prefix != name and all(prefix + state in states for state in describe(PlantState)):
+            return prefix
+    return None
+
+
+def displacements(shape: Mapping[str, complex], plant: Plant, prefix: str = "") -> Shape:
+    """A mode's displacements of vehicle and drum rims along the track, in metres."""
+    return Shape(
+        shape[prefix + "x"],
+        plant.winch_1.drum_radius * shape[prefix + "theta_1"],
+        -plant.winch_2.drum_radius * shape[prefix + "theta_2"],
+    )
+
+
+def _springs(plant: Plant, x: float, point: Mapping[str, float]) -> tuple[float, float]:
+    """Spring rates in N/m of both ropes at an operating point."""
+    length_1, length_2 = rope_lengths(x, plant.track)
+    tension_1, tension_2 = (point.get(name, PRELOAD / 2) for name in ("F1", "F2"))
+    return plant.rope_1.tangent(tension_1, length_1)[0], plant.rope_2.tangent(tension_2, length_2)[0]
+
+
+def _by_energies(moved: Shape, plant: Plant, springs: tuple[float, float]) -> str:
+    masses = (
+        inertia(plant.vehicle),
+        plant.winch_1.inertia / plant.winch_1.drum_radius**2,
+        plant.winch_2.inertia / plant.winch_2.drum_radius**2,
+    )
+    vehicle, *drums = _taking_part(masses, moved)
+    ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
+    turning = [number for number, there in enumerate(drums, start=1) if there]
+    rope = "both ropes" if len(ropes) == 2 else f"rope {ropes[0]}"
+    drum = "both drums" if len(turning) == 2 else f"drum {turning[0]}" if turning else ""
+    if len(turning) == 2 and not vehicle:
+        together = (moved.drum_1 * moved.drum_2.conjugate()).real > 0
+        return "both drums " + ("together" if together else "opposed")
+    if not vehicle:
+        return f"{rope} – {drum}"
+    return f"vehicle on {rope}" + (f", with {drum}" if drum else "")
+
+
+def _taking_part(weights: Sequence[float], amplitudes: Sequence[complex]) -> list[bool]:
+    energies = [weight * abs(amplitude) ** 2 for weight, amplitude in zip(weights, amplitudes, strict=True)]
+    return [energy >= TAKES_PART * sum(energies) for energy in energies]
+
+
+def _by_states(participation: Mapping[str, float]) -> str:
+    first, *others = sorted(participation.items(), key=lambda item: -item[1])
+    names = [first[0], *(name for name, share in others[:2] if share > first[1] / 3)]
+    return ", ".join(names)
+
 
 Complex = NDArray[np.complex128]
 
@@ -19,7 +120,6 @@ STILL = 1e-8
 
 SAMPLES_A_PERIOD = 10
 """Samples in a period of a mode that a controller acting on it needs (Åström and Wittenmark: 10 to 30)."""
-
 
 DEADBEAT = 1e-3
 """Eigenvalue of a discrete system below which a mode is gone after a sample and has no frequency."""
@@ -150,3 +250,76 @@ def _rate(eigenvalue: complex, dt: float | None) -> complex:
     if dt is None:
         return eigenvalue
     return complex(np.log(eigenvalue)) / dt if abs(eigenvalue) > DEADBEAT else complex(-math.inf, 0.0)
+
+
+CLEAR = 0.8
+"""Overlap from which a mode is the one before beyond doubt."""
+
+
+@dataclass(frozen=True)
+class ModeTrack:
+    """One mode along a sweep: at every point the mode, under the label it has most often."""
+
+    label: str
+    modes: tuple[Mode, ...]
+
+    @property
+    def natural_frequencies(self) -> NDArray[np.float64]:
+        """Natural frequency in rad/s at every point."""
+        return np.array([entry.natural_frequency for entry in self.modes])
+
+    @property
+    def dampings(self) -> NDArray[np.float64]:
+        """Damping ratio at every point."""
+        return np.array([entry.damping for entry in self.modes])
+
+    @property
+    def rates(self) -> NDArray[np.complex128]:
+        """Continuous-time eigenvalue in 1/s at every point."""
+        return np.array([entry.rate for entry in self.modes])
+
+
+def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> tuple[ModeTrack, ...]:
+    """Follow the modes along systems that change little from one to the next.
+
+    Two modes belong together where the left eigenvector of each fits the right one of the other (a measure that no
+    scaling of states changes) and their eigenvalues are near. Where modes mix, as those of two equal ropes in the
+    middle of the track do, they are matched with what they were before.
+
+    Args:
+        systems: of the same states, in the order of the sweep.
+        plant: the plant that was linearised, for the labels (default: the paper's).
+
+    Returns:
+        The tracks, the slowest at the first point first. An oscillation is one track; where it splits into two
+        decays, the other one is a track of its own.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    found = spectra(systems)
+    orders = [np.arange(len(found[0].eigenvalues))]
+    known = Spectrum(found[0].eigenvalues, found[0].right.copy(), found[0].left.copy())
+    for spectrum in found[1:]:
+        overlap = np.abs(known.left @ spectrum.right) * np.abs(spectrum.left @ known.right).T
+        distance = np.abs(known.eigenvalues[:, None] - spectrum.eigenvalues)
+        scale = np.abs(known.eigenvalues[:, None]) + np.abs(spectrum.eigenvalues)
+        cost = distance / np.maximum(scale, np.finfo(np.float64).tiny) - np.minimum(overlap, 1.0)
+        order = linear_sum_assignment(cost)[1]
+        orders.append(order)
+        clear = overlap[np.arange(len(order)), order] > CLEAR
+        known = Spectrum(
+            spectrum.eigenvalues[order],
+            np.where(clear, spectrum.right[:, order], known.right),
+            np.where(clear[:, None], spectrum.left[order], known.left),
+        )
+    tracks = []
+    for branch in np.array(orders).T:
+        values = np.array([spectrum.eigenvalues[k] for spectrum, k in zip(found, branch, strict=True)])
+        if np.all(values.imag < 0):
+            continue
+        along = tuple(
+            mode(system, spectrum, int(k), plant or Plant())
+            for system, spectrum, k in zip(systems, found, branch, strict=True)
+        )
+        tracks.append(ModeTrack(Counter(entry.label for entry in along).most_common(1)[0][0], along))
+    return tuple(sorted(tracks, key=lambda track: track.modes[0].natural_frequency))

@@ -1,8 +1,17 @@
-"""Operating points: where the plant is linearised. At rest an equilibrium, else a steady cruise."""
+"""Operating points: where the plant is linearised. At rest an equilibrium, else an instant of steady motion.
+
+In steady motion speed, tensions and drum speeds stay constant. The length of rope between winch and vehicle changes as
+the vehicle moves, and with it the spring rate E A / length. A tension stays constant if the *strain* does: with the
+stretch ``s = strain * length`` and ``F = E A / length * s + c ds/dt``, the strain is ``F / (E A + c dlength/dt)``. So a
+drum turns a little slower than the vehicle moves, by the share ``strain`` of the speed. (Were drum and vehicle equally
+fast, the tension would rise by ``F v / length`` newtons a second.) This is an exact solution of the plant, not an
+approximation; only position and drum angles change along it. `RopeLaw.steady_stretch` is the strain of other ropes.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -10,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.operating_limits import FASTEST, check_position, check_range, remarks, violations
 from dualwinch.model.plant import (
     Environment,
     Plant,
@@ -24,19 +32,152 @@ from dualwinch.model.plant import (
 )
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, numbers
-from dualwinch.model.steady_cruise import (
-    PRELOAD,
-    TENSION_MAX,
-    TENSION_MIN,
-    resistance,
-    shared_tensions,
-    steady_cruise,
-)
+from dualwinch.model.ropes import SHORTEST_ROPE, Track, rope_lengths
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
+from dualwinch.model.vehicle import drag, friction
+from dualwinch.model.winch import angle_of, friction_torque, shaft_torque, winding
+
+PRELOAD = 2000.0
+"""Sum of both tensions in N (paper Section 4.1)."""
+
+TENSION_MIN, TENSION_MAX = 200.0, 6000.0
+"""Limits of a tension in N (Table 1)."""
+
+
+class SteadyCruise(NamedTuple):
+    """State and input at one instant of a steady cruise, with the tensions in N."""
+
+    state: PlantState
+    torques: Torques
+    F1: Scalar
+    F2: Scalar
+
+
+def resistance(v: Scalar, environment: Environment, plant: Plant) -> Scalar:
+    """Net rope force F1 − F2 in N that keeps the speed v in m/s: friction, drag and disturbance (paper Section 2.3)."""
+    opposing = friction(v, plant.vehicle, environment.normal_force_variation)
+    return opposing + drag(v - environment.current, plant.vehicle) - environment.force
+
+
+def shared_tensions(net: Scalar, preload: Scalar, tension_min: Scalar, tension_max: Scalar) -> tuple[Scalar, Scalar]:
+    """Tensions F1 and F2 in N with the difference `net` (paper Section 3.2).
+
+    Their sum is the preload. Where that takes a tension across a limit, the other rope takes over: the sum is as near
+    to the preload as the limits allow. A net force beyond ``tension_max - tension_min`` leaves one tension at
+    tension_min and the other above tension_max.
+    """
+    total = maximum(minimum(preload, 2 * tension_max - absolute(net)), 2 * tension_min + absolute(net))
+    return (total + net) / 2, (total - net) / 2
+
+
+def steady_cruise(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: Plant) -> SteadyCruise:
+    """State and torques of the steady cruise that passes x in m at v in m/s, with the tensions F1 and F2 in N.
+
+    The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
+    angle the motion is steady for that instant.
+    """
+    length_1, length_2 = rope_lengths(x, plant.track)
+    stretch_1, slope_1 = plant.rope_1.steady_stretch(tensions[0], length_1, -v)
+    stretch_2, slope_2 = plant.rope_2.steady_stretch(tensions[1], length_2, v)
+    theta_1, theta_2 = angle_of(stretch_1 + x, plant.winch_1), angle_of(stretch_2 - x, plant.winch_2)
+    radius_1, radius_2 = winding(theta_1, plant.winch_1).radius, winding(theta_2, plant.winch_2).radius
+    omega_1 = v * (1 - slope_1) / radius_1
+    omega_2 = -v * (1 - slope_2) / radius_2
+    state = PlantState(
+        x=x,
+        v=v,
+        theta_1=theta_1,
+        omega_1=omega_1,
+        theta_2=theta_2,
+        omega_2=omega_2,
+    )
+    torque_1 = (radius_1 * tensions[0] + friction_torque(omega_1, plant.winch_1)) / plant.winch_1.gear_ratio
+    torque_2 = (radius_2 * tensions[1] + friction_torque(omega_2, plant.winch_2)) / plant.winch_2.gear_ratio
+    torques = Torques(
+        tau_1=torque_1 / shaft_torque(1.0, theta_1, plant.winch_1),
+        tau_2=torque_2 / shaft_torque(1.0, theta_2, plant.winch_2),
+    )
+    return SteadyCruise(state, torques, *tensions)
+
+
+FASTEST = 10.0
+"""Bound in m/s on the speed of an operating point, far beyond what the ropes can give."""
+
+TOLERANCE = 1e-9
+"""Share by which a limit may be passed: round-off."""
+
+
+def check_range(key: str, value: float, lower: float, upper: float, unit: str, *, strictly: bool = False) -> None:
+    """Raise `ConfigurationError` for a number that is not finite or out of its range."""
+    if math.isfinite(value) and (lower < value < upper if strictly else lower <= value <= upper):
+        return
+    ends = [
+        f"{sign}{'' if strictly else '='} {bound:g}"
+        for sign, bound in ((">", lower), ("<", upper))
+        if math.isfinite(bound)
+    ]
+    raise ConfigurationError(
+        f"{key} = {value:g}: must be a finite number {' and '.join(ends)} {unit}".replace("  ", " ")
+    )
+
+
+def check_position(x: float, track: Track) -> None:
+    """Raise `ConfigurationError` for a position off the track, or one that leaves a rope at its shortest length."""
+    overrun = track.rope_offset / 2
+    check_range("x", x, -overrun, track.length + overrun, "m (the track of plant.track.length, and half a rope_offset)")
+    for rope, length in enumerate((track.length - x + track.rope_offset, x + track.rope_offset), start=1):
+        if length <= SHORTEST_ROPE:
+            raise ConfigurationError(
+                f"x = {x:g}: leaves {length:g} m of rope {rope}, must be > {SHORTEST_ROPE:g} m "
+                f"(plant.track.rope_offset = {track.rope_offset:g} m)"
+            )
+
+
+def violations(
+    v: float, forces: Sequence[float], torques: Sequence[float], plant: Plant, limits: tuple[float, float]
+) -> tuple[str, ...]:
+    """Limits that tensions in N and torques in N m do not respect, in words.
+
+    Args:
+        v: speed of the cruise in m/s.
+        forces: tensions F1 and F2.
+        torques: motor torques tau_1 and tau_2.
+        plant: its winches say which torque gives which tension.
+        limits: tension_min and tension_max.
+    """
+    words = []
+    motion = f"cruise at {v:g} m/s" if v else "rest"
+    lower, upper = limits
+    for number, winch in enumerate((plant.winch_1, plant.winch_2), start=1):
+        force, torque = forces[number - 1], torques[number - 1]
+        if force > upper * (1 + TOLERANCE):
+            words.append(f"{motion} needs {_newtons(force)} in rope {number} > tension_max = {_newtons(upper)}")
+            continue
+        ratio = winch.drum_radius / winch.gear_ratio
+        for sign, limit, name in ((-1, lower, "tension_min"), (1, upper, "tension_max")):
+            if sign * (torque - ratio * limit) > TOLERANCE * ratio * upper:
+                words.append(
+                    f"{motion} needs tau_{number} = {torque:.4g} N m {'<>'[sign > 0]} {ratio * limit:.4g} N m, "
+                    f"the torque of {name}"
+                )
+    return tuple(words)
+
+
+def remarks(preload: float, forces: Sequence[float]) -> tuple[str, ...]:
+    """What else is to be known of tensions in N that were asked to sum up to a preload in N, in words."""
+    total = sum(forces)
+    if abs(total - preload) <= TOLERANCE * preload:
+        return ()
+    return (f"a rope is at its limit: the tensions' sum is {_newtons(total)}, not the preload's {_newtons(preload)}",)
+
+
+def _newtons(force: float) -> str:
+    return f"{force:,.0f} N".replace(",", " ")
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """One instant of a steady cruise (see `model.steady_cruise`), or an equilibrium where v is zero."""
+    """One instant of a steady cruise (see `model.linear.operating_point`), or an equilibrium where v is zero."""
 
     x: Annotated[float, Quantity("m", "position of the vehicle along the track")]
     v: Annotated[float, Quantity("m/s", "speed of the vehicle")]

@@ -1,18 +1,176 @@
-"""A linear system whose states, inputs and outputs have names and units."""
+"""Linear systems whose states, inputs and outputs have names and units, and their files.
 
+A file is JSON, MATLAB (for MATLAB, Octave and SciPy) or NumPy, chosen by its suffix. Every format has the same entries:
+``A, B, C, D, dt, states, inputs, outputs, units, operating_point``. A continuous system has ``dt`` null in JSON and 0
+elsewhere, so that ``ss(A, B, C, D, dt)`` is right in MATLAB and Octave.
+
+A sweep of systems fills the same entries: matrices get one more axis over the points (the first; in MATLAB files the
+last, so that ``A(:, :, k)`` is a matrix), and every number of the operating point becomes a list.
+"""
+
+import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
-from dualwinch.model.linear.files import Content, write
-from dualwinch.model.linear.view import html
 from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.tables import page, readable_unit, section, table
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a file holds: one system, or a sweep of systems, whose names and sample time are those of the content.
+
+    Attributes:
+        matrices: ``A``, ``B``, ``C``, ``D`` → the matrix, or those of a sweep with the points as their first axis.
+        dt: sample time in s; None: continuous time.
+        states, inputs, outputs: names.
+        units: name → unit.
+        operating_point: name → value, or values of a sweep.
+    """
+
+    matrices: Mapping[str, NDArray[np.float64]]
+    dt: float | None
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    operating_point: Mapping[str, float | list[float]]
+
+
+def write(content: Content, path: str | PathLike[str]) -> None:
+    """Write linear systems to a file, which appears whole or not at all.
+
+    Args:
+        content: what to write.
+        path: its suffix chooses the format: json, mat, npz.
+
+    Raises:
+        ConfigurationError: unknown suffix.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    write_format = writer(path)
+    with atomic(path) as unfinished:
+        write_format(unfinished, content)
+
+
+def writer(path: str | PathLike[str]) -> Callable[[Path, Content], None]:
+    """What writes the format of a path's suffix.
+
+    Raises:
+        ConfigurationError: unknown suffix.
+    """
+    path = Path(path)
+    try:
+        return WRITERS[path.suffix.lower()]
+    except KeyError:
+        allowed = ", ".join(WRITERS)
+        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
+
+
+def _write_json(path: Path, content: Content) -> None:
+    entries = {
+        **{name: matrix.tolist() for name, matrix in content.matrices.items()},
+        "dt": content.dt,
+        "states": list(content.states),
+        "inputs": list(content.inputs),
+        "outputs": list(content.outputs),
+        "units": dict(content.units),
+        "operating_point": dict(content.operating_point),
+    }
+    path.write_text(json.dumps(entries, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _write_npz(path: Path, content: Content) -> None:
+    arrays = {
+        **content.matrices,
+        "dt": np.array(content.dt or 0.0),
+        "states": np.array(content.states),
+        "inputs": np.array(content.inputs),
+        "outputs": np.array(content.outputs),
+        "units": np.array(json.dumps(dict(content.units))),
+        "operating_point": np.array(json.dumps(dict(content.operating_point))),
+    }
+    np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
+
+
+def _write_mat(path: Path, content: Content) -> None:
+    from scipy.io import savemat
+
+    entries = {
+        **{
+            name: np.moveaxis(matrix, 0, -1) if matrix.ndim == 3 else matrix
+            for name, matrix in content.matrices.items()
+        },
+        "dt": content.dt or 0.0,
+        "states": _cells(content.states),
+        "inputs": _cells(content.inputs),
+        "outputs": _cells(content.outputs),
+        "units": {_field(name): unit for name, unit in content.units.items()},
+        "operating_point": {_field(name): value for name, value in content.operating_point.items()},
+    }
+    savemat(path, entries, long_field_names=True)
+
+
+def _cells(names: Iterable[str]) -> NDArray[np.object_]:
+    """A column cell array of texts."""
+    return np.array([*names, ""], dtype=object)[:-1, None]
+
+
+def _field(name: str) -> str:
+    """A name as a field of a MATLAB structure, which has no dots."""
+    return name.replace(".", "_")
+
+
+WRITERS: dict[str, Callable[[Path, Content], None]] = {
+    ".json": _write_json,
+    ".mat": _write_mat,
+    ".npz": _write_npz,
+}
+"""Suffix → what writes it."""
+
+
+LARGEST = 16
+"""Rows and columns of the largest matrix that is shown; of a larger system only the names are."""
+
+
+def html(system: Content) -> str:
+    """Names, units and, of a small system, the matrix [A B; C D] with its rows and columns named."""
+    sizes = len(system.states), len(system.inputs), len(system.outputs)
+    words = "{} states, {} inputs, {} outputs".format(*sizes)
+    time = "continuous time" if system.dt is None else f"sampled every {system.dt:g} s"
+    point = ", ".join(f"{name} = {value:.4g}" for name, value in system.operating_point.items())
+    kinds = {"state": system.states, "input": system.inputs, "output": system.outputs}
+    rows = [[name, readable_unit(system.units[name]), kind] for kind, names in kinds.items() for name in names]
+    names = section("names and units", table(["name", "unit", ""], rows))
+    parts = [section("A, B; C, D", _matrix(system), is_open=True)] if _is_small(system) else []
+    if point:
+        words += f", at {point}"
+    return page("Linear system", f"{time}, {words}", *parts, names)
+
+
+def _is_small(system: Content) -> bool:
+    states, inputs, outputs = len(system.states), len(system.inputs), len(system.outputs)
+    return max(states + inputs, states + outputs) <= LARGEST
+
+
+def _matrix(system: Content) -> str:
+    numbers = np.block([[system.matrices["A"], system.matrices["B"]], [system.matrices["C"], system.matrices["D"]]])
+    columns = (*system.states, *system.inputs)
+    form = "d{}/dt" if system.dt is None else "next {}"
+    causes = [*(form.format(name) for name in system.states), *system.outputs]
+    rows = [[name, *(f"{value:.4g}" for value in row)] for name, row in zip(causes, numbers, strict=True)]
+    return table(["", *columns], rows, numbers=range(1, len(columns) + 1))
+
 
 Array = NDArray[np.float64]
 
@@ -137,7 +295,7 @@ class LinearSystem:
         return html(self._content)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.files`).
+        """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.system`).
 
         Raises:
             ConfigurationError: unknown suffix.
@@ -151,7 +309,7 @@ class LinearSystem:
 
 
 def save_sweep(systems: Sequence[LinearSystem], path: str | PathLike[str]) -> None:
-    """Write systems of the same names to one file (see `model.linear.files`).
+    """Write systems of the same names to one file (see `model.linear.system`).
 
     Raises:
         ConfigurationError: unknown suffix.

@@ -1,20 +1,229 @@
-"""Parts: objects that own their gains and are chosen among their likes, such as a position law.
+"""Parts: objects that own their gains and are chosen by their kind, such as a position law.
 
 A part is a frozen dataclass of its own gains with a `kind`, its name in files and on command lines. Its keys stand in
 the table of what it is part of: a number ``k`` of the part ``mine`` of ``controller`` is ``controller.mine.k``, and a
 group of numbers keeps the name of its field, ``controller.observer.l0``. So parts that share a group share its keys.
+
+A class that cannot be a part is refused in one line that says what to write instead (`check_class`). Files that record
+a part note where its class comes from (`source_of`) and a `digest` of that source.
 """
 
+import hashlib
+import inspect
+import re
+import site
+import sys
+import sysconfig
 from abc import ABC
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar, Generic, Self, TypeVar, get_origin, get_type_hints
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.origin import named, origin
 from dualwinch.model.quantities.quantity import nearest
-from dualwinch.model.quantities.wrong_parts import check_class
+
+PACKAGE = __name__.partition(".")[0]
+
+PLUGIN = "_plugin_of_dualwinch_"
+"""What the names of modules begin with that were imported from a file that somebody named."""
+
+
+def built_in(part: type) -> bool:
+    """Whether a part comes with the product."""
+    return part.__module__.partition(".")[0] == PACKAGE
+
+
+def source_of(part: type) -> str:
+    """Where a part is defined: the path of a file for one from a script or a named file, else the name of a module."""
+    module = sys.modules.get(part.__module__)
+    path = _path(module) if module else None
+    if path and (part.__module__ == "__main__" or part.__module__.startswith(PLUGIN)):
+        return str(path)
+    return part.__module__
+
+
+def origin(part: type) -> tuple[str, str]:
+    """What is the same for a part that is defined again, such as by a notebook's cell: its file, else module, and name.
+
+    One file may be known under several modules' names.
+    """
+    module = sys.modules.get(part.__module__)
+    path = _path(module) if module else None
+    return str(path or part.__module__), part.__qualname__
+
+
+def named(part: type) -> str:
+    """A part as errors name it: its class, and where it is defined."""
+    source, name = source_of(part), part.__qualname__.rpartition("<locals>.")[2]
+    return f"{name} of {Path(source).name}" if source.endswith(".py") else f"{source}.{name}"
+
+
+def digest(part: type) -> str:
+    """SHA-256 of the sources that define a part; empty where they cannot be read, as of what was typed at a prompt.
+
+    These are the modules of its class and of the classes it is made from, and what these take from files beside them or
+    from their own package. Libraries do not count.
+    """
+    texts = [_text(module) or _text_of(part) for module in _modules(part)]
+    if part.__module__ not in sys.modules or not all(texts):
+        return ""
+    digests = sorted(hashlib.sha256(text.encode()).hexdigest() for text in texts)
+    return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+def _text(module: ModuleType) -> str:
+    """The source of a module as it was imported, where its loader keeps that, else as it is now."""
+    read = getattr(getattr(module.__spec__, "loader", None), "get_source", None)
+    try:
+        return (read(module.__spec__.name) if read and module.__spec__ else inspect.getsource(module)) or ""
+    except (OSError, TypeError, ImportError):
+        return ""
+
+
+def _text_of(part: type) -> str:
+    """The source of a class, which a notebook's cell has; a notebook itself has none."""
+    try:
+        return inspect.getsource(part)
+    except (OSError, TypeError):
+        return ""
+
+
+def _modules(part: type) -> list[ModuleType]:
+    """The modules that define a part, without the product's own."""
+    waiting = [sys.modules[base.__module__] for base in part.__mro__ if _counts(base.__module__)]
+    found: dict[str, ModuleType] = {}
+    while waiting:
+        module = waiting.pop()
+        if module.__name__ not in found:
+            found[module.__name__] = module
+            waiting += _companions(module)
+    return list(found.values())
+
+
+def _counts(name: str) -> bool:
+    top = name.partition(".")[0]
+    return name in sys.modules and top != PACKAGE and top not in sys.stdlib_module_names
+
+
+def _companions(module: ModuleType) -> Iterator[ModuleType]:
+    """Modules beside a module, in its folder or package, that its names come from."""
+    for value in list(vars(module).values()):
+        name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+        other = sys.modules.get(name) if isinstance(name, str) else None
+        if other and other is not module and _counts(other.__name__) and _beside(other, module):
+            yield other
+
+
+def _beside(other: ModuleType, module: ModuleType) -> bool:
+    top = module.__name__.partition(".")[0]
+    if other.__name__.partition(".")[0] == top:
+        return True
+    theirs, ours = _path(other), _path(module)
+    return theirs is not None and ours is not None and theirs.parent == ours.parent not in _libraries()
+
+
+def _path(module: ModuleType) -> Path | None:
+    file = getattr(module, "__file__", None)
+    return Path(file).resolve() if file and Path(file).is_file() else None
+
+
+@cache
+def _libraries() -> frozenset[Path]:
+    """Folders of installed modules, which have nothing to do with each other."""
+    folders = [*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()]
+    return frozenset(Path(folder).resolve() for folder in folders)
+
+
+KIND = re.compile(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*")
+"""Words that can stand in keys, on command lines and in the names of functions."""
+
+OF_THE_CLASS = ("kind", "label", "colour", "dashes", "rules")
+"""What a part says of itself, which is no number of it."""
+
+
+@cache
+def check_class(part: type) -> None:
+    """Raise `ConfigurationError` where a class is no frozen dataclass with a kind and all that its base asks for."""
+    _check_fields(part)
+    _check_kind(part)
+    for method, asked in _asked_for(part).items():
+        _check_method(part, method, asked)
+
+
+def _check_fields(part: type) -> None:
+    if not _frozen(part):
+        raise ConfigurationError(f"{named(part)}: write @dataclass(frozen=True) right above the class")
+    known, hints = {field.name for field in fields(part)}, _hints(part)
+    for field in OF_THE_CLASS:
+        if field in known:
+            raise ConfigurationError(f"{named(part)}: {field} must be no field; write {field}: ClassVar = ...")
+    for field in inspect.get_annotations(part):
+        hint = hints[field]
+        if field not in known and hint is not ClassVar and get_origin(hint) is not ClassVar:
+            raise ConfigurationError(
+                f"{named(part)}: {field} is no field of it; write @dataclass(frozen=True) right above the class"
+            )
+    for field in known:
+        if is_dataclass(hints[field]) and not _frozen(hints[field]):
+            raise ConfigurationError(f"{named(hints[field])}: write @dataclass(frozen=True) right above the class")
+
+
+def _hints(part: type) -> dict[str, Any]:
+    try:
+        return get_type_hints(part)
+    except NameError as error:  # of annotations that are kept as text
+        raise ConfigurationError(
+            f"{named(part)}: {error}; its annotations take names from the top of its file"
+        ) from error
+
+
+def check_defaults(part: type) -> None:
+    """Raise `ConfigurationError` where a part cannot be made from its kind alone."""
+    for field in fields(part):
+        if field.init and field.default is MISSING and field.default_factory is MISSING:
+            raise ConfigurationError(
+                f"{named(part)}: {field.name} has no default; write {field.name}: Annotated[...] = ..."
+            )
+
+
+def _frozen(group: Any) -> bool:
+    parameters = getattr(group, "__dataclass_params__", None)
+    return parameters is not None and parameters.frozen and parameters.eq
+
+
+def _check_kind(part: type) -> None:
+    kind = getattr(part, "kind", None)
+    if not isinstance(kind, str) or not KIND.fullmatch(kind):
+        fitting = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", part.__name__).strip("_").lower()
+        wrong = "has no kind" if kind is None else f"kind = {kind!r} must be of letters, digits and single hyphens"
+        raise ConfigurationError(f'{named(part)}: {wrong}; write kind: ClassVar = "{fitting}"')
+
+
+def _asked_for(part: type) -> dict[str, Any]:
+    """The methods that a part's bases want written, by name."""
+    return {
+        method: vars(base)[method]
+        for base in part.__mro__
+        for method in getattr(base, "__abstractmethods__", ())
+        if method in vars(base)
+    }
+
+
+def _check_method(part: type, method: str, asked: Any) -> None:
+    if not inspect.isfunction(asked):
+        return
+    own, wanted = getattr(part, method), list(inspect.signature(asked).parameters)
+    written = f"write def {method}({', '.join(wanted)})"
+    if getattr(own, "__isabstractmethod__", False):
+        raise ConfigurationError(f"{named(part)}: has no {method}; {written}")
+    try:
+        inspect.signature(own).bind(*wanted)
+    except TypeError:
+        raise ConfigurationError(f"{named(part)}: its {method} takes other arguments; {written}") from None
 
 
 class Part(ABC):

@@ -2,12 +2,13 @@
 
 Parameters and signals are frozen dataclasses whose fields are annotated with a `Quantity` and, for parameters,
 with bounds from `annotated_types`. Everything else that needs the names, units or bounds (validation, the
-annotated TOML, result columns, the C header, the search space) reads them from here, as a `Leaf`.
+annotated TOML, result columns, the C header, the search space) reads them from here, as a `Leaf`. A field may also be
+a list of numbers (`Numbers`) or, in a state, a vector or matrix (`elements`).
 """
 
 import difflib
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
@@ -15,8 +16,51 @@ from numbers import Integral, Real
 from typing import Any
 
 import annotated_types as at
+import casadi as ca
+import numpy as np
 
-from dualwinch.model.quantities.numbers import Numbers, numbers_of
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.scalar import Scalar
+
+
+class Numbers(tuple[float, ...]):
+    """A list of numbers, however long, as a field of a group that is hashed and compared time and again.
+
+    Its hash is computed once, and it equals itself without a look at its elements.
+    """
+
+    _hash: int | None = None
+
+    def __hash__(self) -> int:
+        if self._hash is None:
+            self._hash = super().__hash__()
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or super().__eq__(other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+
+def numbers_of(values: Any) -> Any:
+    """A list or tuple as `Numbers`, its elements floats; anything else, which has yet to be refused, as it is."""
+    if isinstance(values, Numbers) or not isinstance(values, (list, tuple)):
+        return values
+    plain = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+    return Numbers(map(_as_float, values) if plain else values)
+
+
+def _as_float(value: float) -> float:
+    """A number as a float; a whole number beyond every float is infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+NONE = Numbers()
+"""No numbers."""
 
 
 @dataclass(frozen=True)
@@ -285,3 +329,67 @@ def nearest(key: str, keys: Iterable[str]) -> str:
     names = {name.rsplit(".", 1)[-1]: name for name in reversed(known)}
     near = difflib.get_close_matches(key.rsplit(".", 1)[-1], list(names), n=1, cutoff=0.0)
     return names[near[0]]
+
+
+@dataclass(frozen=True, init=False)
+class Elements:
+    """What the elements of a vector are where they are not alike, in place of one `Quantity` of all.
+
+    ``z: Annotated[Any, Elements((Quantity("m", "position"), Mark.POSITION), Quantity("m/s", "drift"))]``
+
+    Attributes:
+        quantities, marks: of each element; of a matrix, row by row.
+    """
+
+    quantities: tuple[Quantity, ...]
+    marks: tuple[frozenset[Mark], ...]
+
+    def __init__(self, *each: Quantity | tuple[Quantity | Mark, ...]) -> None:
+        """Say what each element is: its quantity, or a tuple of that and its marks."""
+        groups = [item if isinstance(item, tuple) else (item,) for item in each]
+        quantities = tuple(item for group in groups for item in group if isinstance(item, Quantity))
+        marks = tuple(frozenset(item for item in group if isinstance(item, Mark)) for group in groups)
+        if len(quantities) != len(groups) or not groups:
+            raise ConfigurationError("Elements: must be one Quantity for each element, or a tuple of it and its marks")
+        object.__setattr__(self, "quantities", quantities)
+        object.__setattr__(self, "marks", marks)
+
+
+def is_array(value: Any) -> bool:
+    """Whether a value is a vector or a matrix, of floats or of symbols, and not a scalar."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, (ca.SX, ca.MX, ca.DM)) and value.shape != (1, 1)
+
+
+def vector(values: Sequence[Scalar]) -> Any:
+    """Numbers, or symbols, as a vector of a state."""
+    symbolic = any(isinstance(value, (ca.SX, ca.MX)) for value in values)
+    return ca.vertcat(*values) if symbolic else np.array(values, dtype=float)
+
+
+def elements(value: Any) -> dict[str, Any]:
+    """What its key ends in → element of a vector (``.0``, ``.1``, …) or a matrix (``.0.0``, ``.0.1``, …), row by row.
+
+    A single element has the array's own key, for as a symbol it cannot be told from a scalar.
+    """
+    rows, columns = (*value.shape, 1)[:2]
+    matrix = value.reshape(rows, columns) if isinstance(value, np.ndarray) else value
+    if rows == columns == 1:
+        return {"": matrix[0, 0]}
+    if columns == 1:
+        return {f".{row}": matrix[row, 0] for row in range(rows)}
+    return {f".{row}.{column}": matrix[row, column] for row in range(rows) for column in range(columns)}
+
+
+def rebuilt(value: Any, element: Callable[[str], Any]) -> Any:
+    """An array shaped like another, by the ends of its elements' keys: NumPy's where all are floats, else CasADi's.
+
+    Elements that are themselves NumPy arrays, of many runs, add their axes behind.
+    """
+    found = [element(end) for end in elements(value)]
+    if any(isinstance(item, (ca.SX, ca.MX)) for item in found):
+        rows, columns = (*value.shape, 1)[:2]
+        return ca.reshape(ca.vertcat(*found), columns, rows).T
+    stacked = np.array(found, float)
+    return stacked.reshape(value.shape + stacked.shape[1:])

@@ -1,16 +1,64 @@
-"""Steps of parts, carried out with what is wrong with one said in a line."""
+"""Steps of parts over symbols: an error of a user's part is one line that says what to write instead."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from typing import Any
 
 import casadi as ca
 
+from dualwinch.codegen.errors import DualwinchError
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.arrays import is_array
-from dualwinch.model.quantities.over_symbols import over_symbols
+from dualwinch.model.quantities.quantity import is_array
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.scalar import Scalar
+
+BRANCHES = "use where(condition, a, b) of dualwinch.model.scalar in place of if, and, or, not, min and max"
+
+FUNCTIONS = "use functions of dualwinch.model.scalar or casadi in place of those of math and others"
+
+HINTS = {
+    "truth value": BRANCHES,
+    "a symbol is no float": FUNCTIONS,
+    "to_int not defined": FUNCTIONS,
+    "interpreted as an integer": FUNCTIONS,
+    "casadi SX does not support": FUNCTIONS,
+}
+"""What stands in errors of Python, CasADi and below → what to write instead."""
+
+AS_FLOAT = ca.SX.__float__
+
+
+@contextmanager
+def over_symbols(name: str) -> Iterator[None]:
+    """Call a user's function over symbols in here.
+
+    The float of a symbol is an error in here. CasADi gives NaN, of which `math` makes more, without a word.
+
+    Args:
+        name: what the function is called in messages, e.g. ``mine: its step``.
+
+    Raises:
+        ConfigurationError: the function asks a symbol for its value.
+    """
+    ca.SX.__float__ = _float  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        yield
+    except DualwinchError:
+        raise
+    except Exception as error:
+        hint = next((hint for words, hint in HINTS.items() if words in str(error)), None)
+        if hint is None:
+            raise
+        raise ConfigurationError(f"{name} asks for the value of a symbol; {hint}") from error
+    finally:
+        ca.SX.__float__ = AS_FLOAT
+
+
+def _float(symbol: ca.SX) -> float:
+    if not symbol.is_constant():
+        raise TypeError("a symbol is no float")
+    return AS_FLOAT(symbol)
 
 
 def started(part: Any) -> Any:

@@ -23,8 +23,7 @@ from dualwinch.codegen.errors import DualwinchError
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import numbers
-from dualwinch.model.ropes.kelvin_voigt import compliance, kelvin_voigt, tangent_rope
-from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths, tangent_rope
 from dualwinch.model.scalar import absolute
 from dualwinch.simulation.analysis.required_force import motor_torque, outside_at, outside_symbols, pull
 from dualwinch.simulation.experiment import Experiment

@@ -10,11 +10,11 @@ from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
+from dualwinch.model.linear.operating_point import resistance as resistance_of_plant
 from dualwinch.model.plant import Environment, Plant, PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.ropes.creep import Creep
-from dualwinch.model.steady_cruise import resistance as resistance_of_plant
+from dualwinch.model.ropes import Creep
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of

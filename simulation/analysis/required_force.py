@@ -11,7 +11,7 @@ from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_freque
 from dualwinch.model.plant import Environment, Plant, symbolic_plant, vehicle_acceleration
 from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.model.reference import setpoint
-from dualwinch.model.ropes.kelvin_voigt import Rope
+from dualwinch.model.ropes import Rope
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import Vehicle, inertia
 from dualwinch.model.winch import Winch, drum_acceleration

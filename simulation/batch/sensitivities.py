@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, compile_sensitivity
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.setpoint import Setpoint, later
+from dualwinch.model.motions import Setpoint, later
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, nearest
 from dualwinch.model.quantities.tree import leaves, with_leaves

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.disturbance import Disturbance, given_signals
-from dualwinch.model.motions.preview import no_departures
+from dualwinch.model.motions import no_departures
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Reference, departures, setpoint
 from dualwinch.model.vehicle import Vehicle

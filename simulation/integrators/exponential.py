@@ -15,13 +15,10 @@ the Kelvin–Voigt rope.
 
 from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.plant import PlantState, vehicle_acceleration
-from dualwinch.model.ropes.creep import crept
-from dualwinch.model.ropes.kelvin_voigt import Rope, compliance, kelvin_voigt
-from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.ropes import Rope, compliance, crept, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, minimum, reciprocals
 from dualwinch.model.vehicle import inertia
-from dualwinch.model.winch import Winch, friction_slope, friction_torque
-from dualwinch.model.winding import Winding, winding
+from dualwinch.model.winch import Winch, Winding, friction_slope, friction_torque, winding
 from dualwinch.simulation.integrators.oscillator import Oscillator
 from dualwinch.simulation.integrators.problem import Motion, Problem
 

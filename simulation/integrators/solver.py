@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.ropes.kelvin_voigt import is_kelvin_voigt
+from dualwinch.model.ropes import is_kelvin_voigt
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.swing_rate import fastest_rate

@@ -6,11 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from dualwinch.model.ropes.kelvin_voigt import Rope, stiffness
-from dualwinch.model.ropes.rope_law import RopeLaw
-from dualwinch.model.ropes.track import Track
-from dualwinch.model.winch import Winch
-from dualwinch.model.winding import base_radius
+from dualwinch.model.ropes import Rope, RopeLaw, Track, stiffness
+from dualwinch.model.winch import Winch, base_radius
 
 
 def swing_rate(rope: Rope, winch: Winch, track: Track) -> Any:

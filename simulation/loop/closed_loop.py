@@ -10,11 +10,8 @@ from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.signals import ControllerOutput
-from dualwinch.model.actuators.actuator import Actuator
-from dualwinch.model.actuators.drive import drive
-from dualwinch.model.actuators.ideal import NoState, is_ideal
-from dualwinch.model.motions.preview import no_departures, previewed
-from dualwinch.model.motions.setpoint import later
+from dualwinch.model.actuators import Actuator, NoState, drive, is_ideal
+from dualwinch.model.motions import later, no_departures, previewed
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions, torques_amid
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, Quantity

@@ -11,7 +11,7 @@ import numpy as np
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.signals import Measurement
-from dualwinch.model.motions.preview import Previewed
+from dualwinch.model.motions import Previewed
 from dualwinch.model.plant import (
     Environment,
     Plant,
@@ -26,7 +26,7 @@ from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.ropes.track import rope_lengths
+from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem

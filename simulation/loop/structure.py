@@ -6,7 +6,7 @@ from functools import cache, lru_cache
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
-from dualwinch.model.actuators.actuator import Actuator
+from dualwinch.model.actuators import Actuator
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts

@@ -5,9 +5,9 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dualwinch.model.quantities.html import readable_unit
 from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.metrics.sample import Sample
 

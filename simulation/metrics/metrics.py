@@ -10,8 +10,8 @@ import numpy as np
 
 from dualwinch.model.errors import UnknownNameError
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.html import readable, readable_unit, table
 from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.tables import readable, readable_unit, table
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, sqrt, where
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.own import states_before, values_of

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.arrays import is_array
-from dualwinch.model.quantities.over_symbols import over_symbols
+from dualwinch.model.quantities.quantity import is_array
+from dualwinch.model.quantities.steps import over_symbols
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.metrics.metric import Metric

@@ -5,8 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.plant import Plant, PlantState, tensions
-from dualwinch.model.winch import drum_acceleration
-from dualwinch.model.winding import winding
+from dualwinch.model.winch import drum_acceleration, winding
 from dualwinch.simulation.results.result import Result
 
 Floats = NDArray[np.float64]

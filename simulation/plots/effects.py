@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from dualwinch.model.quantities.html import readable, readable_unit
 from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.curves import PALETTE, Look
 from dualwinch.simulation.plots.headings import scenario

@@ -13,8 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.mode_label import displacements, plant_prefix
-from dualwinch.model.linear.modes import Mode, modes
+from dualwinch.model.linear.modes import Mode, displacements, modes, plant_prefix
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.plots.page import GivenAxes, Page

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from dualwinch.model.linear.mode_tracks import ModeTrack, track_modes
-from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
+from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, ModeTrack, track_modes
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.plots.linear import point_in_words

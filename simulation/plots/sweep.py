@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.html import readable, readable_unit
 from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.simulation.batch.sweep import Grid
 from dualwinch.simulation.plots.headings import scenario
 from dualwinch.simulation.plots.page import GivenAxes, Page

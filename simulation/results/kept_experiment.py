@@ -6,8 +6,7 @@ from typing import Any
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, nearest
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.quantities.validation import shown
+from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.experiment import Experiment
 
 

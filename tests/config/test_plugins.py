@@ -13,7 +13,7 @@ from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.origin import PLUGIN
+from dualwinch.model.quantities.part import PLUGIN
 from tests.spring_law import SPRING, changed
 
 SHORT = ("--set", "simulation.duration=0.05")

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from dualwinch.controllers.riccati import riccati
-from dualwinch.model.matrix import Matrix
+from dualwinch.model.matrix import Matrix, riccati
 
 
 def rows(matrix: np.ndarray) -> Matrix:

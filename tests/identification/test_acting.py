@@ -11,7 +11,7 @@ from dualwinch.config.settings import override
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
 from dualwinch.identification.result import Identified
-from dualwinch.model.signals.signal import Signal
+from dualwinch.model.signals import Signal
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.simulate import simulate
 from tests.identification.conftest import logged, machine

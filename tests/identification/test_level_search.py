@@ -10,7 +10,7 @@ from dualwinch.identification.fit import OUTLIER, Fitting
 from dualwinch.identification.level_search import LevelSearch
 from dualwinch.identification.sections import sections_of
 from dualwinch.identification.unknowns import keys_of, unknowns_of
-from dualwinch.model.signals.signal import Signal
+from dualwinch.model.signals import Signal
 from dualwinch.simulation.experiment import Experiment
 from tests.identification.conftest import logged, machine
 

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.ropes.kelvin_voigt import Rope, kelvin_voigt, stiffness
-from dualwinch.model.ropes.track import Track, rope_lengths
+from dualwinch.model.ropes import Rope, Track, kelvin_voigt, rope_lengths, stiffness
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 

@@ -11,9 +11,8 @@ from scipy.integrate import quad
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.ropes.creep import Creep, crept
-from dualwinch.model.winch import Winch, shaft_torque, specified_winch
-from dualwinch.model.winding import angle_of, winding
+from dualwinch.model.ropes import Creep, crept
+from dualwinch.model.winch import Winch, angle_of, shaft_torque, specified_winch, winding
 
 drums = st.builds(
     Winch,
@@ -28,7 +27,7 @@ angles = st.floats(-60, 60)
 
 
 def radius(theta: float, winch: Winch) -> float:
-    """As `model.winding` says it in words."""
+    """As `model.winch` says it in words."""
     spiral = winch.layer_thickness / winch.layer_laps * theta / (2 * math.pi)
     return (
         winch.drum_radius * (1 + winch.radius_error)

@@ -20,7 +20,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import owners
 from dualwinch.model.reference import Reference
-from dualwinch.model.ropes.track import Track
+from dualwinch.model.ropes import Track
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment, Simulation

@@ -32,8 +32,7 @@ from dualwinch.model.plant import (
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, setpoint
-from dualwinch.model.ropes.kelvin_voigt import Rope, stiffness
-from dualwinch.model.ropes.rope_law import one_sided
+from dualwinch.model.ropes import Rope, one_sided, stiffness
 from dualwinch.model.vehicle import Vehicle, drag, friction
 from dualwinch.model.winch import Winch, drum_acceleration
 from dualwinch.simulation.experiment import Simulation

@@ -23,7 +23,7 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.part import Registry
 from dualwinch.model.quantities.quantity import Leaf
 from dualwinch.model.quantities.tree import Group, with_leaves
-from dualwinch.model.ropes.kelvin_voigt import Rope
+from dualwinch.model.ropes import Rope
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.exogenous.sensors import Sensors

@@ -11,8 +11,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.quantities.validation import shown
+from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment

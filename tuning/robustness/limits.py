@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.html import readable_unit
 from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraints import NO_PEAK, Constraint, constraints_from, measured

@@ -2,8 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from dualwinch.model.quantities.html import page, table
-from dualwinch.model.quantities.markdown import markdown
+from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.robustness.found import RobustnessFindings
 from dualwinch.tuning.robustness.summary import heading, notes, stress_table

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.origin import built_in, digest, named, source_of
-from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.part import Part, built_in, digest, named, source_of
 
 
 class PartRecord(TypedDict):

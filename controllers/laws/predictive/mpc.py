@@ -24,8 +24,7 @@ from dualwinch.controllers.laws.predictive.box import least_in_box
 from dualwinch.controllers.laws.predictive.prediction import Prediction, prediction
 from dualwinch.controllers.laws.predictive.program import Motion, Program, Weights, cost_of_changes, room, slope_of_cost
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.arrays import vector
-from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, minimum
 

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from dualwinch.model.actuators.actuator import Demand
-from dualwinch.model.actuators.motor import Motor, MotorState
+from dualwinch.model.actuators import Demand, Motor, MotorState
 
 torques = st.floats(-150, 150)
 SAMPLE_TIME = 1e-3

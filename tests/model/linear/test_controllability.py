@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.controllability import (
+from dualwinch.model.linear.linearisation import linearise
+from dualwinch.model.linear.properties import (
     is_controllable,
     is_observable,
     mode_controllability,
     mode_observability,
     sufficient_sensors,
 )
-from dualwinch.model.linear.linearisation import linearise
 from dualwinch.model.linear.system import LinearSystem
 
 

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from dualwinch.model.linear.linearisation import linearise, linearise_sweep
-from dualwinch.model.linear.mode_tracks import track_modes
-from dualwinch.model.linear.modes import Mode, modes
+from dualwinch.model.linear.modes import Mode, modes, track_modes
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
-from dualwinch.model.ropes.kelvin_voigt import Rope
+from dualwinch.model.ropes import Rope
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
 

@@ -11,11 +11,10 @@ from dualwinch.controllers.coordinations.differential_tension import tension_com
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise
-from dualwinch.model.linear.operating_point import operating_point, operating_points
+from dualwinch.model.linear.operating_point import operating_point, operating_points, shared_tensions
 from dualwinch.model.plant import Plant, holding_torques, resting_state
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.model.ropes.track import Track
-from dualwinch.model.steady_cruise import shared_tensions
+from dualwinch.model.ropes import Track
 from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
 from tests.oracle.values import DEFAULTS
@@ -62,7 +61,7 @@ def test_a_cruise_goes_on_for_seconds_without_any_acceleration(
 def test_the_residual_sees_a_wrong_state(monkeypatch: pytest.MonkeyPatch) -> None:
     """With drums as fast as the vehicle, the tension is off by what damps the stretch, and grows."""
     from dualwinch.model.linear import operating_point as module
-    from dualwinch.model.steady_cruise import steady_cruise
+    from dualwinch.model.linear.operating_point import steady_cruise
 
     def same_speed(x: float, v: float, tensions: tuple[float, float], plant: Plant) -> object:
         cruise = steady_cruise(x, v, tensions, plant)

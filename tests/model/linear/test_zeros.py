@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from dualwinch.model.linear.linearisation import linearise
+from dualwinch.model.linear.properties import dc_gains, zeros
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.linear.zeros import dc_gains, zeros
 
 
 @pytest.mark.parametrize("x", [1.0, 25.0, 49.0])

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.preview import Departures, no_departures, previewed
-from dualwinch.model.motions.setpoint import Setpoint
+from dualwinch.model.motions import Departures, Setpoint, no_departures, previewed
 from dualwinch.model.reference import Reference, departures, setpoint
 
 NOW, TIMES = Setpoint(2.0, 0.5, 0.1), (0.5, 2.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.recorded import RecordedMotion
+from dualwinch.model.motions import RecordedMotion
 from dualwinch.model.reference import Reference, own_duration, setpoint, steady_window
 
 T = np.linspace(0, 10, 101)

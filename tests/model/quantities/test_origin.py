@@ -10,7 +10,7 @@ import pytest
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.registry import POSITION_LAWS
-from dualwinch.model.quantities.origin import built_in, digest, named, origin, source_of
+from dualwinch.model.quantities.part import built_in, digest, named, origin, source_of
 from tests.own_parts import StateFeedback
 from tests.spring_law import SPRING, changed
 
@@ -43,7 +43,7 @@ def helped(folder: Path, helper: str) -> str:
     (folder / "helper_of_springs.py").write_text(helper)
     (folder / "law.py").write_text("from helper_of_springs import Damping\n" + changed(("= 2e4", "= Damping.VALUE")))
     program = (
-        "from dualwinch.config.plugins import load_plugin; from dualwinch.model.quantities.origin import digest\n"
+        "from dualwinch.config.plugins import load_plugin; from dualwinch.model.quantities.part import digest\n"
         "from dualwinch.controllers.laws.registry import POSITION_LAWS\n"
         f"load_plugin({str(folder / 'law.py')!r}); print(digest(POSITION_LAWS['spring']))"
     )
@@ -60,7 +60,7 @@ def test_the_digest_counts_the_modules_beside_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["my_script.py", "-"])
 def test_scripts_and_what_is_typed(tmp_path: Path, name: str) -> None:
     """A script has a file; what comes from standard input has no source."""
-    asked = "\nfrom dualwinch.model.quantities.origin import digest, named, source_of\n"
+    asked = "\nfrom dualwinch.model.quantities.part import digest, named, source_of\n"
     program = SPRING + asked + "print(named(Spring), digest(Spring) != '', source_of(Spring), sep='|')\n"
     file = tmp_path / name
     if name != "-":

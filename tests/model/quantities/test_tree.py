@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.arrays import Elements
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.part import Choice, Part, Registry
-from dualwinch.model.quantities.quantity import Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
+from dualwinch.model.quantities.quantity import Elements, Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
 from dualwinch.model.quantities.tree import alike, leaves, numbers, pairs, rules, with_leaves
 
 

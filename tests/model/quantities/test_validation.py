@@ -9,7 +9,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.part import Choice, Part, Registry
 from dualwinch.model.quantities.quantity import Quantity, Rule
-from dualwinch.model.quantities.validation import check_rules, check_values, shown, validated
+from dualwinch.model.quantities.tree import check_rules, check_values, shown, validated
 
 
 @dataclass(frozen=True)

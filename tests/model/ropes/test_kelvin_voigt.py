@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.ropes.kelvin_voigt import Rope, is_kelvin_voigt, kelvin_voigt, stiffness, tangent_rope
-from dualwinch.model.ropes.rope_law import one_sided
+from dualwinch.model.ropes import Rope, is_kelvin_voigt, kelvin_voigt, one_sided, stiffness, tangent_rope
 from tests.own_ropes import Fading
 
 ROPE = Rope()

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.model.ropes.kelvin_voigt import Rope, stiffness, tangent_rope
-from dualwinch.model.ropes.rope_law import RopeLaw
+from dualwinch.model.ropes import Rope, RopeLaw, stiffness, tangent_rope
 from dualwinch.model.scalar import Scalar, sqrt
 from tests.own_ropes import Bedding, Stiffening
 

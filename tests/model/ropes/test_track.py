@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.model.ropes.track import Track, rope_lengths
+from dualwinch.model.ropes import Track, rope_lengths
 
 
 def test_rope_1_is_longest_and_rope_2_shortest_at_the_start() -> None:

@@ -10,7 +10,7 @@ import pytest
 from pyarrow import parquet
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.signals.signal import Signal
+from dualwinch.model.signals import Signal
 
 CSV = "t,F,other\n0,1,9\n2,3,9\n4,-1,9\n"
 

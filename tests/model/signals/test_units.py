@@ -1,7 +1,7 @@
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.signals.units import factor
+from dualwinch.model.recordings import factor
 
 
 @pytest.mark.parametrize(

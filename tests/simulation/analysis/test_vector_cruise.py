@@ -14,8 +14,7 @@ from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.arrays import Elements
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Elements, Mark, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.analysis.loop_cruise import loop_cruise

@@ -11,7 +11,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.signals.signal import Signal
+from dualwinch.model.signals import Signal
 from dualwinch.simulation.batch.sensitivities import Sensitivities, check_differentiable, sensitivities
 from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by
 from dualwinch.simulation.experiment import Experiment

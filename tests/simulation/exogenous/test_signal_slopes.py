@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.signals.signal import Signal
+from dualwinch.model.signals import Signal
 from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment

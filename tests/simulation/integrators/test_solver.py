@@ -7,9 +7,7 @@ import pytest
 
 from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.ropes.kelvin_voigt import Rope
-from dualwinch.model.ropes.rope_law import RopeLaw
-from dualwinch.model.ropes.track import Track
+from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.check import check

@@ -18,7 +18,7 @@ from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
-from dualwinch.model.ropes.track import Track
+from dualwinch.model.ropes import Track
 from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation

@@ -15,7 +15,7 @@ from dualwinch.controllers.controller import Controller, controller_function, co
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions.preview import Previewed
+from dualwinch.model.motions import Previewed
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dualwinch.model.actuators.motor import Motor
+from dualwinch.model.actuators import Motor
 from dualwinch.model.plant import Environment, PlantState, Torques, derivative, tensions
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import case

@@ -16,7 +16,7 @@ from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.predictive.mpc import Mpc, MpcOutput, MpcState
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.signals import Estimate
-from dualwinch.model.motions.setpoint import Setpoint
+from dualwinch.model.motions import Setpoint
 from dualwinch.model.plant import Plant
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.batch.rollout import rollout

@@ -1,4 +1,4 @@
-"""A rope's law: the tension of a stretched rope, and what follows from it.
+"""Ropes: the law of a rope's tension, the Kelvin–Voigt rope of the paper (Section 2.2), creep, and the ropes' lengths.
 
 A law of your own is a frozen dataclass of its numbers with one method, `RopeLaw.tension`. What else is asked of a rope
 follows from that expression: spring rate and damping are its derivatives, the stretch at a tension its solution by
@@ -6,15 +6,71 @@ Newton's method. A law that knows these in closed form may write those methods t
 """
 
 from abc import abstractmethod
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
 
+import annotated_types as at
 import casadi as ca
 
 from dualwinch.codegen.source.expressions import built_once
-from dualwinch.model.quantities.over_symbols import over_symbols
-from dualwinch.model.quantities.part import Part
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.part import Part, Registry
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.steps import over_symbols
 from dualwinch.model.quantities.tree import alike, numbers, with_leaves
 from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, where
+
+
+@dataclass(frozen=True)
+class Track:
+    """The rail between the two winches."""
+
+    length: Annotated[float, at.Gt(0), Quantity("m", "length of the rail, L_0 in the paper", "Table 1")] = 50.0
+    rope_offset: Annotated[
+        float, at.Ge(0.05), Quantity("m", "rope between winch and vehicle at the rail's end", "A1")
+    ] = 0.5
+
+
+SHORTEST_ROPE = 0.05
+"""Guard on the rope length in m: EA/length is infinite at zero (A1)."""
+
+
+def rope_lengths(x: Scalar, track: Track) -> tuple[Scalar, Scalar]:
+    """Lengths in m of rope 1 (full at x = 0) and rope 2 (shortest at x = 0) with the vehicle at x in m (A1)."""
+    length_1 = maximum(track.length - x + track.rope_offset, SHORTEST_ROPE)
+    length_2 = maximum(x + track.rope_offset, SHORTEST_ROPE)
+    return length_1, length_2
+
+
+NEW = 0.0
+"""Time in s at which a rope has not crept yet: the beginning of a run."""
+
+
+@dataclass(frozen=True)
+class Creep:
+    """Permanent elongation of one rope, ``elongation (1 - exp(-t/time))``."""
+
+    elongation: Annotated[
+        float,
+        at.Ge(0),
+        at.Le(1),
+        Quantity("m", "permanent elongation of the rope in the long run", "assumption"),
+        Mark.OFF_AT_ZERO,
+        Mark.UNKNOWN,
+    ] = 0.0
+    time: Annotated[
+        float,
+        at.Gt(0),
+        Quantity("s", "time constant of the permanent elongation", "assumption"),
+        Mark.UNKNOWN,
+        Mark.COURSE,
+    ] = 60.0
+
+
+def crept(t: Scalar, creep: Creep) -> tuple[Scalar, Scalar]:
+    """Permanent elongation in m at the time t in s since the beginning of the run, and its rate in m/s."""
+    left = creep.elongation * exp(-t / creep.time)
+    return creep.elongation - left, left / creep.time
 
 
 class RopeLaw(Part):
@@ -153,3 +209,79 @@ def _steady(rope: RopeLaw) -> ca.Function:
         pull, spring, _, by_length = _slopes(rope).call([stretch, slope * length_rate, length, *symbols])
         stretch, slope = stretch + (tension - pull) / spring, -by_length / spring
     return ca.Function("steady", [tension, length, length_rate, *symbols], [stretch, slope])
+
+
+@dataclass(frozen=True)
+class Rope(RopeLaw):
+    """One wire rope."""
+
+    area: Annotated[float, at.Gt(0), Quantity("m^2", "cross-section of the rope", "Table 1")] = 4.52e-4
+    modulus: Annotated[float, at.Gt(0), Quantity("Pa", "axial elastic modulus", "Table 1")] = 80e9
+    damping: Annotated[float, at.Ge(0), Quantity("N s/m", "axial damping", "Table 1"), Mark.OFF_AT_ZERO] = 1000.0
+
+    kind: ClassVar = "kelvin-voigt"
+    label: ClassVar = "Kelvin–Voigt rope"
+
+    def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
+        """Tension in N: spring plus damper."""
+        return stiffness(length, self) * stretch + self.damping * stretch_rate
+
+    def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, closeness: Scalar) -> Scalar:  # noqa: ARG002
+        """The same without a division."""
+        return self.modulus * self.area * closeness * stretch + self.damping * stretch_rate
+
+    def resting_stretch(self, tension: Scalar, length: Scalar) -> Scalar:
+        """Stretch in m at rest."""
+        return tension / stiffness(length, self)
+
+    def steady_stretch(self, tension: Scalar, length: Scalar, length_rate: Scalar) -> tuple[Scalar, Scalar]:
+        """Stretch in m, and its slope over the length: the strain, F / (E A + c dlength/dt)."""
+        strain = tension / (self.modulus * self.area + self.damping * length_rate)
+        return strain * length, strain
+
+    def tangent(self, tension: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:  # noqa: ARG002
+        """Spring rate in N/m and damping in N s/m, at all tensions the same."""
+        return stiffness(length, self), self.damping
+
+
+def stiffness(length: Scalar, rope: Rope) -> Scalar:
+    """Spring rate in N/m of a rope of a length in m: E A / length."""
+    return rope.modulus * rope.area / length
+
+
+def compliance(length: Scalar, rope: Rope) -> Scalar:
+    """Stretch in m under a tension of 1 N of a rope of a length in m: length / (E A)."""
+    return length / (rope.modulus * rope.area)
+
+
+def is_kelvin_voigt(rope: RopeLaw) -> bool:
+    """Whether a rope's law is that of `Rope`; one that is made of it may write another tension."""
+    return isinstance(rope, Rope) and type(rope).tension is Rope.tension
+
+
+def kelvin_voigt(rope: RopeLaw) -> Rope:
+    """A rope, for what is made for Kelvin–Voigt ropes alone.
+
+    Raises:
+        ConfigurationError: it is of another law.
+    """
+    if isinstance(rope, Rope) and is_kelvin_voigt(rope):
+        return rope
+    raise ConfigurationError(f"rope '{rope.kind}': must be a Kelvin–Voigt rope here, such as its tangent_rope")
+
+
+def tangent_rope(rope: RopeLaw, tension: Scalar, length: Scalar) -> Rope:
+    """The Kelvin–Voigt rope that is like a rope about rest under a tension in N at a length in m.
+
+    Its spring rate and damping are the law's there; its cross-section is the default one, for what counts is E A.
+    """
+    if type(rope) is Rope:
+        return rope
+    if isinstance(rope, Rope) and is_kelvin_voigt(rope):
+        return Rope(rope.area, rope.modulus, rope.damping)
+    spring, damping = rope.tangent(tension, length)
+    return Rope(modulus=spring * length / Rope.area, damping=damping)
+
+
+ROPES: Registry[RopeLaw] = Registry("rope", Rope)
+"""Every rope law by its kind."""

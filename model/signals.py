@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.numbers import NONE, Numbers, numbers_of
-from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.signals.recording import Origin, Recording, recorded
+from dualwinch.model.quantities.quantity import NONE, Mark, Numbers, Quantity, numbers_of
+from dualwinch.model.recordings import Origin, Recording, recorded
 
 Floats = NDArray[np.float64]
 
 Interpolation: TypeAlias = Literal["linear", "previous"]
+
 Beyond: TypeAlias = Literal["hold", "zero", "error"]
 
 EARLY = 1e-9

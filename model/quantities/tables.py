@@ -1,4 +1,4 @@
-"""Small tables for notebooks: escaped, in the colours and fonts of the page they stand in."""
+"""Small tables: as HTML for notebooks, in the colours and fonts of the page, and as Markdown."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -47,3 +47,13 @@ def section(title: str, content: str, *, is_open: bool = False) -> str:
 def page(title: str, words: str, *parts: str) -> str:
     """A title in bold, words behind it, and what stands below."""
     return f"<div><p><strong>{escape(title)}</strong>: {escape(words)}</p>{''.join(parts)}</div>"
+
+
+def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of cells; a bar in a cell is escaped."""
+    cells = [[cell.replace("|", "\\|") for cell in line] for line in [headings, *rows]]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    cells.insert(1, ["-" * width for width in widths])
+    return "\n".join(
+        "| " + " | ".join(f"{cell:<{width}}" for cell, width in zip(line, widths, strict=True)) + " |" for line in cells
+    )

@@ -1,0 +1,164 @@
+"""Actuators: what stands between the torque that is asked of a motor and the torque it gives.
+
+The built-in `Motor` with its drive: the torque follows the command u with a lag, and no faster than the drive allows.
+While u is held, ``d torque/dt = clip((u − torque)/time_constant, −rate_limit, rate_limit)``. The lag is solved exactly
+from sample to sample, through the end of a rate-limited stretch too; the plant gets the torque's mean over the sample,
+so that the momentum is right.
+"""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import annotated_types as at
+
+from dualwinch.model.plant import Plant, PlantState, Torques
+from dualwinch.model.quantities.part import Part, Registry
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.steps import stepped_to_number
+from dualwinch.model.scalar import Scalar, absolute, clip, tanh, where
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What is asked of a motor at a sample, and how it moves; positive in the direction that retrieves rope."""
+
+    torque: Annotated[Scalar, Quantity("N m", "motor torque command")]
+    angle: Annotated[Scalar, Quantity("rad", "angle of the motor's shaft")]
+    speed: Annotated[Scalar, Quantity("rad/s", "speed of the motor's shaft")]
+
+
+class Actuator(Part):
+    """From torque command to motor torque: a frozen dataclass of the actuator's own numbers, the same for both winches.
+
+    It stands behind the transport delay and before the plant, and belongs to the closed loop: no controller has it.
+    """
+
+    @abstractmethod
+    def initial_state(self) -> Any:
+        """State of one motor without torque: a dataclass of floats, vectors and matrices."""
+
+    def holding_state(self, torque: Scalar) -> Any:  # noqa: ARG002
+        """State of one motor that has been giving a torque in N m for long, over floats or CasADi symbols.
+
+        A run begins with it, at the torque that holds the rope. Default: `initial_state`.
+        """
+        return self.initial_state()
+
+    @abstractmethod
+    def step(self, state: Any, demand: Demand, sample_time: Scalar) -> tuple[Any, Scalar]:
+        """One sample of one motor, over floats or CasADi symbols.
+
+        Args:
+            state: as the last sample left it.
+            demand: torque command, and the motor's angle and speed at the sample.
+            sample_time: in s.
+
+        Returns:
+            The next state, and the torque in N m until the next sample, its mean where it is not constant.
+        """
+
+
+@dataclass(frozen=True)
+class NoState:
+    """The state of what remembers nothing."""
+
+
+@dataclass(frozen=True)
+class Ideal(Actuator):
+    """Gives what it is asked for; it adds nothing to the compiled code."""
+
+    kind: ClassVar = "ideal"
+    label: ClassVar = "ideal motor"
+
+    def initial_state(self) -> NoState:
+        """Nothing to remember."""
+        return NoState()
+
+    def step(self, state: NoState, demand: Demand, sample_time: Scalar) -> tuple[NoState, Scalar]:  # noqa: ARG002
+        """The torque that is asked for."""
+        return state, demand.torque
+
+
+def is_ideal(actuator: Actuator) -> bool:
+    """Whether an actuator is that of `Ideal`; one that is made of it may write another step."""
+    return isinstance(actuator, Ideal) and type(actuator).step is Ideal.step
+
+
+@dataclass(frozen=True)
+class MotorState:
+    """State of one motor."""
+
+    torque: Annotated[Scalar, Quantity("N m", "motor torque")]
+
+
+@dataclass(frozen=True)
+class Motor(Actuator):
+    """First-order lag, and a limit on the torque's rate."""
+
+    time_constant: Annotated[
+        float, at.Gt(0), Quantity("s", "time constant of the torque loop of motor and drive", "assumption")
+    ] = 5e-3
+    rate_limit: Annotated[
+        float | None, at.Gt(0), Quantity("N m/s", "fastest change of the torque (default: no limit)", "assumption")
+    ] = None
+
+    kind: ClassVar = "motor"
+    label: ClassVar = "motor with lag"
+
+    def initial_state(self) -> MotorState:
+        """No torque."""
+        return MotorState(0.0)
+
+    def holding_state(self, torque: Scalar) -> MotorState:
+        """The torque itself."""
+        return MotorState(torque)
+
+    def step(self, state: MotorState, demand: Demand, sample_time: Scalar) -> tuple[MotorState, Scalar]:
+        """Torque at the next sample, and its mean until then."""
+        missing = demand.torque - state.torque
+        if self.rate_limit is None:
+            left, passed = _decay(sample_time / self.time_constant)
+            mean_left = passed * self.time_constant / sample_time
+            return MotorState(demand.torque - left * missing), demand.torque - mean_left * missing
+        size, sign = absolute(missing), where(missing < 0, -1.0, 1.0)
+        # first at the limit, until so little is missing that the lag alone is slower
+        limited = clip(size / self.rate_limit - self.time_constant, 0.0, sample_time)
+        then = size - self.rate_limit * limited
+        left, passed = _decay((sample_time - limited) / self.time_constant)
+        missed = limited * (size + then) / 2 + then * self.time_constant * passed  # integral of what is missing
+        return MotorState(demand.torque - sign * left * then), demand.torque - sign * missed / sample_time
+
+
+def _decay(time: Scalar) -> tuple[Scalar, Scalar]:
+    """exp(−time) and 1 − exp(−time), in which nothing is lost where the time is short."""
+    half = tanh(time / 2)
+    return (1 - half) / (1 + half), 2 * half / (1 + half)
+
+
+def drive(
+    states: tuple[Any, Any], asked: Torques, motion: PlantState, plant: Plant, actuator: Actuator, sample_time: Scalar
+) -> tuple[tuple[Any, Any], Torques]:
+    """Next states of both actuators, and the motor torques until then.
+
+    Args:
+        states: as the last sample left them.
+        asked: torque commands.
+        motion: of the drums at the sample.
+        plant: its gears lie between drum and motor.
+        actuator: of both motors.
+        sample_time: in s.
+
+    Raises:
+        ConfigurationError: the actuator's step is none (`model.quantities.steps`).
+    """
+    ratio_1, ratio_2 = plant.winch_1.gear_ratio, plant.winch_2.gear_ratio
+    demand_1 = Demand(asked.tau_1, ratio_1 * motion.theta_1, ratio_1 * motion.omega_1)
+    demand_2 = Demand(asked.tau_2, ratio_2 * motion.theta_2, ratio_2 * motion.omega_2)
+    state_1, torque_1 = stepped_to_number(actuator, states[0], "torque", demand_1, sample_time)
+    state_2, torque_2 = stepped_to_number(actuator, states[1], "torque", demand_2, sample_time)
+    return (state_1, state_2), Torques(torque_1, torque_2)
+
+
+ACTUATORS: Registry[Actuator] = Registry("actuator", Ideal, Motor)
+"""Every actuator by its kind."""

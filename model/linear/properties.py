@@ -1,0 +1,199 @@
+"""Controllability and observability, transmission zeros and DC gains of a linear system.
+
+What the inputs can move and the sensors can see is found by the test of Popov, Belevitch and Hautus, mode by mode. All
+measures are taken in balanced states (diagonal scaling), with every input and output of unit size, so that the choice
+of units does not matter. They say what is possible with perfect sensors and unlimited inputs: a small but positive
+number still asks for a sensor better by its inverse.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.linear.system import LinearSystem
+
+Array = NDArray[np.float64]
+
+LOST = 1e-11
+"""Relative distance below which a mode is uncontrollable or unobservable: round-off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """Matrices in balanced states.
+
+    Attributes:
+        A, B, C, D: matrices; the columns of B and the rows of C have unit length (or are zero).
+        inputs, outputs: how many units of the system's input (output) one unit of the balanced one is.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    inputs: Array
+    outputs: Array
+
+
+def balanced(system: LinearSystem) -> Balanced:
+    """A system in states scaled by powers of two so that rows and columns of A are alike in size."""
+    from scipy.linalg import matrix_balance
+
+    A, (scale, _) = matrix_balance(system.A, permute=False, separate=True)
+    B, C = system.B / scale[:, None], system.C * scale
+    inputs, outputs = 1 / _lengths(B.T), _lengths(C)
+    return Balanced(A, B * inputs, C / outputs[:, None], system.D * inputs / outputs[:, None], inputs, outputs)
+
+
+def _lengths(rows: Array) -> Array:
+    lengths = np.linalg.norm(rows, axis=1)
+    return np.where(lengths > 0, lengths, 1.0)
+
+
+def mode_controllability(system: LinearSystem, inputs: Sequence[str] | None = None) -> Array:
+    """Distance of every eigenvalue from being uncontrollable.
+
+    Args:
+        system: the system.
+        inputs: those to use; default: all.
+
+    Returns:
+        Smallest singular value of ``[A - lambda I, B]`` over the norm of A, for the eigenvalues in the order of
+        ``system.poles()`` (n); 0 but for round-off where no input moves the mode.
+
+    Raises:
+        ConfigurationError: an unknown input.
+    """
+    part = balanced(system.between(system.inputs if inputs is None else inputs, system.outputs))
+    return _distances(part.A.T, part.B.T, system.poles())
+
+
+def mode_observability(system: LinearSystem, outputs: Sequence[str] | None = None) -> Array:
+    """Distance of every eigenvalue from being unobservable (see `mode_controllability`).
+
+    Raises:
+        ConfigurationError: an unknown output.
+    """
+    part = balanced(system.between(system.inputs, system.outputs if outputs is None else outputs))
+    return _distances(part.A, part.C, system.poles())
+
+
+def _distances(A: Array, C: Array, eigenvalues: NDArray[np.complex128]) -> Array:
+    size = np.linalg.norm(A, 2)
+    pencils = (A - eigenvalues[:, None, None] * np.eye(len(A))) / size
+    rows = np.broadcast_to(C, (len(eigenvalues), *C.shape))
+    sizes = np.linalg.svd(np.concatenate([pencils, rows], axis=1), compute_uv=False)
+    return sizes[:, -1].astype(np.float64)
+
+
+def is_controllable(system: LinearSystem, inputs: Sequence[str] | None = None) -> bool:
+    """Whether the inputs (default: all) move every mode."""
+    return bool(np.all(mode_controllability(system, inputs) > LOST))
+
+
+def is_observable(system: LinearSystem, outputs: Sequence[str] | None = None) -> bool:
+    """Whether the outputs (default: all) see every mode."""
+    return bool(np.all(mode_observability(system, outputs) > LOST))
+
+
+def sufficient_sensors(system: LinearSystem) -> tuple[tuple[str, ...], ...]:
+    """The smallest sets of outputs from which every mode can be seen: none can spare an output.
+
+    Sets of fewer outputs come first; empty where not even all outputs suffice.
+    """
+    return tuple(_smallest(system))
+
+
+def _smallest(system: LinearSystem) -> Iterator[tuple[str, ...]]:
+    found: list[tuple[str, ...]] = []
+    for size in range(1, len(system.outputs) + 1):
+        for chosen in combinations(system.outputs, size):
+            if any(set(smaller) <= set(chosen) for smaller in found):
+                continue
+            if is_observable(system, chosen):
+                found.append(chosen)
+                yield chosen
+
+
+Matrices: TypeAlias = tuple[Array, Array, Array, Array]
+
+RANK = 1e-11
+"""Singular values below this are zero, of rows that are of unit length."""
+
+STILL = 1e-10
+"""Poles nearer to 0 (discrete: to 1) than this share of the norm of A are integrators."""
+
+SILENT = 1e-9
+"""An integrator that adds less than this to an output does not reach it; both ends in balanced units."""
+
+
+def zeros(system: LinearSystem) -> NDArray[np.complex128]:
+    """Finite invariant zeros: rates at which the system can be driven without any answer of its outputs.
+
+    Zeros at infinity are taken away by orthogonal reductions before eigenvalues are computed (Emami-Naeini and Van
+    Dooren, Automatica 18, 1982), so that none of them turns up as a large number. Inputs and outputs may differ in
+    number; modes that no input moves or no output shows are among the zeros.
+
+    Returns:
+        In 1/s; of a discrete system in the z plane.
+    """
+    part = balanced(system)
+    A, B, C, D = _transposed(_reduced(_transposed(_reduced((part.A, part.B, part.C, part.D)))))
+    return np.linalg.eigvals(A - B @ np.linalg.solve(D, C)).astype(np.complex128)
+
+
+def _transposed(matrices: Matrices) -> Matrices:
+    A, B, C, D = matrices
+    return A.T, C.T, B.T, D.T
+
+
+def _reduced(matrices: Matrices) -> Matrices:
+    """A system with the same finite zeros whose D has full row rank."""
+    A, B, C, D = matrices
+    while True:
+        lengths = np.linalg.norm(np.hstack([C, D]), axis=1, keepdims=True)
+        C, D = (np.where(lengths > RANK, matrix / np.maximum(lengths, RANK), 0.0) for matrix in (C, D))
+        U, sizes, _ = np.linalg.svd(D)
+        fed = int(np.sum(sizes > RANK))
+        C, D = U.T @ C, U.T @ D
+        C_fed, D_fed, C_left = C[:fed], D[:fed], C[fed:]
+        _, sizes, V = np.linalg.svd(C_left)
+        seen = int(np.sum(sizes > RANK))
+        if not seen:
+            return A, B, C_fed, D_fed
+        # silent outputs hold the states they see at zero; what keeps them there becomes the new outputs
+        held, free = V[:seen].T, V[seen:].T
+        C, D = np.vstack([held.T @ A @ free, C_fed @ free]), np.vstack([held.T @ B, D_fed])
+        A, B = free.T @ A @ free, free.T @ B
+
+
+def dc_gains(system: LinearSystem) -> Array:
+    """Change of every output for a lasting unit change of every input, once all has settled.
+
+    Returns:
+        Array of shape (outputs, inputs), in output units per input unit; infinite where an integrator lies between.
+        It says nothing about stability: unstable modes are taken to be held by a controller.
+    """
+    from scipy.linalg import schur, solve_sylvester
+
+    part = balanced(system)
+    A = part.A if system.dt is None else part.A - np.eye(len(part.A))
+    near = STILL * float(np.linalg.norm(A, 2))
+    ordered: Any = schur(A, output="complex", sort=lambda pole: abs(pole) < near)
+    T, Z, integrators = ordered
+    k = int(integrators)
+    coupling = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < len(T) else np.zeros((k, len(T) - k))
+    B, C = Z.conj().T @ part.B, part.C @ Z
+    chain, C_moving = B[:k] - coupling @ B[k:], C[:, :k] @ coupling + C[:, k:]
+    gains = part.D - (C_moving @ np.linalg.solve(T[k:, k:], B[k:])).real
+    gains = np.where(np.abs(gains) > SILENT * np.abs(gains).max(axis=1, keepdims=True), gains, 0.0)
+    for _ in range(k):
+        reached = (C[:, :k] @ chain).real
+        gains = np.where(np.abs(reached) > SILENT, np.copysign(math.inf, reached), gains)
+        chain = T[:k, :k] @ chain
+    return gains * part.outputs[:, None] / part.inputs

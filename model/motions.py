@@ -1,0 +1,330 @@
+"""Motions of a reference: setpoints with their preview, S-curves, moves through way-points, recorded motions.
+
+A setpoint alone tells how a motion goes on: with its acceleration. A part of the controller may ask for a preview,
+setpoints of some times ahead. Its signals are how the motion departs from going on with its acceleration; at constant
+speed it does not, so that steady motion needs no preview.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.recordings import Recording
+from dualwinch.model.scalar import Scalar, maximum, sqrt, where
+
+
+@dataclass(frozen=True)
+class Setpoint:
+    """Where the vehicle should be."""
+
+    x: Annotated[Scalar, Quantity("m", "reference position")]
+    v: Annotated[Scalar, Quantity("m/s", "reference speed")]
+    a: Annotated[Scalar, Quantity("m/s^2", "reference acceleration")]
+
+    def ahead(self, by: float) -> "Setpoint":
+        """Where it should be a time in s later, as far as that is known: it goes on with its acceleration.
+
+        A setpoint with a preview (`model.motions.Previewed`) knows better.
+        """
+        return later(self, by)
+
+
+def later(setpoint: Setpoint, by: Scalar) -> Setpoint:
+    """Where it should be a short time in s later, the acceleration being what it is."""
+    return Setpoint(setpoint.x + by * (setpoint.v + by / 2 * setpoint.a), setpoint.v + by * setpoint.a, setpoint.a)
+
+
+def piece_at(t: Scalar, pieces: Sequence[tuple[Scalar, Setpoint]], last: Setpoint) -> Setpoint:
+    """The piece whose end is the first not before t, or the last one, which has no end."""
+    found = last
+    for end, piece in reversed(pieces):
+        found = Setpoint(
+            x=where(t <= end, piece.x, found.x),
+            v=where(t <= end, piece.v, found.v),
+            a=where(t <= end, piece.a, found.a),
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class Departures:
+    """How a motion departs, at k times ahead, from going on with its acceleration: vectors (k,)."""
+
+    x: Annotated[Any, Quantity("m", "departure of the reference position from speed and acceleration now")]
+    v: Annotated[Any, Quantity("m/s", "departure of the reference speed from acceleration now")]
+    a: Annotated[Any, Quantity("m/s^2", "departure of the reference acceleration from that now")]
+
+
+def no_departures(times: Sequence[float]) -> Departures:
+    """A motion that goes on as it is."""
+    return Departures(*(np.zeros(len(times)) for _ in range(3)))
+
+
+@dataclass(frozen=True)
+class Previewed(Setpoint):
+    """A setpoint, and those of some times ahead."""
+
+    known: Annotated[Mapping[float, Setpoint], Mark.CONTENT] = field(default_factory=dict)
+
+    def ahead(self, by: float) -> Setpoint:
+        """Where the vehicle should be a time in s later.
+
+        Raises:
+            ConfigurationError: nobody asked for that time.
+        """
+        if by not in self.known:
+            asked = ", ".join(f"{time:g}" for time in self.known) or "none"
+            raise ConfigurationError(f"setpoint.ahead({by}): must be a time of the part's preview, {asked}")
+        return self.known[by]
+
+
+def previewed(setpoint: Setpoint, times: Sequence[float], departures: Departures | None = None) -> Previewed:
+    """A setpoint with those of some times ahead.
+
+    Args:
+        setpoint: of now.
+        times: ahead, in s.
+        departures: of those times, floats or symbols; default: the motion goes on as it is.
+    """
+    known = {}
+    for index, time in enumerate(times):
+        point = later(setpoint, time)
+        if departures is not None:
+            by = departures.x[index], departures.v[index], departures.a[index]
+            point = Setpoint(point.x + by[0], point.v + by[1], point.a + by[2])
+        known[time] = point
+    return Previewed(setpoint.x, setpoint.v, setpoint.a, known)
+
+
+def least_duration(speed: Scalar, jerk_limit: Scalar) -> Scalar:
+    """Shortest time in s from rest to a speed in m/s with a jerk limit in m/s³."""
+    return 2 * sqrt(speed / jerk_limit)
+
+
+def speed_up(t: Scalar, duration: Scalar, speed: Scalar, jerk_limit: Scalar | None) -> Setpoint:
+    """Motion from rest at t = 0 to a speed in a given time, over ``speed * duration / 2`` whatever the jerk limit.
+
+    Args:
+        t: time in s, 0 to `duration`.
+        duration: in s, at least `least_duration` where there is a jerk limit.
+        speed: at the end, in m/s.
+        jerk_limit: slope in m/s³ of the acceleration's two ramps; ``None``: constant acceleration.
+    """
+    if jerk_limit is None:
+        acceleration = speed / duration
+        return Setpoint(acceleration * t**2 / 2, acceleration * t, acceleration)
+    # ramp * (duration - ramp) * jerk_limit = speed; the root is written without a difference of nearly equal numbers
+    spare = maximum(duration**2 - 4 * speed / jerk_limit, 0.0)
+    ramp = 2 * speed / jerk_limit / (duration + sqrt(spare))
+    acceleration, after, left = jerk_limit * ramp, t - ramp, duration - t
+    rising = Setpoint(jerk_limit * t**3 / 6, jerk_limit * t**2 / 2, jerk_limit * t)
+    gained = jerk_limit * ramp**2 / 2
+    steady = Setpoint(
+        gained * ramp / 3 + gained * after + acceleration * after**2 / 2, gained + acceleration * after, acceleration
+    )
+    falling = Setpoint(
+        speed * duration / 2 - speed * left + jerk_limit * left**3 / 6,
+        speed - jerk_limit * left**2 / 2,
+        jerk_limit * left,
+    )
+    return piece_at(t, ((ramp, rising), (duration - ramp, steady)), falling)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a motion keeps to: speed in m/s, acceleration in m/s², jerk in m/s³ (``None``: acceleration may step)."""
+
+    speed: float
+    acceleration: float
+    jerk: float | None
+
+
+@dataclass(frozen=True)
+class Move:
+    """A motion from rest to rest: speed up, cruise, and brake as the speed was gained.
+
+    With a jerk limit these are the seven segments of an S-curve: acceleration rises, holds and falls, none, and the
+    same backwards. Where the way is short there is no cruise; where it is shorter still, no constant acceleration
+    either.
+
+    Attributes:
+        start, end: in m.
+        begin: time in s.
+        ramp, cruise: time in s from rest to the speed, and at it.
+        speed: in m/s, negative on the way back.
+    """
+
+    start: float
+    end: float
+    begin: float
+    ramp: float
+    cruise: float
+    speed: float
+
+    @property
+    def finish(self) -> float:
+        """Time in s of the end."""
+        return self.begin + 2 * self.ramp + self.cruise
+
+    def at(self, t: Scalar, jerk: float | None) -> Setpoint:
+        """The motion at a time in s; at rest before it and after it."""
+        way = math.copysign(1.0, self.speed)
+        rising, braking = (
+            speed_up(since, self.ramp, abs(self.speed), jerk) for since in (t - self.begin, self.finish - t)
+        )
+        gained = self.speed * self.ramp / 2
+        pieces = (
+            (self.begin, Setpoint(self.start, 0.0, 0.0)),
+            (self.begin + self.ramp, Setpoint(self.start + way * rising.x, way * rising.v, way * rising.a)),
+            (
+                self.finish - self.ramp,
+                Setpoint(self.start + gained + self.speed * (t - self.begin - self.ramp), self.speed, 0.0),
+            ),
+            (self.finish, Setpoint(self.end - way * braking.x, way * braking.v, -way * braking.a)),
+        )
+        return piece_at(t, pieces, Setpoint(self.end, 0.0, 0.0))
+
+
+def gaining_time(speed: float, limits: Limits) -> float:
+    """Shortest time in s from rest to a speed in m/s."""
+    if limits.jerk is None:
+        return speed / limits.acceleration
+    ramp = min(limits.acceleration / limits.jerk, math.sqrt(speed / limits.jerk))
+    return ramp + speed / (limits.jerk * ramp)
+
+
+def top_speed(distance: float, limits: Limits) -> float:
+    """Largest speed in m/s on a way of a distance in m from rest to rest."""
+    acceleration, jerk = limits.acceleration, limits.jerk
+    if jerk is None:
+        peak = math.sqrt(acceleration * distance)
+    else:
+        # speed times gaining time is the distance, for speeding up and braking take half of it each
+        peak = (distance**2 * jerk / 4) ** (1 / 3)
+        if peak > acceleration**2 / jerk:
+            lost = acceleration**2 / jerk
+            peak = 2 * acceleration * distance / (lost + math.sqrt(lost**2 + 4 * acceleration * distance))
+    return min(limits.speed, peak)
+
+
+@lru_cache(maxsize=64)
+def moves(points: tuple[float, ...], pauses: tuple[float, ...], limits: Limits) -> tuple[Move, ...]:
+    """The moves from 0 m to each of some points in turn.
+
+    Args:
+        points: positions in m; the same one twice is no move.
+        pauses: time in s at rest at each point; empty: none.
+        limits: of all moves.
+    """
+    found, t = [], 0.0
+    for (start, end), pause in zip(pairwise((0.0, *points)), pauses or (0.0,) * len(points), strict=True):
+        if end != start:
+            distance = abs(end - start)
+            speed = top_speed(distance, limits)
+            ramp = gaining_time(speed, limits)
+            cruise = max(distance / speed - ramp, 0.0) if speed == limits.speed else 0.0  # else round-off
+            found.append(Move(start, end, t, ramp, cruise, math.copysign(speed, end - start)))
+            t = found[-1].finish
+        t += pause
+    return tuple(found)
+
+
+def way_point_motion(t: Scalar, found: tuple[Move, ...], jerk: float | None) -> Setpoint:
+    """Position, speed and acceleration at the time t in s, a float or an array."""
+    times = np.atleast_1d(np.asarray(t, float))
+    x, v, a = np.zeros_like(times), np.zeros_like(times), np.zeros_like(times)
+    for move in found:
+        started = times >= move.begin
+        now = move.at(times[started], jerk)
+        x[started], v[started], a[started] = now.x, now.v, now.a
+    if np.ndim(t) == 0:
+        return Setpoint(float(x[0]), float(v[0]), float(a[0]))
+    return Setpoint(x, v, a)
+
+
+def longest_cruise(found: tuple[Move, ...]) -> tuple[float, float] | None:
+    """First and last time in s of the longest stretch of constant speed; ``None`` where there is none."""
+    cruises = [(move.cruise, move) for move in found if move.cruise > 0]
+    if not cruises:
+        return None
+    longest = max(cruises, key=lambda pair: pair[0])[1]
+    return longest.begin + longest.ramp, longest.finish - longest.ramp
+
+
+Floats = NDArray[np.float64]
+
+EQUAL = 1e-6
+"""Share of the largest speed by which two speeds may differ and be the same: numbers of files are rounded."""
+
+MOVING = 1e-3
+"""Share of the largest speed below which the vehicle stands."""
+
+
+class RecordedMotion:
+    """A curve through recorded positions, with its speed and its acceleration.
+
+    Through positions alone it is the cubic spline whose speed and acceleration are continuous. Where speeds are
+    recorded too, it is the cubic curve through both, whose acceleration may step at a row. A recorded acceleration
+    stands in place of the curve's own, in straight lines from row to row. Before the first row and after the last the
+    vehicle rests where the row says.
+    """
+
+    def __init__(self, t: Floats, x: Floats, v: Floats | None = None, a: Floats | None = None) -> None:
+        """Lay the curve.
+
+        Args:
+            t: (n,) times in s, ascending.
+            x: (n,) positions in m.
+            v: (n,) speeds in m/s.
+            a: (n,) accelerations in m/s².
+        """
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+        self.t, self.x, self.a = t, x, a
+        self._curve: Any = CubicSpline(t, x) if v is None else CubicHermiteSpline(t, x, v)
+
+    def at(self, t: Scalar) -> Setpoint:
+        """Position, speed and acceleration at the time t in s, a float or an array."""
+        times = np.asarray(t, float)
+        within = (times >= self.t[0]) & (times <= self.t[-1])
+        inside = times.clip(self.t[0], self.t[-1])
+        a = self._curve(inside, 2) if self.a is None else np.interp(inside, self.t, self.a)
+        return Setpoint(self._curve(inside), np.where(within, self._curve(inside, 1), 0.0), np.where(within, a, 0.0))
+
+    @cached_property
+    def longest_cruise(self) -> tuple[float, float] | None:
+        """First and last time in s of the longest stretch of rows at one speed; ``None`` where there is none."""
+        speeds = np.diff(self.x) / np.diff(self.t)
+        largest = np.abs(speeds).max()
+        same = (np.abs(np.diff(speeds)) <= EQUAL * largest) & (np.abs(speeds[1:]) > MOVING * largest)
+        ends = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(int), [0]))))
+        stretches = [(float(self.t[first]), float(self.t[last + 1])) for first, last in ends.reshape(-1, 2)]
+        return max(stretches, key=lambda stretch: stretch[1] - stretch[0], default=None)
+
+
+@lru_cache(maxsize=16)
+def recorded_motion(
+    recording: Recording, units: tuple[str | None, ...], derivatives: tuple[str, ...]
+) -> RecordedMotion:
+    """The motion of a recording.
+
+    Args:
+        recording: positions, and speeds and accelerations where it has them.
+        units: of its columns; ``None``: as the file says.
+        derivatives: SI units of its columns, of ``m``, ``m/s`` and ``m/s^2`` those that there are.
+
+    Raises:
+        ConfigurationError: a unit is not stated, or is of another quantity.
+    """
+    found = {
+        si: recording.column(index, unit, si) for index, (unit, si) in enumerate(zip(units, derivatives, strict=True))
+    }
+    return RecordedMotion(recording.t, found["m"], found.get("m/s"), found.get("m/s^2"))
