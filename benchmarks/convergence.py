@@ -13,7 +13,6 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.document import put
-from dualwinch.config.settings import override
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
@@ -21,6 +20,7 @@ from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SETTINGS = (

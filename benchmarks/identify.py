@@ -24,7 +24,6 @@ from benchmarks.document import markdown, put
 from dualwinch.codegen import DualwinchError
 from dualwinch.commands.identify import believed_of
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.identification.blind import blind
 from dualwinch.identification.fit import Fitting, covariance_of
 from dualwinch.identification.identify import identify
@@ -37,6 +36,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SEED = 18

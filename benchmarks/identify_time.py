@@ -25,7 +25,6 @@ from benchmarks.document import duration, markdown, put, times
 from benchmarks.report import machine
 from benchmarks.shooting import Shot, shoot
 from dualwinch.codegen import DualwinchError
-from dualwinch.config.settings import override
 from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.fit import Fitting, covariance_of
 from dualwinch.identification.identify import identify
@@ -36,6 +35,7 @@ from dualwinch.identification.unknowns import keys_of, unknowns_of
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 KEYS = (

@@ -28,7 +28,6 @@ from benchmarks.embedded.report import ABOUT, NAME, recorded
 from benchmarks.predictive_figure import predictive_figure
 from dualwinch.codegen import native
 from dualwinch.codegen.export.package import c_package
-from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.extended_state_observer import corrected
 from dualwinch.controllers.laws.predictive.box import least_in_box
@@ -42,6 +41,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.files import save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]

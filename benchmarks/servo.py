@@ -19,11 +19,11 @@ from scipy.signal import butter, decimate, sosfiltfilt
 
 from benchmarks.document import markdown, put
 from dualwinch.commands.identify import identify
-from dualwinch.config.settings import override
 from dualwinch.identification.log import Log, log
 from dualwinch.identification.result import Identified
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import annotated_types as at
 
-from dualwinch.config.settings import leaf_of
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, numbers_of
@@ -27,6 +26,7 @@ from dualwinch.simulation.ensembles.distributions import (
 )
 from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import leaf_of
 
 SHAPES = ("uniform", "normal", "choice")
 """Distributions with a short form; an entry has one of these keys, or a kind."""

@@ -11,12 +11,11 @@ from typing import Any
 from dualwinch.config.distribution_entries import check_range, drawn_from, entry_of, is_entry
 from dualwinch.config.experiment_file import from_table, to_toml
 from dualwinch.config.plugins import load_entry_points
-from dualwinch.config.renamed import current
-from dualwinch.config.settings import from_folder, known_keys, override
 from dualwinch.config.toml_text import Source, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import current, from_folder, known_keys, override
 
 
 def built_in_ensembles() -> dict[str, Path]:

@@ -8,7 +8,6 @@ from typing import Any
 from dualwinch.codegen.text import one_line
 from dualwinch.config.metric_entries import with_metric_kinds
 from dualwinch.config.plugins import load_entry_points
-from dualwinch.config.settings import describe_choices, from_folder, override, with_settings, without_digests
 from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
 from dualwinch.model.quantities.description import describe_parts, every_leaf
 from dualwinch.model.quantities.part import built_in
@@ -16,6 +15,7 @@ from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import describe_choices, from_folder, override, with_settings, without_digests
 
 
 def load(

@@ -11,13 +11,11 @@ from .commands.export_fmu import export_fmu as export_fmu
 from .commands.identify import identify as identify
 from .commands.race import race as race
 from .commands.stress import stress as stress
-from .commands.sweep import sweep as sweep
 from .commands.tuning_setup import tuning_problem as tuning_problem
 from .config.ensemble_file import load_ensemble as load_ensemble
 from .config.experiment_file import load as load
 from .config.experiment_file import to_toml as to_toml
 from .config.plugins import register as register
-from .config.settings import override as override
 from .controllers.context import Context as Context
 from .controllers.controller import Controller as Controller
 from .controllers.controller import controller_function as controller_function
@@ -117,10 +115,12 @@ from .simulation.results.result import Result as Result
 from .simulation.results.storage import load_result as load_result
 from .simulation.results.storage import save as save
 from .simulation.scenario import Scenario as Scenario
+from .simulation.settings import override as override
 from .simulation.simulate import simulate as simulate
 from .simulation.stepper.observation import Observation as Observation
 from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
+from .simulation.sweep import sweep as sweep
 from .tuning.benchmark.result import BenchmarkResult as BenchmarkResult
 from .tuning.result import TuningResult as TuningResult
 from .tuning.robustness.result import RobustnessResult as RobustnessResult

@@ -1,4 +1,4 @@
-"""Runs over a grid of keys, and their figure."""
+"""Runs of an experiment over a grid of some of its values, and their figure."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -8,6 +8,18 @@ from dualwinch.simulation.batch.sweep import Grid
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+from collections.abc import Callable, Iterable, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves, shown
+from dualwinch.simulation.batch.sweep import run_grid
+from dualwinch.simulation.check import check
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import current, leaf_of, override
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,3 +43,76 @@ class Sweep(Grid):
         from dualwinch.simulation.plots.sweep import sweep_figure
 
         return sweep_figure(self, metric, ax=ax)
+
+
+def sweep(
+    experiment: Experiment,
+    values: Mapping[str, Iterable[Any]],
+    *,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Sweep:
+    """Run an experiment with every combination of some values.
+
+    Each run is that of `override`: its figures of merit are `simulate`'s up to the elementary functions of
+    `rollout`, in whose vector lanes runs of one structure go side by side.
+
+    Args:
+        experiment: where the other values come from.
+        values: dotted key → its values; of any keys, those too that choose parts or shape the compiled code, such as
+            ``controller.kind`` and ``simulation.delay_samples``. Each key is an axis of the grid, in this order.
+        threads: default: one a core.
+        progress: called now and then with the share that is done.
+
+    Returns:
+        Figures of merit and outcomes, as arrays of the grid's shape. An interrupt (Ctrl-C) leaves what is finished,
+        and ``not_run`` for the rest.
+
+    Raises:
+        ConfigurationError: an unknown key, no values, a value twice or out of range, or values that do not go together.
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+    grid = {current(key): _listed(key, given) for key, given in values.items()}
+    if "metrics" in grid:
+        raise ConfigurationError("metrics: is the same for all runs of a sweep; add every metric to the experiment")
+    if not grid:
+        raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
+    shape = tuple(map(len, grid.values()))
+    experiments = np.empty(shape, dtype=object)
+    for index, point in zip(np.ndindex(shape), product(*grid.values()), strict=True):
+        experiments[index] = _point(experiment, dict(zip(grid, point, strict=True)))
+    runs = run_grid(experiments, threads=threads, progress=progress)
+    edges = [experiments[(0,) * axis + (slice(None),) + (0,) * (len(shape) - axis - 1)] for axis in range(len(shape))]
+    return Sweep(
+        **vars(runs),
+        experiment=experiment,
+        keys=tuple(grid),
+        values=tuple(tuple(leaves(made)[key] for made in edge) for key, edge in zip(grid, edges, strict=True)),
+        quantities={key: leaf_of(key, edge[0]).quantity for key, edge in zip(grid, edges, strict=True)},
+    )
+
+
+def _listed(key: str, given: Iterable[Any]) -> list[Any]:
+    """Values of a key, as Python's own."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise ConfigurationError(f"{key} = {shown(given)}: must be a list of values")
+    listed = [value.item() if isinstance(value, np.generic) else value for value in given]
+    if not listed:
+        raise ConfigurationError(f"{key}: must have at least one value")
+    for index, value in enumerate(listed):
+        if value in listed[:index]:
+            raise ConfigurationError(f"{key} = {shown(value)}: is given twice")
+    return listed
+
+
+def _point(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
+    """The experiment of a point of the grid, checked."""
+    try:
+        made = override(experiment, values)
+        check(made)
+    except ConfigurationError as error:
+        said, assignments = str(error), [f"{key} = {shown(value)}" for key, value in values.items()]
+        if said.startswith(("unknown key", *assignments)):
+            raise
+        raise ConfigurationError(f"{', '.join(assignments)}: {said}") from error
+    return made

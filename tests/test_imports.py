@@ -234,5 +234,5 @@ def test_a_circle_and_an_import_upwards_are_noticed() -> None:
     assert upward(Import(lower, 1, f"{higher}.simulate"))
     assert not upward(Import(higher, 1, f"{lower}.Winch"))
     assert upward(Import(lower, 1, "dualwinch.simulate"))
-    assert upward(Import("dualwinch.config.settings", 1, "dualwinch.commands.tune"))
+    assert upward(Import("dualwinch.simulation.settings", 1, "dualwinch.commands.tune"))
     assert not upward(Import("dualwinch.commands.tune", 1, "numpy.linalg"))

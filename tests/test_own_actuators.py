@@ -9,7 +9,6 @@ import pytest
 
 from dualwinch.codegen.native import compile as compile_function
 from dualwinch.config.experiment_file import load, loads, to_toml
-from dualwinch.config.settings import override
 from dualwinch.model.actuators import ACTUATORS, Actuator, Demand, Ideal, Motor, NoState, is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
@@ -25,6 +24,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import load_result, save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
 from tests.own_actuators import Drooping, TwoLags

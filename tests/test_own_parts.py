@@ -13,7 +13,6 @@ from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.drivers.batch import batch_source
 from dualwinch.codegen.drivers.rollout import rollout_source
 from dualwinch.config.experiment_file import load, to_toml
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.position_law import PositionLaw
@@ -34,6 +33,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space import ContinuousDimension, space_of
 from tests.own_parts import Belief, DriftFree, StateFeedback, Watched

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from dualwinch.config.experiment_file import load, to_toml
-from dualwinch.config.settings import override
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise
@@ -27,6 +26,7 @@ from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import load_result, save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space import space_of
 from tests.oracle.sampled import Scenario, run

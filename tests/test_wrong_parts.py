@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from dualwinch.config.plugins import load_plugin
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space import space_of
 from tests.spring_law import changed

@@ -6,12 +6,12 @@ from rich.console import Console
 from rich.table import Table
 
 from dualwinch.commands.measured import measured
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"

@@ -14,7 +14,6 @@ from dualwinch.commands.linearise_tables import print_point, print_sweep
 from dualwinch.commands.ranges import numbers_between
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.terminal import terminal
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise_at
 from dualwinch.model.linear.modes import track_modes
@@ -22,6 +21,7 @@ from dualwinch.model.linear.operating_point import OperatingPoint, operating_poi
 from dualwinch.model.linear.system import LinearSystem, save_sweep, writer
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 
 Loop: TypeAlias = Callable[[Experiment, Sequence[OperatingPoint], float | None], list[LinearSystem]]
 """What linearises an experiment at operating points; the last argument is the sample time asked for, in s."""

@@ -10,7 +10,6 @@ from rich.table import Table
 
 from dualwinch.commands.linearise_tables import print_point
 from dualwinch.commands.terminal import styled, terminal
-from dualwinch.config.settings import override
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
@@ -22,6 +21,7 @@ from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear
 from dualwinch.simulation.analysis.margins import Margins, margins
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS
+from dualwinch.simulation.settings import override
 
 FIGURES = {"closed": ("poles",), "broken": ("bode", "amplitude")}
 """What is linearised → its figures, the default first."""

@@ -16,8 +16,8 @@ from dualwinch.commands.terminal import terminal
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.config.experiment_file import to_toml
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.settings import override
 from dualwinch.tuning.benchmark.found import BenchmarkFindings
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.scores import EntryResult

@@ -18,7 +18,6 @@ from dualwinch.commands.folders import made_folder
 from dualwinch.commands.reproduce_print import new_table, print_claims, print_tables
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.reports.claims import claims
 from dualwinch.simulation.comparison import reductions
@@ -27,6 +26,7 @@ from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 Runs = dict[tuple[int, str], Result]

@@ -9,13 +9,13 @@ from dualwinch.commands.sensitivities_tables import Effects, as_json, content_of
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.sweep_run import writer
 from dualwinch.commands.terminal import terminal
-from dualwinch.config.renamed import current
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.batch.sensitivities import differentiable_numbers, sensitivities
 from dualwinch.simulation.check import check_memory
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import BUILT_IN
+from dualwinch.simulation.settings import current
 
 
 def run_sensitivities(

@@ -14,7 +14,6 @@ from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import load
-from dualwinch.config.settings import override
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
@@ -24,6 +23,7 @@ from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.results.formats import format_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate as run
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")

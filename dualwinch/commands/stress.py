@@ -5,11 +5,11 @@ from os import PathLike
 from typing import Any
 
 from dualwinch.config.ensemble_file import load_ensemble, reset
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import baseline_controller, is_baseline
 from dualwinch.tuning.robustness.limits import constraints_of
 from dualwinch.tuning.robustness.result import RobustnessResult

@@ -11,7 +11,6 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemaining
 
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.simulate import check_plot
-from dualwinch.commands.sweep import sweep
 from dualwinch.commands.sweep_axes import axes_from
 from dualwinch.commands.sweep_tables import as_json, content_of, print_sweep
 from dualwinch.commands.terminal import terminal
@@ -21,6 +20,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.content import Content
 from dualwinch.simulation.results.formats import FORMATS
+from dualwinch.simulation.sweep import sweep
 
 SUFFIXES = (".csv", ".parquet", ".npz")
 """Formats that hold words beside numbers."""

@@ -8,12 +8,12 @@ from typing import Any
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.experiment_file import loads, to_toml
-from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import RESERVE, default_estimator, default_reserve, further_gains
 from dualwinch.tuning.constraints import (
     DEFAULT_OBJECTIVES,

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from dualwinch.config.experiment_file import to_toml
-from dualwinch.config.settings import override
 from dualwinch.config.toml_text import flattened
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
@@ -23,6 +22,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 FIRST, CONFIGURATIONS = 5, 2

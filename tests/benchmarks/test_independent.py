@@ -9,9 +9,9 @@ import pytest
 from benchmarks.independent.__main__ import judged, main
 from benchmarks.independent.judge import SAMPLES, Conditions, Judge, Runs
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 CALM = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.predictive import REFERENCE, TOLERANCE, Programs, casadis, experiment, ours, record
-from dualwinch.config.settings import override
+from dualwinch.simulation.settings import override
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from benchmarks import policies, stepping
 from benchmarks.case import Case
 from benchmarks.peers.peer import UnavailableError
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.settings import override
 
 
 def short() -> Ensemble:

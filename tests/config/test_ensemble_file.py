@@ -8,7 +8,6 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.config.ensemble_file import built_in_ensembles, ensemble_to_toml, load_ensemble, loads_ensemble, reset
 from dualwinch.config.plugins import register
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
@@ -18,6 +17,7 @@ from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.result import save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from tests.own_distributions import Triangular
 
 MASS = "plant.vehicle.mass"

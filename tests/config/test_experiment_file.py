@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.config.experiment_file import load, to_toml
-from dualwinch.config.settings import known_keys, override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.master_slave import MasterSlave
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
@@ -20,6 +19,7 @@ from dualwinch.model.quantities.description import owners
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CASES, case
+from dualwinch.simulation.settings import known_keys, override
 
 
 @pytest.mark.parametrize("number", CASES)

@@ -9,7 +9,6 @@ import pytest
 import dualwinch as dw
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.plugins import register, registries
-from dualwinch.config.settings import override
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
@@ -18,6 +17,7 @@ from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Key, Quantity
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.own_parts import DriftFree, StateFeedback, Watched
 

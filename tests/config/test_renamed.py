@@ -6,10 +6,9 @@ import pytest
 
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.experiment_file import load, to_toml
-from dualwinch.config.renamed import RENAMED
-from dualwinch.config.settings import known_keys, override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import RENAMED, known_keys, override
 
 
 def test_every_new_name_is_a_key_and_no_old_one_is() -> None:

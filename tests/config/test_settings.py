@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 
 from dualwinch.config.plugins import register
-from dualwinch.config.settings import describe_choices, known_keys, leaf_of, override, with_settings
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.coordinations.force_position import ForcePosition
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
@@ -20,6 +19,7 @@ from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import describe_choices, known_keys, leaf_of, override, with_settings
 from tests.own_metrics import Room
 
 

@@ -7,9 +7,9 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble
 from dualwinch.config.experiment_file import load, to_toml
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 
 TEXT = '[disturbance.force]\nfile = "data/gust.csv"\nunit = "kN"\n'
 

@@ -2,10 +2,10 @@
 
 from functools import cache
 
-from dualwinch.config.settings import override
 from dualwinch.identification.log import Log, log_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SENSORS = {

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from dualwinch.commands.identify_run import write_forces
-from dualwinch.config.settings import override
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
 from dualwinch.identification.result import Identified
 from dualwinch.model.signals import Signal
 from dualwinch.model.vehicle import inertia
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.identification.conftest import logged, machine
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.identification.course import REPEATS, samples_of
 from dualwinch.identification.log import log
 from dualwinch.identification.sensed import READINGS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 
 ROWS = 400
 

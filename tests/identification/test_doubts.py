@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.identification.doubts import check_log
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
 from dualwinch.identification.summary import notes
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
 
 

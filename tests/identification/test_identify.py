@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import ensemble_to_toml, loads_ensemble
-from dualwinch.config.settings import override
 from dualwinch.identification.blind import blind
 from dualwinch.identification.fit import Fitting, covariance_of
 from dualwinch.identification.identify import identify
@@ -16,6 +15,7 @@ from dualwinch.identification.unknowns import Prior, Unknown, keys_of, unknowns_
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus", "plant.winch_1.inertia")

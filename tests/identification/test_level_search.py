@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.identification.fit import OUTLIER, Fitting
 from dualwinch.identification.level_search import LevelSearch
 from dualwinch.identification.sections import sections_of
 from dualwinch.identification.unknowns import keys_of, unknowns_of
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
 
 T = np.linspace(0, 20, 2001)

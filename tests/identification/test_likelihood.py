@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.identification.coordinates import Coordinates
 from dualwinch.identification.fit import Fitting
 from dualwinch.identification.likelihood import Likelihood, Step
 from dualwinch.identification.sections import sections_of
 from dualwinch.identification.unknowns import Prior, keys_of, unknowns_of
+from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.vehicle.friction_coefficient")

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.identification.log_file import column_map, read_log
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 ROWS = 300

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.identification.identify import identify
 from dualwinch.identification.optima import starts_of
 from dualwinch.identification.profile import Profile
@@ -13,6 +12,7 @@ from dualwinch.identification.result import Identified
 from dualwinch.identification.unknowns import Prior, keys_of, unknowns_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient")

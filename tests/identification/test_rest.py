@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from dualwinch.config.settings import override
 from dualwinch.identification.rest import stretches
 from dualwinch.identification.sensed import READINGS
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 
 STICKY = override(Experiment(), {"plant.winch_1.coulomb_friction": 96.0})
 T = np.arange(30_000) * 1e-3

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.config.settings import known_keys, override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
@@ -26,6 +25,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
 from dualwinch.simulation.results.outcomes import WORDS
+from dualwinch.simulation.settings import known_keys, override
 from dualwinch.simulation.simulate import simulate
 
 FAST = Reference(kind="uniform", speed=2.1)

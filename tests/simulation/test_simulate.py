@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import simulate as module
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SHORT = override(case(4), {"simulation.duration": 2.0, "sensors.speed_noise": 1e-3, "disturbance.current_sigma": 0.05})

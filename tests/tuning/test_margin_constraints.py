@@ -10,13 +10,13 @@ import pytest
 
 from dualwinch.commands.tune import Options, write
 from dualwinch.commands.tuning_setup import tuning_problem
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.settings import override
 from dualwinch.tuning.constraints import Constraint, constraints_from, objectives_from
 from dualwinch.tuning.optimisers.linearise import active_scenarios, linearise, margin_slopes
 from dualwinch.tuning.problem import MARGIN, TuningProblem

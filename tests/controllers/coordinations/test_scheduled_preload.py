@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload, ScheduleOutput
 from dualwinch.controllers.limits import Limits
@@ -15,6 +14,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 LIMITS = Limits(preload=800.0)

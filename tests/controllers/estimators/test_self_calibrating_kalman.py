@@ -13,7 +13,6 @@ from benchmarks.embedded.host import PRECISE, Host, build
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.source.operations import Precision
-from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.kalman import KalmanGains, kalman_gain
 from dualwinch.controllers.estimators.self_calibrating_kalman import (
@@ -36,6 +35,7 @@ from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 T, SIGMA = 1e-3, 6e-4

@@ -12,8 +12,8 @@ from dualwinch.commands.stress import base_and_ensemble
 from dualwinch.commands.stress_run import noted_constraints
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.settings import override
 from tests.tuning.stress.ensembles import DRUMS, short
 
 SHORT = ("--set", "simulation.duration=0.5", "--scenarios", "2")

@@ -3,11 +3,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualwinch.commands.sweep import sweep
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.simulation.sweep import sweep
 
 SHORT = override(case(4), {"simulation.duration": 0.5})
 L0, DELAY, MASS = "controller.observer.l0", "simulation.delay_samples", "plant.vehicle.mass"

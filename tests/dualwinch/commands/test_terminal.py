@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 
 from dualwinch.cli.app import main
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.simulation.ensembles.comparison import compare, paper_controller
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots import comparison, trajectory
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 NAMES = ["_first $x^2$ [red].toml", "second [/bold] $y$"]

@@ -15,10 +15,10 @@ from dualwinch.commands.tune import Options, seconds_from, tune
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.experiment_file import load
-from dualwinch.config.settings import override
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.scoring.config import SampleSizes
 from dualwinch.tuning.scoring.progress import PHASES, SearchStatus

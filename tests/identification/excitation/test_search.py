@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dualwinch.config.experiment_file import loads, to_toml
-from dualwinch.config.settings import override
 from dualwinch.identification.excitation.excited import Excited
 from dualwinch.identification.excitation.motions import room_of
 from dualwinch.identification.excitation.search import excite
@@ -12,6 +11,7 @@ from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.identification.conftest import machine
 

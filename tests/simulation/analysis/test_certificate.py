@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import plots
 from dualwinch.simulation.analysis.certificate import Certificate, certify
 from dualwinch.simulation.analysis.nearby_gains import nearby_gains
 from dualwinch.simulation.analysis.stability import REAL
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from tests.oracle.sampled import Scenario, run
 
 SATISFYING = {

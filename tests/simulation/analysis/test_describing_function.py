@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from dualwinch.config.settings import override
 from dualwinch.controllers.laws.nftsm import odd_power
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep, describing_gain
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from tests.simulation.inserted import run
 
 PAPER = case(2)

@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.simulation.analysis.least_error import least_mse
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 BARE = {

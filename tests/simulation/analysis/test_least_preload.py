@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.least_preload import LeastPreload, least_preload
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 RADIUS, GEAR, INERTIA, LEAST, MOST = 0.8, 36.0, 1.8, 200.0, 6000.0

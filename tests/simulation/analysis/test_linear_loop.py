@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.loop_cruise import loop_cruise
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from tests.simulation.inserted import run
 
 PAPER = case(2)

@@ -5,7 +5,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
@@ -15,6 +14,7 @@ from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 
 X = 25.0
 

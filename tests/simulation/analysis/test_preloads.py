@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.least_preload import least_preload
 from dualwinch.simulation.analysis.preloads import Preloads, preloads
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SCHEDULED = override(case(4), {"controller.coordination.kind": "scheduled-preload"})

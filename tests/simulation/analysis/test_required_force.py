@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.simulation.analysis.required_force import EVERY, demand, required_force
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 

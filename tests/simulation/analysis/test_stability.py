@@ -5,7 +5,6 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.simulation.analysis.stability import (
     IDEAL,
     REAL,
@@ -18,6 +17,7 @@ from dualwinch.simulation.analysis.stability import (
     switching_gain_needed,
 )
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 
 SEEN = Bounds(disturbance=0.06, disturbance_rate=0.13, speed_error=0.008, observer_gain=5.0)
 """About what Case 4 shows; 0.008^(2/3) = 0.04."""

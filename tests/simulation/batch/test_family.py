@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble, reset
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.scenarios import doubtful, experiment_of, families
@@ -18,6 +17,7 @@ from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 
 RIG = reset(load_ensemble("rig"), {"simulation.duration": 0.2})
 SEA = reset(load_ensemble("sea"), {"simulation.duration": 0.2})

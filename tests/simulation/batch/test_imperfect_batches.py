@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 NAMES, GAINS = ["controller.nftsm.beta", "controller.observer.l0"], [[2.0, 30.0], [3.0, 20.0]]

@@ -5,11 +5,11 @@ import pytest
 
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS, in_portions, portion_size
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.settings import override
 
 SEA = load_ensemble("sea")
 

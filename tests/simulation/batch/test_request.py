@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch import scenarios as module
 from dualwinch.simulation.batch.scenarios import check_batch
@@ -13,6 +12,7 @@ from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.settings import override
 
 COORDINATION = "controller.coordination."
 

@@ -6,13 +6,13 @@ import pytest
 
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 NAMES = ["controller.nftsm.beta", "controller.observer.l0"]

@@ -8,12 +8,12 @@ import pytest
 from dualwinch.codegen.drivers import sensitivity as driver
 from dualwinch.codegen.source.c_source import LANES
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import Sensitivities, compile_ahead, sensitivities
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 
 GAINS = {
     "controller.nftsm.beta": 0.05,

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.signals import Signal
@@ -18,6 +17,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 COLUMNS = ("x", "v", "omega_2", "e", "F1", "F2", "u", "d_true", "tau_1", "torque_2", "x_read", "F1_read", "d_est")

@@ -6,13 +6,13 @@ import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.plugins import register
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.loop.structure import parameters_of, shaping_keys, structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.own_metrics import Room
 

@@ -5,7 +5,6 @@ import pytest
 
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
@@ -18,6 +17,7 @@ from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_
 from dualwinch.simulation.ensembles.distributions import Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.settings import override
 
 
 @pytest.fixture(scope="module")

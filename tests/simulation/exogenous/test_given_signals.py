@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from dualwinch.commands.tuning_setup import definition_of, problem_from, tuning_problem
-from dualwinch.config.settings import override
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
@@ -23,6 +22,7 @@ from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
 

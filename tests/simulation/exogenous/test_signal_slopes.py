@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
+from dualwinch.simulation.settings import override
 
 SEA = {
     "disturbance.current_sigma": 0.1,

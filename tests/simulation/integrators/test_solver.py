@@ -5,7 +5,6 @@ from typing import Any, ClassVar
 
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
@@ -14,6 +13,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.integrators.solver import Solver, solver_of
 from dualwinch.simulation.integrators.swing_rate import fastest_rate, swing_rate
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from tests.own_ropes import Bedding, Stiffening
 
 

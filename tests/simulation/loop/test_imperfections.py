@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
@@ -14,6 +13,7 @@ from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as Judge

@@ -10,7 +10,6 @@ import pytest
 
 from dualwinch.commands.export import export_c, export_mex
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.signals import Measurement
@@ -31,6 +30,7 @@ from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.simulation.stepper.stepper import Stepper
 from tests.foresight import Foresight, ForesightfulTension

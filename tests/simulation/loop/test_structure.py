@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
@@ -24,6 +23,7 @@ from dualwinch.simulation.loop.structure import (
     zeros_of,
 )
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 
 FILTER_TIME, NOISE = "controller.speed_filter_time", "sensors.speed_noise"
 

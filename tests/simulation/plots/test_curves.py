@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 from matplotlib.colors import same_color, to_hex
 
-from dualwinch.config.settings import override
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
@@ -16,6 +15,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.curves import PALETTE, curves
 from dualwinch.simulation.plots.style import BLUE, DASHES, VERMILION
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SHORT = {"simulation.duration": 0.2}

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dualwinch.config.ensemble_file import load_ensemble, reset
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.plant import Plant
@@ -26,6 +25,7 @@ from dualwinch.simulation.plots.linear import bode, mode_shapes
 from dualwinch.simulation.plots.loop import amplitude_margins, closed_loop_poles, loop_bode
 from dualwinch.simulation.plots.modes import modal_frequencies, pole_map
 from dualwinch.simulation.plots.style import house_style
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 Draw = Callable[..., Figure]

@@ -3,10 +3,10 @@ import sys
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import MissingExtraError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
@@ -16,6 +15,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.formats import FORMATS
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import load_result, save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.own_parts import DriftFree, StateFeedback, Watched
 

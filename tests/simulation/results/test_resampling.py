@@ -4,11 +4,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualwinch.config.settings import override
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 HELD = ["a_ref", "F1_cmd", "F2_cmd", "u", "u_sat", "tau_1", "tau_2"]

@@ -7,13 +7,13 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat
 
-from dualwinch.config.settings import override
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 NAMES = [

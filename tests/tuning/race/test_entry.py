@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dualwinch.commands.tuning_setup import tuning_problem
-from dualwinch.config.settings import override
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.nftsm import NftsmGains, odd_power
 from dualwinch.controllers.laws.registry import POSITION_LAWS
@@ -13,6 +12,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.benchmark.entries import (
     CONSTANT_GAIN,

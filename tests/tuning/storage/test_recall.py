@@ -14,11 +14,11 @@ from dualwinch.commands.tune import Options, tune
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.plugins import load_plugin
-from dualwinch.config.settings import override
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
 from dualwinch.tuning.storage.noted_parts import PartRecord, in_words, part_record, part_records
 from dualwinch.tuning.storage.recall import recall
 from tests.own_parts import DriftFree, StateFeedback

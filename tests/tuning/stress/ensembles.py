@@ -1,9 +1,9 @@
 """Ensembles of a second's half, for tests of what breaks first."""
 
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
-from dualwinch.config.settings import override
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
 
 DRUMS = """
 [ensemble]

@@ -11,7 +11,6 @@ from benchmarks.embedded.host import PRECISE, Host, build
 from benchmarks.embedded.report import recorded
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.config.settings import override
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.predictive.mpc import Mpc, MpcOutput, MpcState
 from dualwinch.controllers.limits import Limits
@@ -24,6 +23,7 @@ from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 T, MASS = 1e-3, 1e4

@@ -1,17 +1,26 @@
-"""Values by key, set on an experiment: each of the right type and in its range, or an error that says what is meant."""
+"""Values by key, set on an experiment: each of the right type and in its range, or an error that names the key.
+
+Keys that had another name (`RENAMED`) are understood wherever a key enters.
+"""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from dualwinch.config.renamed import current
-from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
 from dualwinch.model.quantities.tree import leaves, validated, with_leaves
 from dualwinch.simulation.experiment import Experiment
+
+RENAMED = {"controller.calibration.spread": "controller.calibration.deviation", "disturbance.seed": "simulation.seed"}
+"""Old key → what it is called now."""
+
+
+def current(key: str) -> str:
+    """What a key is called now."""
+    return RENAMED.get(key, key)
 
 
 def known_keys() -> dict[str, Leaf]:
@@ -36,7 +45,8 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
         choice, kinds = owners(Experiment, key)
         whose, here = " or ".join(f'"{kind}"' for kind in kinds), leaves(experiment)[choice]
         if isinstance(here, tuple):
-            raise ConfigurationError(f"{key}: belongs to {whose}, which is not among {choice} = {toml_value(here)}")
+            among = ", ".join(f'"{kind}"' for kind in here)
+            raise ConfigurationError(f"{key}: belongs to {whose}, which is not among {choice} = [{among}]")
         raise ConfigurationError(f'{key}: belongs to {choice} = {whose}, here it is "{here}"')
     return experiment
 
