@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 import dualwinch.simulation.ensembles.ensemble  # noqa: F401  registries that no experiment holds
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import check_keys, every_leaf
-from dualwinch.model.quantities.part import PLUGIN, Part, Registry, base_of, check_defaults, named
+from dualwinch.model.quantities.part import PLUGIN, Part, base_of, check_defaults, named, registries
 from dualwinch.simulation.experiment import Experiment
 
 PartType = TypeVar("PartType", bound=type[Part])
@@ -69,11 +69,6 @@ def register(part: PartType) -> PartType:
             check_defaults(part)
         check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part and not instead(owner)))
     return part
-
-
-def registries() -> Iterator[Registry[Any]]:
-    """Every registry there is."""
-    yield from (base.registry for base in Part.__subclasses__() if base.registry is not None)
 
 
 def _bases() -> str:

@@ -5,11 +5,13 @@ Keys that had another name (`RENAMED`) are understood wherever a key enters.
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts, owners
+from dualwinch.model.quantities.part import Part, registries
 from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
 from dualwinch.model.quantities.tree import leaves, validated, with_leaves
 from dualwinch.simulation.experiment import Experiment
@@ -25,6 +27,11 @@ def current(key: str) -> str:
 
 def known_keys() -> dict[str, Leaf]:
     """Every configuration key there is, of all registered parts, and what it is."""
+    return dict(_known_keys(tuple(tuple(registry.values()) for registry in registries())))
+
+
+@lru_cache(maxsize=4)
+def _known_keys(parts: tuple[tuple[type[Part], ...], ...]) -> dict[str, Leaf]:  # noqa: ARG001 # what it depends on
     return describe(Experiment)
 
 

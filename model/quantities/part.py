@@ -337,6 +337,11 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         )
 
 
+def registries() -> Iterator[Registry[Any]]:
+    """Every registry there is."""
+    yield from (base.registry for base in Part.__subclasses__() if base.registry is not None)
+
+
 @dataclass(frozen=True)
 class Choice:
     """A field that holds a part.

@@ -8,12 +8,12 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.config.experiment_file import loads, to_toml
-from dualwinch.config.plugins import register, registries
+from dualwinch.config.plugins import register
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.part import Part, registries
 from dualwinch.model.quantities.quantity import Key, Quantity
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case

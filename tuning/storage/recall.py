@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from dualwinch.config.plugins import load_plugin, registries
+from dualwinch.config.plugins import load_plugin
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.part import Part, registries
 from dualwinch.tuning.storage.noted_parts import PartRecord, check_parts, part_record
 
 
