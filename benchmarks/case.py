@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
-from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.paper import case
 
 REFERENCE = ("reference.x", "reference.v", "reference.a", "steady")

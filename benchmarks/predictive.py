@@ -36,9 +36,9 @@ from dualwinch.controllers.signals import Estimate
 from dualwinch.model.motions import Previewed
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.files import save
 from dualwinch.simulation.settings import override

@@ -30,8 +30,8 @@ from dualwinch.model.plant import Torques
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.integrators.rk4 import rk4
-from dualwinch.simulation.loop.between import MOTION_TEMPLATE, ZeroOrderHold, problem_of
+from dualwinch.simulation.integrators import rk4
+from dualwinch.simulation.loop.zero_order_hold import MOTION_TEMPLATE, ZeroOrderHold, problem_of
 
 Floats = NDArray[np.float64]
 

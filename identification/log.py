@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.identification.sensed import READINGS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.loop.row import READ
 from dualwinch.simulation.results.run import Run
+from dualwinch.simulation.rows import READ
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dualwinch.identification.sensed import Sensed
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.recordings import factor
-from dualwinch.simulation.loop.row import READ
+from dualwinch.simulation.rows import READ
 
 UNIT_OF = {
     "t": "s",

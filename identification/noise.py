@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.identification.sensed import READINGS
-from dualwinch.simulation.exogenous.sensors import Sensors
+from dualwinch.simulation.sensors import Sensors
 
 Floats = NDArray[np.float64]
 

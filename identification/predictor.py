@@ -1,6 +1,6 @@
 """The machine under recorded torques as a filter sees it: motion, motors, and what acts on it unrecorded.
 
-Its equations are those of every simulation (`simulation.loop.between`, `model.actuators`); from sample to sample
+Its equations are those of every simulation (`simulation.loop.zero_order_hold`, `model.actuators`); from sample to sample
 torques and the unrecorded are held.
 """
 
@@ -23,14 +23,14 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar, exp
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.between import (
+from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
+from dualwinch.simulation.loop.zero_order_hold import (
     MOTION_TEMPLATE,
     between_samples,
     named_function,
     problem_of,
     zero_order_hold,
 )
-from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
 
 INPUTS = ("t", "tau_1", "tau_2", "duration")
 """What the machine is given at a sample: time in s, torque commands in N m, time in s until the next sample."""

@@ -6,7 +6,7 @@ from typing import Annotated
 from dualwinch.model.plant import Plant, PlantState, tensions
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.scalar import Scalar
-from dualwinch.simulation.exogenous.sensors import Sensors
+from dualwinch.simulation.sensors import Sensors
 
 
 @dataclass(frozen=True)

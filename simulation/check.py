@@ -16,10 +16,9 @@ from dualwinch.model.reference import Reference, cruise_speed, setpoint
 from dualwinch.model.ropes import Track, kelvin_voigt
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
-from dualwinch.simulation.integrators.solver import FINE, is_automatic, solver_of, swing_rates
-from dualwinch.simulation.integrators.swing_rate import swing_rate
+from dualwinch.simulation.integrators.problem import swing_rate
 from dualwinch.simulation.loop.closed_loop import initial_state_of
-from dualwinch.simulation.loop.structure import KEPT
+from dualwinch.simulation.loop.structure import FINE, KEPT, is_automatic, solver_of, swing_rates
 
 MOST_SUBSTEPS = 256
 """Sub-steps of a sample at most."""

@@ -10,7 +10,7 @@ import numpy as np
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.scalar import Scalar, absolute, maximum, where
 from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.metrics.sample import Sample
+from dualwinch.simulation.rows import Sample
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.paper import case

@@ -26,9 +26,9 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case

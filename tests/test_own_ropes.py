@@ -21,8 +21,8 @@ from dualwinch.model.ropes import ROPES, Rope
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import load_result, save

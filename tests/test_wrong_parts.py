@@ -7,7 +7,7 @@ import pytest
 from dualwinch.config.plugins import load_plugin
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

@@ -12,9 +12,9 @@ from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.source.operations import Precision
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.simulate import simulate
 

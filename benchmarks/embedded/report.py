@@ -18,8 +18,8 @@ from dualwinch.codegen.source.operations import Precision
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import asked_motion
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate

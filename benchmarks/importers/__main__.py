@@ -14,8 +14,8 @@ from rich.table import Table
 
 from benchmarks.importers.co_simulation import IMPORTERS, Floats, error
 from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.simulation.blocks import BLOCKS, block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
-from dualwinch.simulation.loop.blocks import BLOCKS, block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 

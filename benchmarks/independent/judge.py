@@ -14,8 +14,8 @@ from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.source.operations import Precision
 from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import block
 
 SOURCE = Path(__file__).with_name("machine.c")
 

@@ -9,7 +9,7 @@ from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.simulation.loop.row import COLUMNS, CONTINUOUS, READINGS, TORQUES
+from dualwinch.simulation.rows import COLUMNS, CONTINUOUS, READINGS, TORQUES
 
 HEADINGS = ["column", "unit", "meaning", "between two rows"]
 NO_COLUMNS = {"saturated", "torque_saturated"}

@@ -15,9 +15,9 @@ from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.folders import make_folder
 from dualwinch.config.experiment_file import to_toml
+from dualwinch.simulation.blocks import BLOCKS, block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import BLOCKS, block
 
 
 def provenance(experiment: Experiment) -> Provenance:

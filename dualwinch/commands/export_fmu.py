@@ -22,8 +22,8 @@ from dualwinch.codegen.fmu import host_platform as host
 from dualwinch.commands.export import provenance, symbol
 from dualwinch.commands.folders import check_folder
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import block
 
 SAMPLE_TIME = "simulation.sample_time"
 """A constant of every FMU: FMI has no way to change it."""

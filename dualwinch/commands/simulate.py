@@ -17,8 +17,8 @@ from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.integrators.solver import is_automatic, solver_of
 from dualwinch.simulation.loop.engine import EngineName
+from dualwinch.simulation.loop.structure import is_automatic, solver_of
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.results.formats import format_of
 from dualwinch.simulation.results.result import Result

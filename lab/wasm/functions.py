@@ -10,7 +10,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
 from dualwinch.model.scalar import Scalar, exp, maximum, where
 from dualwinch.simulation.exogenous.signals import courses
-from dualwinch.simulation.loop.between import named_function
+from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.metrics.metrics import KEYS, finish
 
 KINDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_zero")

@@ -13,8 +13,8 @@ from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves, numbers
 from dualwinch.model.scalar import Scalar, where
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.between import named_function
 from dualwinch.simulation.loop.structure import unknown_keys
+from dualwinch.simulation.loop.zero_order_hold import named_function
 
 KIND = "reference.kind"
 """A number here: which of `MOTIONS` it is."""

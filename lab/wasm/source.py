@@ -11,7 +11,7 @@ from dualwinch.lab.wasm.functions import KINDS, drawn_function, figures_function
 from dualwinch.lab.wasm.motion import duration_function, motion_function, motion_names
 from dualwinch.lab.wasm.settings import SAMPLE_TIME, Settings
 from dualwinch.simulation.exogenous.streams import stream_number
-from dualwinch.simulation.loop.start import start_function
+from dualwinch.simulation.loop.closed_loop import start_function
 from dualwinch.simulation.loop.structure import structure_of
 
 INLINED = Style(compares=True, inlined=True)

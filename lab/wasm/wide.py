@@ -8,10 +8,9 @@ from dualwinch.codegen.sampled import Sampled
 from dualwinch.model.actuators import Motor
 from dualwinch.model.scalar import where
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.between import named_function
-from dualwinch.simulation.loop.closed_loop import FORCE, closed_loop
+from dualwinch.simulation.loop.closed_loop import FORCE, ClosedLoop, closed_loop
 from dualwinch.simulation.loop.structure import structure_of
-from dualwinch.simulation.loop.system import ClosedLoop
+from dualwinch.simulation.loop.zero_order_hold import named_function
 
 DELAY = "simulation.delay_samples"
 """A number at run time here; elsewhere it shapes the code."""

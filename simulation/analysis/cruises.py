@@ -14,7 +14,7 @@ from dualwinch.model.linear.operating_point import cruise_law
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.analysis.loop_cruise import BELIEVING, LIMITS, PRESSED, RESIDUAL, ROUNDS, STEP, UNLIMITED
 from dualwinch.simulation.analysis.open_sample import OpenSample, open_sample
-from dualwinch.simulation.loop.start import start_function
+from dualwinch.simulation.loop.closed_loop import start_function
 from dualwinch.simulation.loop.structure import Structure
 
 Floats = NDArray[np.float64]

@@ -20,8 +20,8 @@ from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise, with_taut_ropes
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop, initial_loop_state
-from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.loop.structure import Structure, structure_of
+from dualwinch.simulation.rows import COLUMNS
 
 Floats = NDArray[np.float64]
 

@@ -17,9 +17,8 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import Creep
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of
-from dualwinch.simulation.loop.system import ClosedLoop
 
 Floats = NDArray[np.float64]
 

@@ -16,9 +16,8 @@ from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.plant import PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
+from dualwinch.simulation.loop.closed_loop import CUTS, ClosedLoop, closed_loop
 from dualwinch.simulation.loop.structure import Structure, template_of
-from dualwinch.simulation.loop.system import ClosedLoop
 
 X, DRUMS = "motion.plant.x", ("motion.plant.theta_1", "motion.plant.theta_2")
 """States of the vehicle's position and the drums' angles."""

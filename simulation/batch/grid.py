@@ -10,8 +10,7 @@ from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.scenarios import Scenarios, check_batch, experiment_of
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop
-from dualwinch.simulation.loop.start import starts
+from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, starts
 from dualwinch.simulation.loop.structure import structure_of, zeros_of
 from dualwinch.simulation.metrics.metric import Metric
 

@@ -19,9 +19,15 @@ from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, nearest
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check, fastest_swing, substeps_for
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.integrators.solver import is_automatic, solver_of
-from dualwinch.simulation.loop.start import starts
-from dualwinch.simulation.loop.structure import Structure, described_parameters, parameters_of, structure_of
+from dualwinch.simulation.loop.closed_loop import starts
+from dualwinch.simulation.loop.structure import (
+    Structure,
+    described_parameters,
+    is_automatic,
+    parameters_of,
+    solver_of,
+    structure_of,
+)
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 

@@ -22,8 +22,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop
-from dualwinch.simulation.loop.start import start_slopes
+from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_slopes
 from dualwinch.simulation.loop.structure import Structure, described_parameters, parameters_of, structure_of
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of

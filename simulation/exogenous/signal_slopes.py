@@ -18,9 +18,9 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import courses, random_signals
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.sensors import Sensors
 
 Floats = NDArray[np.float64]
 

@@ -17,11 +17,11 @@ from dualwinch.model.motions import no_departures
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Reference, departures, setpoint
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.simulation.exogenous.sensors import Sensors, silence_of
+from dualwinch.simulation.blocks import reference_inputs
 from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
-from dualwinch.simulation.loop.equations import reference_inputs
+from dualwinch.simulation.sensors import Sensors, silence_of
 
 Floats: TypeAlias = NDArray[np.float64]
 

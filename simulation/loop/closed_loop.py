@@ -1,11 +1,16 @@
-"""Plant and controller as one symbolic step of the sampled closed loop."""
+"""Plant and controller as one symbolic step of the sampled closed loop, and its state before the first sample."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
+from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
 from dualwinch.controllers.nominal import nominal_structure
@@ -18,23 +23,80 @@ from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute
-from dualwinch.simulation.exogenous.sensors import Noise, Readings, Sensors, first_readings, measure, silence_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.between import (
+from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
+from dualwinch.simulation.loop.zero_order_hold import (
     ZeroOrderHold,
     between_samples,
     named_function,
     problem_of,
     zero_order_hold,
 )
-from dualwinch.simulation.loop.row import COLUMNS, row_of
-from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
-from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import Accumulators, accumulate
 from dualwinch.simulation.metrics.own import states_after, states_before
-from dualwinch.simulation.metrics.sample import Sample
+from dualwinch.simulation.rows import COLUMNS, Sample, row_of
+from dualwinch.simulation.sensors import Noise, Readings, Sensors, first_readings, measure, silence_of
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop(Sampled):
+    """The closed loop as named CasADi functions, and the names of everything in their vectors.
+
+    At a sample the controller senses and acts, and the figures of merit are summed up; until the next one the plant
+    moves. `margin` in m is the distance of the next position to the nearer end of the track.
+
+    Attributes:
+        states, exogenous, parameters: names of the elements of those vectors.
+        marks: state → what else it is.
+        quantities: what each element of a row is, by its name: the columns of a result.
+    """
+
+    states: tuple[str, ...]
+    exogenous: tuple[str, ...]
+    parameters: tuple[str, ...]
+    marks: Mapping[str, frozenset[Mark]]
+    quantities: Mapping[str, Quantity]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the elements of a row."""
+        return tuple(self.quantities)
+
+    def vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """(parameters,) numbers by name, such as `structure.parameters_of` gives, as the compiled code takes them.
+
+        Raises:
+            DualwinchError: they are not those of this closed loop.
+        """
+        if tuple(values) != self.parameters:
+            odd = ", ".join(sorted(set(values) ^ set(self.parameters))) or "their order"
+            raise DualwinchError(f"these are not the parameters of this closed loop; what differs: {odd}")
+        return np.array(list(values.values()), float)
+
+    def marked(self, *marks: Mark) -> NDArray[np.bool_]:
+        """(states,) whether a state has one of some marks."""
+        return np.array([not self.marks[name].isdisjoint(marks) for name in self.states])
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
+        arguments = [ca.SX.sym(name, self.sample.size1_in(name)) for name in self.sample.name_in()]
+        discrete, hold, *_ = self.sample(*arguments)
+        start = arguments[0][: self.move.numel_in("motion")]
+        motion, margin = start, ca.SX(0)
+        for part in range(self.parts):
+            motion, margin = self.move(motion, hold, part, arguments[2])
+        if self.one_step:
+            moved, moved_margin, valid = self.one_step(start, hold, arguments[2])
+            motion = ca.if_else(valid > 0, moved, motion)
+            margin = ca.if_else(valid > 0, moved_margin, margin)
+        outputs = [ca.vertcat(motion, discrete), self.observe(*arguments), margin]
+        return ca.Function(
+            "step", arguments, outputs, self.sample.name_in(), ["next_state", "row", "margin"], {"cse": True}
+        )
+
 
 CUTS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}
 """Where the loop can be cut for analysis: signal → the column of what arrives at the cut."""
@@ -347,3 +409,51 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         marks={name: marks.get(name, frozenset()) for name in vectors["state"]},
         quantities={name: quantity for name, (_, quantity) in row.items()},
     )
+
+
+Floats = NDArray[np.float64]
+
+
+@built_once
+def start_function(structure: Structure) -> ca.Function:
+    """``start(parameters) -> state`` of a structure, the numbers of `closed_loop.starting_state`; (states,)."""
+    parameters, state = _start(structure, steps=True)
+    return ca.Function("start", [parameters], [state], ["parameters"], ["state"])
+
+
+def starts(structure: Structure, vectors: Floats) -> Floats:
+    """States before the first sample (runs, states) of parameters (runs, parameters) as the closed loop takes them."""
+    function = _mapped(structure, len(vectors))
+    states = np.empty((len(vectors), function.size1_out(0)))
+    buffer, evaluate = function.buffer()  # arrays in and out take CasADi longer than this function
+    buffer.set_arg(0, np.ascontiguousarray(vectors).reshape(-1).data)  # pyright: ignore[reportCallIssue]
+    buffer.set_res(0, states.reshape(-1).data)  # pyright: ignore[reportCallIssue]
+    evaluate()
+    return states
+
+
+@built_once
+def _mapped(structure: Structure, count: int) -> ca.Function:
+    return start_function(structure).map(count)
+
+
+@built_once
+def start_slopes(structure: Structure) -> ca.Function:
+    """``start_slopes(parameters) -> slopes``, (states, parameters): the same derived, of encoders without steps."""
+    parameters, state = _start(structure, steps=False)
+    return ca.Function("start_slopes", [parameters], [ca.densify(ca.jacobian(state, parameters))])
+
+
+def _start(structure: Structure, *, steps: bool) -> tuple[ca.SX, ca.SX]:
+    template = template_of(structure)
+    symbols = {name: ca.SX.sym(name) for name in parameters_of(template)}
+    sensors = symbols if steps else {**symbols, "sensors.encoder_counts": 0, "sensors.position_resolution": 0.0}
+    state = starting_state(
+        structure,
+        with_leaves(template.controller, symbols, "controller."),
+        with_leaves(template.plant, symbols, "plant."),
+        with_leaves(Sensors(), sensors, "sensors."),
+        with_leaves(template.actuator, symbols, "actuator."),
+        [with_leaves(metric, symbols, "metrics.") for metric in template.metrics],
+    )
+    return ca.vertcat(*symbols.values()), ca.densify(ca.vertcat(*state.values()))

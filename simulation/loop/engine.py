@@ -11,7 +11,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.hoist import hoisted
-from dualwinch.simulation.loop.system import ClosedLoop
+from dualwinch.simulation.loop.closed_loop import ClosedLoop
 
 EngineName: TypeAlias = Literal["compiled", "interpreter"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)

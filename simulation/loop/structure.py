@@ -1,8 +1,10 @@
-"""What of an experiment shapes the compiled code, and what are numbers it takes at run time."""
+"""What of an experiment shapes the compiled code, which integrator solves it, and what are numbers at run time."""
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from typing import NamedTuple
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
@@ -12,10 +14,74 @@ from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, numbers
-from dualwinch.simulation.exogenous.sensors import Sensors, Silence, silence_of
+from dualwinch.model.ropes import is_kelvin_voigt
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.integrators.solver import solver_of
+from dualwinch.simulation.integrators import INTEGRATORS
+from dualwinch.simulation.integrators.problem import fastest_rate
 from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.sensors import Sensors, Silence, silence_of
+
+GENERAL = "rk4"
+"""The integrator of ropes that the others do not know."""
+
+FINE = 0.5
+"""Rate of the fastest swing times sub-step in rad, at most, where nobody says how many sub-steps."""
+
+OVERSHOOT = 1.5
+"""Tension beyond tension_max, as a factor, that sub-steps still keep up with."""
+
+
+class Solver(NamedTuple):
+    """An integrator by its name, and its sub-steps a sample."""
+
+    integrator: str
+    substeps: int
+
+    def __str__(self) -> str:
+        return f"{self.integrator} with {self.substeps} sub-steps"
+
+
+def is_automatic(experiment: Experiment) -> bool:
+    """Whether the ropes decide about integrator and sub-steps: one of them is no Kelvin–Voigt rope."""
+    return not all(map(is_kelvin_voigt, (experiment.plant.rope_1, experiment.plant.rope_2)))
+
+
+def solver_of(experiment: Experiment) -> Solver:
+    """Integrator and sub-steps of an experiment.
+
+    With Kelvin–Voigt ropes they are those it asks for. Ropes of other laws take an integrator that knows nothing of
+    them, with at least as many sub-steps as it asks for, and a power of two of them that keeps up with the stiffest
+    spring on the track, at tensions up to `OVERSHOOT` times tension_max.
+
+    Raises:
+        ConfigurationError: a rope's law has no finite spring rate at these tensions.
+    """
+    simulation = experiment.simulation
+    if not is_automatic(experiment):
+        return Solver(simulation.integrator, simulation.substeps)
+    integrator = simulation.integrator if INTEGRATORS[simulation.integrator].any_rope else GENERAL
+    needed = math.ceil(max(swing_rates(experiment)) * simulation.sample_time / FINE)
+    return Solver(integrator, max(simulation.substeps, 1 << (needed - 1).bit_length()))
+
+
+def swing_rates(experiment: Experiment) -> tuple[float, float]:
+    """Fastest swings in rad/s of both ropes with their drums, at tensions that occur.
+
+    Raises:
+        ConfigurationError: a rope's law has no finite spring rate at these tensions.
+    """
+    plant, limits = experiment.plant, experiment.controller.limits
+    tensions = (limits.tension_min, limits.preload / 2, limits.tension_max, OVERSHOOT * limits.tension_max)
+    rates = []
+    for number, rope, winch in ((1, plant.rope_1, plant.winch_1), (2, plant.rope_2, plant.winch_2)):
+        rate = fastest_rate(rope, winch, plant.track, tensions)
+        if not math.isfinite(rate):
+            raise ConfigurationError(
+                f"plant.rope_{number}: the tension of '{rope.kind}' must grow with the stretch, "
+                f"at {tensions[0]:g} to {tensions[-1]:g} N too"
+            )
+        rates.append(rate)
+    return rates[0], rates[1]
 
 
 @dataclass(frozen=True)

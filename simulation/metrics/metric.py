@@ -9,7 +9,7 @@ from dualwinch.model.quantities.part import Part
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.scalar import Scalar
-from dualwinch.simulation.metrics.sample import Sample
+from dualwinch.simulation.rows import Sample
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from dualwinch.model.quantities.tables import readable, readable_unit, table
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, sqrt, where
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.own import states_before, values_of
-from dualwinch.simulation.metrics.sample import Sample
+from dualwinch.simulation.rows import Sample
 
 MILLIMETRES, SQUARE_MILLIMETRES, PERCENT = ("mm", 1e3, ".3g"), ("mm²", 1e6, ".3g"), ("%", 1e2, ".4g")
 """Units that people read figures of merit in, how many of those are one of their own, and formats."""

@@ -13,7 +13,7 @@ from dualwinch.model.quantities.steps import over_symbols
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.metrics.sample import Sample
+from dualwinch.simulation.rows import Sample
 
 PREFIX = "metrics."
 """What the names of their states in a closed loop begin with."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.loop.row import CONTINUOUS
+from dualwinch.simulation.rows import CONTINUOUS
 
 Floats = NDArray[np.float64]
 

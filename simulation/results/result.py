@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from dualwinch.simulation.integrators.solver import solver_of
+from dualwinch.simulation.loop.structure import solver_of
 from dualwinch.simulation.results import frames, view
 from dualwinch.simulation.results.resampling import instants, resampled
 from dualwinch.simulation.results.run import Run

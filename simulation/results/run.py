@@ -20,7 +20,7 @@ class Run:
 
     Attributes:
         columns: name → (rows,) float64, one row a kept control sample at its beginning: what every run has
-            (`simulation.loop.row.COLUMNS`), and the signals of the controller's own.
+            (`simulation.rows.COLUMNS`), and the signals of the controller's own.
         metrics: figures of merit over every sample, kept or not; NaN where the run was not completed.
         outcome: ``completed``, ``diverged`` or ``left_track``.
         end_time: time in s at which the run ended.

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from dualwinch.model.quantities.tables import page, readable, readable_unit, section, table
-from dualwinch.simulation.integrators.solver import is_automatic, solver_of
+from dualwinch.simulation.loop.structure import is_automatic, solver_of
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.run import Run
 

@@ -9,7 +9,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.stepping import Stepping
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.check import check_memory
-from dualwinch.simulation.loop.system import ClosedLoop
+from dualwinch.simulation.loop.closed_loop import ClosedLoop
 from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.results.result import Result

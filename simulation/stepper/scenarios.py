@@ -14,10 +14,9 @@ from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.between import named_function
-from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, zeros_of
-from dualwinch.simulation.loop.system import ClosedLoop
+from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.stepper.given import KINDS, CommandName, under_command
 from dualwinch.simulation.stepper.pages import ROOM, Page, first_page, page_length

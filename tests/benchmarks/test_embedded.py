@@ -6,7 +6,7 @@ import pytest
 from benchmarks.embedded.board import BOARDS, measure, missing
 from benchmarks.embedded.report import ABOUT, NAME, recorded, wild
 from dualwinch.codegen.export.package import c_package
-from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from dualwinch.codegen.export.package import c_package
-from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from tests.codegen.export.test_package import ABOUT
 

@@ -26,9 +26,9 @@ from dualwinch.model.quantities.tree import Group, with_leaves
 from dualwinch.model.ropes import Rope
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
+from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
 
 SHORT = Simulation(duration=0.3)

@@ -14,9 +14,9 @@ from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

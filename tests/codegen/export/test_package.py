@@ -23,9 +23,9 @@ from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 from tests.stepping import interpreted, plausible, values

@@ -10,13 +10,13 @@ from dualwinch.controllers.estimators.calibrating_kalman import CalibrationGains
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, resting_state, tensions
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
 
 T, SIGMA = 1e-3, 6e-4

@@ -21,13 +21,13 @@ from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, PlantState, resting_state, tensions
 from dualwinch.model.reference import Setpoint
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
 
 T = 1e-3

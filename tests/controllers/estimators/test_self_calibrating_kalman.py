@@ -32,7 +32,7 @@ from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
-from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 from tests.stepping import interpreted, plausible, values

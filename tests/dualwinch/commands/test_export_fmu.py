@@ -19,8 +19,8 @@ from dualwinch.codegen.fmu import PLATFORMS, Version
 from dualwinch.codegen.fmu.build import compiler_for
 from dualwinch.commands.export_fmu import export_fmu
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate

@@ -5,7 +5,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from tests.fmus import STEP, Exported, Instance
 from tests.oracle.plant import Hold, Plant

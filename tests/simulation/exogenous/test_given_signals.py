@@ -13,13 +13,13 @@ from dualwinch.model.reference import Reference
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.analysis.required_force import required_force
 from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.distributions import Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.exogenous.signals import sea_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override

@@ -15,9 +15,9 @@ from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.simulation.exogenous.sensors import Noise, Readings, Sensors, encoder_step, measure, quantise
 from dualwinch.simulation.experiment import Simulation
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.sensors import Noise, Readings, Sensors, encoder_step, measure, quantise
 from dualwinch.simulation.simulate import simulate
 
 STATE = PlantState(12.3456, 1.7, 15.1, 2.1, -15.2, -2.2)

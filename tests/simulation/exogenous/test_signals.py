@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_pieces, exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.sensors import Sensors
 
 SEA = Disturbance(current_sigma=0.05, current_time=0.5, normal_force_sigma=0.1, normal_force_time=0.2)
 NOISY = Sensors(position_noise=1e-3, speed_noise=1e-3, tension_noise=10.0)

@@ -15,9 +15,14 @@ from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 
-from dualwinch.simulation.integrators.oscillator import Oscillator
-from dualwinch.simulation.integrators.swing import swing, twice_cosine_and_sine
-from dualwinch.simulation.integrators.switching import crossing, free_flight, taut_series
+from dualwinch.simulation.integrators.oscillator import (
+    Oscillator,
+    crossing,
+    free_flight,
+    swing,
+    taut_series,
+    twice_cosine_and_sine,
+)
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "exponential-integrator.md").read_text(encoding="utf-8")

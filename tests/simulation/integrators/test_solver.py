@@ -10,8 +10,8 @@ from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import Winch
 from dualwinch.simulation.check import check
-from dualwinch.simulation.integrators.solver import Solver, solver_of
-from dualwinch.simulation.integrators.swing_rate import fastest_rate, swing_rate
+from dualwinch.simulation.integrators.problem import fastest_rate, swing_rate
+from dualwinch.simulation.loop.structure import Solver, solver_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.own_ropes import Bedding, Stiffening

@@ -12,9 +12,9 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
+from dualwinch.simulation.blocks import BLOCKS, block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import BLOCKS, block
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case

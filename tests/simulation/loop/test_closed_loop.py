@@ -15,12 +15,12 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
+from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
 from tests.conftest import OracleRun, PaperRun
 from tests.oracle.sampled import Scenario, run

@@ -19,16 +19,15 @@ from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
 from dualwinch.model.ropes import Track
-from dualwinch.simulation.exogenous.sensors import Sensors
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
-from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import engine
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
-from dualwinch.simulation.loop.system import ClosedLoop
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from dualwinch.model.plant import Plant
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case

@@ -24,9 +24,9 @@ from dualwinch.simulation.analysis.loop_cruise import loop_cruise
 from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment, Simulation
-from dualwinch.simulation.loop.blocks import block
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case

@@ -18,9 +18,9 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
-from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.rows import COLUMNS
 from dualwinch.simulation.simulate import simulate
 from tests.own_parts import Belief, StateFeedback, Watched
 

@@ -5,8 +5,7 @@ import pytest
 
 from dualwinch import override
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import initial_state_of
-from dualwinch.simulation.loop.start import start_slopes, starts
+from dualwinch.simulation.loop.closed_loop import initial_state_of, start_slopes, starts
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 
 EXPERIMENTS = [

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override

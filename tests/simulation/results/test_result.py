@@ -1,8 +1,8 @@
 import pytest
 
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.rows import COLUMNS
 from tests.conftest import PaperRun
 
 

@@ -9,7 +9,6 @@ from scipy.io import loadmat
 
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.loop.row import COLUMNS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save

@@ -20,7 +20,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
-from dualwinch.simulation.loop.blocks import block
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override

@@ -1,4 +1,4 @@
-"""What happens between two samples: the plant moves on under a zero-order hold."""
+"""Between two samples: the plant moves on under a zero-order hold."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
