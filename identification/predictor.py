@@ -1,7 +1,7 @@
 """The machine under recorded torques as a filter sees it: motion, motors, and what acts on it unrecorded.
 
-Its equations are those of every simulation (`simulation.loop.zero_order_hold`, `model.actuators`); from sample to sample
-torques and the unrecorded are held.
+Its equations are those of every simulation (`simulation.loop.zero_order_hold`, `model.actuators`); from sample to
+sample torques and the unrecorded are held.
 """
 
 from collections.abc import Mapping

@@ -12,6 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.rows import COLUMNS
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
