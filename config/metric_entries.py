@@ -5,8 +5,7 @@ from typing import Any
 
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.metrics.registry import METRICS
+from dualwinch.simulation.metrics.metric import METRICS, Metric
 
 
 def with_metric_kinds(table: Mapping[str, Any], known: tuple[Metric, ...] = ()) -> Mapping[str, Any]:

@@ -117,7 +117,7 @@ from .simulation.scenario import Scenario as Scenario
 from .simulation.sensors import Sensors as Sensors
 from .simulation.settings import override as override
 from .simulation.simulate import simulate as simulate
-from .simulation.stepper.observation import Observation as Observation
+from .simulation.stepper.stepper import Observation as Observation
 from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
 from .simulation.sweep import sweep as sweep

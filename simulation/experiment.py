@@ -14,9 +14,8 @@ from dualwinch.model.quantities.part import Choice, Choices
 from dualwinch.model.quantities.quantity import Mark, Quantity, Rule
 from dualwinch.model.quantities.tree import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
-from dualwinch.simulation.metrics.check import checked_metrics
-from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.metrics.registry import METRICS
+from dualwinch.simulation.metrics.metric import METRICS, Metric
+from dualwinch.simulation.metrics.metrics import checked_metrics
 from dualwinch.simulation.sensors import Sensors
 
 

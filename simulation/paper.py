@@ -1,6 +1,6 @@
-"""The paper's four simulated cases, its three controllers and its figures (Section 4)."""
+"""The paper's four simulated cases, its three controllers, its figures, and Figure 21's reductions (Section 4)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from numbers import Integral
@@ -21,6 +21,7 @@ from dualwinch.model.reference import Reference
 from dualwinch.model.ropes import RopeLaw
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.results.result import Result
 
 CASES = {
     1: "uniform speed, no disturbance",
@@ -92,3 +93,46 @@ def case(
         actuator=actuator or Ideal(),
         metrics=metrics,
     )
+
+
+WITH_OBSERVER, WITHOUT_OBSERVER = "fando-nftsm", "nftsm"
+"""The controllers Figure 21 compares."""
+
+COMPARED_CASE = 4
+"""The case Figure 21 compares them in."""
+
+
+def steady_change(results: Mapping[str, Result]) -> dict[str, float] | None:
+    """Relative change of the steady-state errors by the observer.
+
+    Args:
+        results: controller → result, all of one case.
+
+    Returns:
+        ``mae``, ``max_abs_error``, ``mse`` → (with observer − without) / without, so −0.76 is 76 % less; NaN where
+        a run never reached its steady state. ``None`` where one of the two controllers is missing.
+    """
+    if WITH_OBSERVER not in results or WITHOUT_OBSERVER not in results:
+        return None
+    new, old = results[WITH_OBSERVER].metrics, results[WITHOUT_OBSERVER].metrics
+    pairs = {key: (getattr(new, f"steady_{key}"), getattr(old, f"steady_{key}")) for key in REDUCTIONS}
+    return {key: after / before - 1 if before else float("nan") for key, (after, before) in pairs.items()}
+
+
+def reductions(runs: Mapping[tuple[int, str], Result]) -> dict[str, float] | None:
+    """Figure 21's reductions: `steady_change` of Case 4, ``None`` where it was not run with both controllers.
+
+    Args:
+        runs: (case, controller) → result.
+    """
+    return steady_change({kind: result for (number, kind), result in runs.items() if number == COMPARED_CASE})
+
+
+def percent(share: float, form: str = "+.1f") -> str:
+    """A relative change in percent, with a minus sign that is one, e.g. −74.4 %.
+
+    Args:
+        share: the change; −0.744 is 74.4 % less.
+        form: how the number is formatted; ``+g`` for as many digits as it has.
+    """
+    return f"{round(100 * share, 6):{form}} %".replace("-", "−")

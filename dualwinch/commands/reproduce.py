@@ -20,10 +20,9 @@ from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.reports.claims import claims
-from dualwinch.simulation.comparison import reductions
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case
+from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case, reductions
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.settings import override

@@ -9,8 +9,7 @@ from rich.table import Table
 from dualwinch.commands.measured import measured
 from dualwinch.commands.terminal import styled
 from dualwinch.reports.claims import Claim
-from dualwinch.simulation.comparison import percent, reductions
-from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS
+from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS, percent, reductions
 from dualwinch.simulation.results.result import Result
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
-from dualwinch.simulation.stepper.observation import Observation
+from dualwinch.simulation.stepper.stepper import Observation
 
 Floats = NDArray[np.float64]
 

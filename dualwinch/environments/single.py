@@ -11,7 +11,7 @@ from dualwinch.environments.reward import Reward
 from dualwinch.environments.task import Floats, Task
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.stepper.given import CommandName
+from dualwinch.simulation.stepper.commands import CommandName
 from dualwinch.simulation.stepper.stepper import SENSED
 
 HOLD = 20

@@ -16,7 +16,7 @@ from dualwinch.environments.task import Floats, Task
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.stepper.given import CommandName
+from dualwinch.simulation.stepper.commands import CommandName
 from dualwinch.simulation.stepper.stepper import SENSED
 
 Flags = NDArray[np.bool_]

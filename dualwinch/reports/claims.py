@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from dualwinch.simulation.comparison import percent, reductions
+from dualwinch.simulation.paper import percent, reductions
 from dualwinch.simulation.results.result import Result
 
 Runs: TypeAlias = Mapping[tuple[int, str], Result]

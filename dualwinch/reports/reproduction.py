@@ -13,8 +13,7 @@ from dualwinch.reports.captions import told
 from dualwinch.reports.claims import Claim, claims
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
 from dualwinch.reports.page import template
-from dualwinch.simulation.comparison import percent, reductions
-from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS
+from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions
 from dualwinch.simulation.results.result import Result
 
 PAPER = "https://doi.org/10.3390/jmse13061120"

@@ -10,7 +10,7 @@ from dualwinch.codegen.source.operations import Style
 from dualwinch.lab.wasm.functions import KINDS, drawn_function, figures_function, parameters_function
 from dualwinch.lab.wasm.motion import duration_function, motion_function, motion_names
 from dualwinch.lab.wasm.settings import SAMPLE_TIME, Settings
-from dualwinch.simulation.exogenous.streams import stream_number
+from dualwinch.simulation.exogenous.signals import stream_number
 from dualwinch.simulation.loop.closed_loop import start_function
 from dualwinch.simulation.loop.structure import structure_of
 

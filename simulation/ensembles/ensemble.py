@@ -8,7 +8,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.distributions import Distribution
-from dualwinch.simulation.exogenous.streams import DIGITS, LARGEST, named_words
+from dualwinch.simulation.exogenous.signals import DIGITS, LARGEST, named_words
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario, Value
 

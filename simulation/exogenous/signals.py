@@ -1,5 +1,6 @@
-"""Signals a run receives from outside, drawn or read sample by sample ahead of it: reference, sea, sensor noise."""
+"""Signals that a run receives from outside, drawn or read sample by sample: reference, sea, sensor noise."""
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal  # its exp gives the same bits everywhere
 from functools import lru_cache
@@ -11,17 +12,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
+from dualwinch.codegen.drivers.signals.philox import Words, philox
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.disturbance import Disturbance, given_signals
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import no_departures
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Reference, departures, setpoint
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.blocks import reference_inputs
-from dualwinch.simulation.exogenous.streams import stream_number
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.sensors import Sensors, silence_of
+
+DIGITS = 53
+"""Binary digits of a draw: all that a float has, and of a seed as many as every file format keeps."""
+
+LARGEST = 2**64 - 1
+"""Largest seed, and largest number in a stream."""
+
+
+def stream_number(word: str) -> int:
+    """The number of a name's stream, of 64 bits: the first of the SHA-256 of the name, such as ``"current"``."""
+    return int.from_bytes(hashlib.sha256(word.encode()).digest()[:8], "big")
+
+
+def named_words(seed: int, numbers: Sequence[int], names: Sequence[str]) -> Words:
+    """Random words of `DIGITS` binary digits, one for each name and number, (names, numbers).
+
+    Args:
+        seed: a whole number from 0 to `LARGEST`.
+        numbers: likewise, such as those of scenarios.
+        names: what the words are for; streams of different names or seeds are independent of each other.
+
+    Raises:
+        ConfigurationError: the seed is out of its range.
+    """
+    if not 0 <= seed <= LARGEST:
+        raise ConfigurationError(f"seed = {seed}: must be a whole number from 0 to 2^64 - 1")
+    half, low = np.uint64(32), np.uint64(2**32 - 1)
+    counts = np.array(numbers, np.uint64)
+    streams = np.array([stream_number(name) for name in names], np.uint64)[:, np.newaxis]
+    counter = counts & low, counts >> half, streams & low, streams >> half
+    first, second, *_ = philox(counter, (seed % 2**32, seed >> 32))
+    return (first << half | second) >> np.uint64(64 - DIGITS)
+
+
+def named_seed(seed: int, name: str) -> int:
+    """A seed for a purpose, such as the draws of a validation set: independent of those of other names and seeds.
+
+    Args:
+        seed: a whole number from 0 to `LARGEST`.
+        name: the purpose.
+    """
+    return int(named_words(seed, [0], [f"seed: {name}"])[0, 0])
+
 
 Floats: TypeAlias = NDArray[np.float64]
 

@@ -1,11 +1,11 @@
-"""Base of figures of merit that users add to the built-in ones."""
+"""Base of figures of merit that users add to the built-in ones, and what a figure of merit is."""
 
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.part import Part, Registry
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.scalar import Scalar
@@ -91,3 +91,7 @@ class Metric(Part):
             A number, or an array of the same shape.
         """
         return state
+
+
+METRICS: Registry[Metric] = Registry("metric", base=Metric)
+"""Every figure of merit that is a part, by its kind; the built-in ones are always there (`Metrics`)."""

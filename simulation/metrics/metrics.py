@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import casadi as ca
 import numpy as np
 
-from dualwinch.model.errors import UnknownNameError
+from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tables import readable, readable_unit, table
@@ -350,3 +350,33 @@ def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True, own: Se
     samples = final_state["sample"] * completed
     built_in = finish(sums, samples)
     return metrics_with(own)(**vars(built_in), **values_of(own, final_state, samples)) if own else built_in
+
+
+def checked_metrics(metrics: Any) -> tuple[Metric, ...]:
+    """The metrics as a tuple.
+
+    Raises:
+        ConfigurationError: they are no list of metrics, or a name is none, is taken or is there twice.
+    """
+    if isinstance(metrics, Metric) or not isinstance(metrics, (list, tuple)):
+        raise ConfigurationError(f"metrics: must be a list of metrics, e.g. metrics=[{_name(metrics)}()]")
+    names: list[str] = []
+    for index, metric in enumerate(metrics):
+        if not isinstance(metric, Metric):
+            wanted = f"{metric.__name__}()" if isinstance(metric, type) else "a Metric"
+            raise ConfigurationError(f"metrics[{index}]: must be {wanted}, not {_name(metric)}")
+        if not isinstance(getattr(metric, "quantity", None), Quantity):
+            raise ConfigurationError(
+                f'metric \'{metric.kind}\': has no quantity; write e.g. quantity = Quantity("s", "what it means")'
+            )
+        name = metric.table()
+        if name in BUILT_IN:
+            raise ConfigurationError(f"metric '{metric.kind}': the name is taken by a built-in figure of merit")
+        if name in names:
+            raise ConfigurationError(f"metric '{metric.kind}': is given twice")
+        names.append(name)
+    return tuple(metrics)
+
+
+def _name(thing: Any) -> str:
+    return thing.__name__ if isinstance(thing, type) else type(thing).__name__

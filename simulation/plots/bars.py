@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.comparison import WITH_OBSERVER, WITHOUT_OBSERVER, percent, steady_change
-from dualwinch.simulation.paper import REDUCTIONS
+from dualwinch.simulation.paper import REDUCTIONS, WITH_OBSERVER, WITHOUT_OBSERVER, percent, steady_change
 from dualwinch.simulation.plots.curves import Curve, Runs, curves, ending
 from dualwinch.simulation.plots.headings import case_number, scenario
 from dualwinch.simulation.plots.motion import length_unit

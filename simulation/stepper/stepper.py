@@ -1,6 +1,6 @@
-"""An experiment step by step, in many lanes at once: plant, ropes and sensors are ours, control is the caller's."""
+"""An experiment step by step, in many lanes at once: the plant is simulated, control is the caller's."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, TypeAlias
 
@@ -8,21 +8,111 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.stepping import compile_stepping
-from dualwinch.model.errors import ConfigurationError
+from dualwinch.codegen.drivers.stepping import Stepping, compile_stepping
+from dualwinch.model.errors import ConfigurationError, UnknownNameError
+from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.check import check_memory
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import ClosedLoop
 from dualwinch.simulation.metrics.metrics import final_states, metrics_of
-from dualwinch.simulation.results.outcomes import words_of
+from dualwinch.simulation.results.outcomes import WORDS, words_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.simulation.stepper.given import COMMANDS, KINDS, CommandName, Sensed
-from dualwinch.simulation.stepper.lanes import Lanes
-from dualwinch.simulation.stepper.observation import Observation
-from dualwinch.simulation.stepper.replay import replay
-from dualwinch.simulation.stepper.scenarios import Scenarios
+from dualwinch.simulation.stepper.commands import COMMANDS, KINDS, CommandName, Sensed
+from dualwinch.simulation.stepper.lanes import LONGEST, Lane, Lanes, Scenarios, first_page
+
+
+class Observation(Mapping[str, NDArray[np.float64]]):
+    """Signals of a sample, ahead of its command: ``observation["x_sensed"]`` is (batch,), one number a lane.
+
+    Attributes:
+        array: (signals, batch), the signals in their order.
+        quantities: name → unit and meaning.
+    """
+
+    __slots__ = ("_rows", "array", "quantities")
+
+    def __init__(self, array: NDArray[np.float64], rows: Mapping[str, int], quantities: Mapping[str, Quantity]) -> None:
+        """Name the rows of an array: name → row."""
+        self.array, self._rows, self.quantities = array, rows, quantities
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Name → unit."""
+        return {name: quantity.unit for name, quantity in self.quantities.items()}
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """A signal of all lanes.
+
+        Raises:
+            UnknownNameError: it is not observed; the message names the nearest.
+        """
+        try:
+            return self.array[self._rows[name]]
+        except (KeyError, TypeError):
+            raise UnknownNameError(
+                f"signal {name!r} is not observed; did you mean '{nearest(str(name), self._rows)}'?"
+            ) from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __repr__(self) -> str:
+        return f"Observation({len(self)} signals of {self.array.shape[1]} lanes: {', '.join(self)})"
+
+
+def replay(
+    code: Stepping,
+    loop: ClosedLoop,
+    lane: Lane,
+    samples: int,
+    commands: Iterable[NDArray[np.float64]],
+    hold: int,
+    stride: int,
+    nominal: Plant | None,
+) -> Result:
+    """The first samples of a lane's run.
+
+    Args:
+        code: what moves lanes on; the same lane gives the same bits in it, wherever it stands.
+        loop: names everything.
+        lane: what the run starts from.
+        samples: how many.
+        commands: of each step.
+        hold: samples of a step.
+        stride: every how many samples a row is kept.
+        nominal: for the result.
+
+    Raises:
+        ConfigurationError: the rows do not fit into memory.
+    """
+    check_memory(samples, 1, len(loop.columns))
+    again = Lanes(code, 1, lane.experiment.samples, shared=True)
+    again.start(np.zeros(1, np.int64), [lane], [first_page(lane.experiment, LONGEST)])
+    rows = np.empty((samples, len(loop.columns)))
+    for start, given in zip(range(0, samples, hold), commands, strict=False):
+        again.runs.commands[:] = given
+        again.step(hold, row=rows[start:].ctypes.data)
+    outcome, kept = Outcome(again.runs.outcomes[0]), rows[::stride] if stride else rows[:0]
+    final = dict(zip(loop.states, again.runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
+    return Result(
+        columns={name: column.copy() for name, column in zip(loop.columns, kept.T, strict=True)},
+        metrics=metrics_of(final, completed=outcome == Outcome.COMPLETED, own=lane.experiment.metrics),
+        outcome=WORDS[outcome],
+        end_time=samples * lane.experiment.simulation.sample_time,
+        final_state=final,
+        experiment=lane.experiment,
+        quantities=loop.quantities,
+        nominal=nominal,
+    )
+
 
 Floats: TypeAlias = NDArray[np.float64]
 

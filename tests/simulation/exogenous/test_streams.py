@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from dualwinch.codegen.drivers.signals.philox import blocks
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.exogenous.streams import LARGEST, named_seed, named_words, stream_number
+from dualwinch.simulation.exogenous.signals import LARGEST, named_seed, named_words, stream_number
 
 NAMES = ("plant.vehicle.mass", "together: ropes", "simulation.seed")
 

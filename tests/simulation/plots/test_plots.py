@@ -17,10 +17,9 @@ from matplotlib.figure import Figure
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import plots
-from dualwinch.simulation.comparison import percent, reductions, steady_change
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.paper import CONTROLLERS, FIGURES, case
+from dualwinch.simulation.paper import CONTROLLERS, FIGURES, case, percent, reductions, steady_change
 from dualwinch.simulation.plots.motion import length_unit
 from dualwinch.simulation.plots.style import law_colour
 from dualwinch.simulation.plots.thin import peaks, thin

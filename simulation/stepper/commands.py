@@ -1,8 +1,4 @@
-"""Parts of a controller that pass on what comes from outside: a force, or the torques of both motors.
-
-What is given stands in their state, where it is put before each sample; all else of the closed loop is as ever. The
-law shows what it is given of the estimate, which is what a policy outside gets.
-"""
+"""Commands from outside in place of a controller's own: a force, or the torques of both motors."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, TypeAlias, get_args
