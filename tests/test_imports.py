@@ -26,7 +26,6 @@ TWICE: set[str] = {
     "Choice",
     "Column",
     "Content",
-    "Demand",
     "Environment",
     "Expected",
     "Force",

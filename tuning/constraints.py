@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, behind_number, nearest
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.recordings import UNITS, factor
-from dualwinch.simulation.analysis.worst_margins import WorstMargin
+from dualwinch.simulation.analysis.margin_survey import WorstMargin
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric
@@ -35,7 +35,7 @@ MARGINS = {
     "delay_margin": ("delay", Quantity("s", "largest extra delay")),
     "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes, 0 to 2")),
 }
-"""Name of a margin → its kind (`simulation.analysis.least_margins.KINDS`), unit and meaning."""
+"""Name of a margin → its kind (`simulation.analysis.margins.KINDS`), unit and meaning."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class MarginStatistic:
 
     @property
     def margin(self) -> str:
-        """Which margin, of `simulation.analysis.least_margins.KINDS`."""
+        """Which margin, of `simulation.analysis.margins.KINDS`."""
         return MARGINS[self.metric][0]
 
     @property

@@ -19,10 +19,8 @@ from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.certificate import Certificate
-from dualwinch.simulation.analysis.certificate import certify as judge
-from dualwinch.simulation.analysis.nearby_gains import NearbyGains, nearby_gains
-from dualwinch.simulation.analysis.stability import GAPS, REAL, Condition
+from dualwinch.simulation.analysis.stability import GAPS, REAL, Certificate, Condition, NearbyGains, nearby_gains
+from dualwinch.simulation.analysis.stability import certify as judge
 
 POINTS = 2000
 """Points of V(t) a file keeps."""

@@ -18,8 +18,7 @@ from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.least_preload import Least
-from dualwinch.simulation.analysis.preloads import Preloads, preloads
+from dualwinch.simulation.analysis.preload import Least, Preloads, preloads
 from dualwinch.simulation.results.result import Result
 
 COLUMNS = {

@@ -44,7 +44,7 @@ TENSION_MIN, TENSION_MAX = 200.0, 6000.0
 """Limits of a tension in N (Table 1)."""
 
 
-class SteadyCruise(NamedTuple):
+class SteadyMotion(NamedTuple):
     """State and input at one instant of a steady cruise, with the tensions in N."""
 
     state: PlantState
@@ -70,7 +70,7 @@ def shared_tensions(net: Scalar, preload: Scalar, tension_min: Scalar, tension_m
     return (total + net) / 2, (total - net) / 2
 
 
-def steady_cruise(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: Plant) -> SteadyCruise:
+def steady_motion(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: Plant) -> SteadyMotion:
     """State and torques of the steady cruise that passes x in m at v in m/s, with the tensions F1 and F2 in N.
 
     The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
@@ -97,7 +97,7 @@ def steady_cruise(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: 
         tau_1=torque_1 / shaft_torque(1.0, theta_1, plant.winch_1),
         tau_2=torque_2 / shaft_torque(1.0, theta_2, plant.winch_2),
     )
-    return SteadyCruise(state, torques, *tensions)
+    return SteadyMotion(state, torques, *tensions)
 
 
 FASTEST = 10.0
@@ -283,7 +283,7 @@ def operating_points(
     inputs = np.vstack([points, np.repeat(outside, points.shape[1], axis=1)])
     parameters = np.repeat(np.array([list(numbers(plant).values())]).T, points.shape[1], axis=1)
     structure = plant_structure(plant)
-    found = cruise_law(structure)(inputs, parameters).full()
+    found = operating_point_law(structure)(inputs, parameters).full()
     left = _left(structure)(found[:6], found[6:8], inputs[3:5], parameters).full()
     table = np.vstack([found, left])
     limits = (tension_min, tension_max)
@@ -301,16 +301,16 @@ def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
 
 
 @built_once
-def cruise_law(structure: Plant) -> ca.Function:
+def operating_point_law(structure: Plant) -> ca.Function:
     """``(x, v, preload, force, current, tension_min, tension_max), p -> state, torques, tensions``."""
     plant, p = symbolic_plant(structure)
     point = ca.SX.sym("point", 7)
     x, v, preload, force, current, tension_min, tension_max = ca.vertsplit(point)
     environment = Environment(force, current)
     shared = shared_tensions(resistance(v, environment, plant), preload, tension_min, tension_max)
-    cruise = steady_cruise(x, v, shared, plant)
+    cruise = steady_motion(x, v, shared, plant)
     values = [*leaves(cruise.state).values(), *leaves(cruise.torques).values(), cruise.F1, cruise.F2]
-    return ca.Function("steady_cruise", [point, p], [ca.vertcat(*values)])
+    return ca.Function("steady_motion", [point, p], [ca.vertcat(*values)])
 
 
 @built_once

@@ -197,3 +197,24 @@ def dc_gains(system: LinearSystem) -> Array:
         gains = np.where(np.abs(reached) > SILENT, np.copysign(math.inf, reached), gains)
         chain = T[:k, :k] @ chain
     return gains * part.outputs[:, None] / part.inputs
+
+
+def states_that_matter(A: Array, B: Array, C: Array) -> NDArray[np.bool_]:
+    """States of many systems that something depends on and that move.
+
+    Args:
+        A: matrices (s, n, n) of discrete systems.
+        B: theirs of the inputs, (s, n, m).
+        C: theirs of the outputs, (s, p, n).
+
+    Returns:
+        (s, n); a state that keeps its value whatever happens, such as an integral without a gain, does not matter.
+    """
+    depends, matters = A != 0, (C != 0).any(axis=1)
+    while True:
+        grown = matters | (matters[:, :, None] & depends).any(axis=1)
+        if (grown == matters).all():
+            break
+        matters = grown
+    moves = depends.any(axis=2) & (np.eye(A.shape[1]) != A).any(axis=2)
+    return matters & (moves | (B != 0).any(axis=2))

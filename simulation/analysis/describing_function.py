@@ -15,7 +15,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.simulation.analysis.linear_loop import whole_broken_loop, without_idle_states
 from dualwinch.simulation.analysis.margins import Margins, margins
-from dualwinch.simulation.analysis.sliding_mode import sliding_mode
+from dualwinch.simulation.analysis.stability import sliding_mode
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,7 @@ def amplitude_sweep(
         amplitudes: of e2 in m/s, > 0.
 
     Raises:
-        ConfigurationError: a law without odd powers, an amplitude that is not positive, or no steady cruise.
+        ConfigurationError: a law without odd powers, an amplitude that is not positive, or no steady motion.
     """
     gains = sliding_mode(experiment, "has no odd power of the speed error; must be").nftsm
     for amplitude in amplitudes:

@@ -1,10 +1,11 @@
 """Exact linearisation of the sampled closed loop, whole or cut open.
 
-One sample of plant and controller is a map from state to state. Its Jacobian at steady cruise tells how deviations
-from the moving steady trajectory go on. In a cruise the rope lengths are frozen at the point, so the system holds for
+One sample of plant and controller is a map from state to state. Its Jacobian at an operating point tells how deviations
+from the steady motion go on. In steady motion the rope lengths are frozen at the point, so the system is valid for
 motions that are quick against length/v.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -13,11 +14,12 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.properties import states_that_matter
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import nearest
-from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise, with_taut_ropes
+from dualwinch.simulation.analysis.operating_points import LoopOperatingPoint, loop_operating_point, with_taut_ropes
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop, initial_loop_state
 from dualwinch.simulation.loop.structure import Structure, structure_of
@@ -44,7 +46,7 @@ OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau_1", "tau_2")
 
 
 def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) -> LinearSystem:
-    """The closed loop over one sample, around steady cruise.
+    """The closed loop over one sample, around steady motion.
 
     States are those of plant and controller that move anything; see `INPUTS` and `OUTPUTS`. Its matrices are exact
     Jacobians of the step that is simulated, with perfect sensors and calm sea; noises are inputs.
@@ -55,17 +57,18 @@ def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) 
         v: speed in m/s.
 
     Raises:
-        ConfigurationError: no steady cruise there (see `simulation.analysis.loop_cruise.loop_cruise`).
+        ConfigurationError: no steady motion there (`simulation.analysis.operating_points.loop_operating_point`).
     """
-    cruise = loop_cruise(experiment, x, v)
-    loop = cruise.loop
-    A, B, C, D = _jacobians(structure_of_cruise(cruise), "")(cruise.state, cruise.exogenous, cruise.parameters)
+    point = loop_operating_point(experiment, x, v)
+    loop = point.loop
+    structure = with_taut_ropes(structure_of(point.experiment))
+    A, B, C, D = (part.full() for part in _jacobians(structure)(point.state, point.exogenous, point.parameters))
     outputs = [*OUTPUTS, *(name for name in loop.columns if name not in COLUMNS)]
     rows, columns = [loop.columns.index(name) for name in outputs], [loop.exogenous.index(name) for name in INPUTS]
-    matrices = (A.full(), B.full()[:, columns], C.full()[rows], D.full()[np.ix_(rows, columns)])
     units = {name: loop.quantities[name].unit for name in outputs} | dict(INPUTS.values())
-    inputs = tuple(name for name, _ in INPUTS.values())
-    return without_idle_states(_named(cruise, matrices, inputs, tuple(outputs), units))
+    inputs = [name for name, _ in INPUTS.values()]
+    matrices = A, B[:, columns], C[rows], D[np.ix_(rows, columns)]
+    return without_idle_states(_named(point, matrices, range(len(A)), inputs, outputs, units))
 
 
 def linear_broken_loop(
@@ -83,7 +86,7 @@ def linear_broken_loop(
         nominal: the plant the controller was designed for; default: the experiment's.
 
     Raises:
-        ConfigurationError: another cut, or no steady cruise there.
+        ConfigurationError: another cut, or no steady motion there.
     """
     return without_idle_states(whole_broken_loop(experiment, x, v, cut, nominal))
 
@@ -94,90 +97,88 @@ def whole_broken_loop(
     """`linear_broken_loop` with all states, also those that move nothing: the same for all values of the gains."""
     if cut not in CUTS:
         raise ConfigurationError(f"unknown cut '{cut}'; did you mean '{nearest(cut, CUTS)}'?")
-    cruise = loop_cruise(experiment, x, v, nominal)
-    column = CUTS[cut]
-    steady = cruise.row[column]
-    A, B, C, D = _jacobians(structure_of_cruise(cruise), cut)(cruise.state, cruise.exogenous, cruise.parameters, steady)
-    row = [cruise.loop.columns.index(column)]
-    unit = cruise.loop.quantities[column].unit
+    point = loop_operating_point(experiment, x, v, nominal)
+    (A,), (B,), (C,), (D,) = (getattr(point.opened, name) for name in "ABCD")
+    here = list(CUTS).index(cut)
+    others = [index for index in range(len(CUTS)) if index != here]
+    # close the others: what leaves them is what comes back
+    closing = np.linalg.inv(np.eye(len(others)) - D[np.ix_(others, others)])
+    through, direct = B[:, others] @ closing, D[[here]][:, others] @ closing
+    matrices = (
+        A + through @ C[others],
+        B[:, [here]] + through @ D[others][:, [here]],
+        -(C[[here]] + direct @ C[others]),
+        -(D[[here]][:, [here]] + direct @ D[others][:, [here]]),
+    )
     names = f"{cut}_in", f"{cut}_out"
-    matrices = (A.full(), B.full(), -C.full()[row], -D.full()[row])
-    return _named(cruise, matrices, names[:1], names[1:], dict.fromkeys(names, unit))
-
-
-def structure_of_cruise(cruise: LoopCruise) -> Structure:
-    """The structure that was linearised: ropes taut."""
-    return with_taut_ropes(structure_of(cruise.experiment))
+    units = dict.fromkeys(names, point.loop.quantities[CUTS[cut]].unit)
+    return _named(point, matrices, point.opened.states, names[:1], names[1:], units)
 
 
 @built_once
-def _jacobians(structure: Structure, cut: str) -> ca.Function:
-    """``(state, exogenous, parameters[, cut]) -> A, B, C, D`` of a step; B and D are for the cut where there is one."""
-    step = closed_loop(structure, cuts=(cut,) if cut else ()).step
+def _jacobians(structure: Structure) -> ca.Function:
+    """``(state, exogenous, parameters) -> A, B, C, D`` of a step."""
+    step = closed_loop(structure).step
     symbols = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
     following, row, _ = step(*symbols)
-    state, outside = symbols[0], symbols[3] if cut else symbols[1]
-    wanted = [ca.jacobian(value, by) for value in (following, row) for by in (state, outside)]
+    wanted = [ca.jacobian(value, by) for value in (following, row) for by in symbols[:2]]
     return ca.Function("jacobians", symbols, wanted)
 
 
 def _named(
-    cruise: LoopCruise,
+    point: LoopOperatingPoint,
     matrices: tuple[Floats, Floats, Floats, Floats],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    units: dict[str, str],
+    states: Sequence[int] | NDArray[np.intp],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    units: Mapping[str, str],
 ) -> LinearSystem:
-    """A system of all states."""
-    names, state_units = state_names(cruise)
+    """A system of some of the closed loop's states."""
+    every = state_names(point)
+    chosen = [every[index] for index in states]
     return LinearSystem(
         *matrices,
-        dt=cruise.experiment.simulation.sample_time,
-        states=tuple(names),
-        inputs=inputs,
-        outputs=outputs,
-        units=units | state_units,
-        operating_point=cruise.row
-        | {"preload": cruise.experiment.controller.limits.preload, "residual": cruise.residual},
+        dt=point.experiment.simulation.sample_time,
+        states=tuple(name for name, _ in chosen),
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        units={**units, **dict(chosen)},
+        operating_point={
+            **point.row,
+            "preload": point.experiment.controller.limits.preload,
+            "residual": point.residual,
+        },
     )
 
 
 def without_idle_states(system: LinearSystem) -> LinearSystem:
     """The system of the states that matter: something depends on them, and they move.
 
-    A state that keeps its value whatever happens, such as an integral without a gain, stays where the cruise has it.
+    A state that keeps its value whatever happens, such as an integral without a gain, stays where the operating point
+    has it.
     """
-    A, B, C = system.A, system.B, system.C
-    matters = C.any(axis=0)
-    while True:
-        grown = matters | A[matters].any(axis=0)
-        if (grown == matters).all():
-            break
-        matters = grown
-    moves = A.any(axis=1) & (np.eye(len(A)) != A).any(axis=1)
-    matters &= moves | B.any(axis=1)
-    kept = np.flatnonzero(matters)
+    kept = np.flatnonzero(states_that_matter(system.A[None], system.B[None], system.C[None])[0])
     states = tuple(system.states[index] for index in kept)
     idle = set(system.states) - set(states)
     units = {name: unit for name, unit in system.units.items() if name not in idle - {*system.inputs, *system.outputs}}
-    return replace(system, A=A[np.ix_(kept, kept)], B=B[kept], C=C[:, kept], states=states, units=units)
+    A, B, C = system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept]
+    return replace(system, A=A, B=B, C=C, states=states, units=units)
 
 
-def state_names(cruise: LoopCruise) -> tuple[list[str], dict[str, str]]:
-    """Short names of the closed loop's states, and their units by these names."""
-    experiment = cruise.experiment
+def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
+    """Short name and unit of each of the closed loop's states."""
+    experiment = point.experiment
     start = initial_loop_state(
         structure_of(experiment), experiment.controller, experiment.plant, experiment.sensors, experiment.actuator
     )
     known = describe_parts(start)
-    names, units = [], {}
-    for state in cruise.loop.states:
+    found = []
+    for state in point.loop.states:
         name = state
         for prefix in ("motion.plant.", "controller.law.", "controller.coordination.", "controller."):
             if state.startswith(prefix):
                 name = state.removeprefix(prefix)
                 break
         torque = state.startswith("queue.")
-        names.append(name)
-        units[name] = "N m" if torque else known[state].quantity.unit if state in known else "1"
-    return names, units
+        found.append((name, "N m" if torque else known[state].quantity.unit if state in known else "1"))
+    return found

@@ -1,24 +1,58 @@
-"""Stability margins of a loop that was cut open: gain, phase, delay and disk."""
+"""Stability margins of loops that were cut open: gain, phase, delay and disk; of one loop, or the least of many.
+
+They are read off the complementary sensitivity T = L/(1 + L): every margin is a distance of T from one half or from the
+real axis. The loop gain is 1 where Re T = 1/2, it is real where T is, and the largest disk has the radius
+1 / max|T - 1/2|. T of a loop closed at all openings but for what is added at one is stable where the loop is, so that
+its poles say where to look: places are found on a grid of frequencies, and refined by regula falsi.
+
+A computer that is late, or a supply that is weak, changes both torques alike. For such a change the eigenvalues of the
+two torques' T, a matrix, are what T is at a single opening (the characteristic loci of MacFarlane and Postlethwaite,
+Int. J. Control 25, 1977).
+"""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated, Any
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.properties import states_that_matter
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.quantities.quantity import Quantity
 
 Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
-LOWEST, POINTS = 1e-3, 4000
-"""Lowest angular frequency looked at in rad/s, and points on the way up to half the sample rate."""
+KINDS: tuple[str, ...] = ("gain", "phase", "delay", "disk")
+"""Margins, as fields of `Margins` are called."""
 
-NEAR_A_POLE = 41
-"""Points around every lightly damped pole, whose peak the other points may step over."""
+BOTH = "torques"
+"""What a change of both torques alike is called, beside the openings."""
+
+LOCI = ("u", "tau_1", "tau_2", BOTH, BOTH)
+"""Where each of the five loci of a loop of three openings is cut."""
+
+LOWEST = 1e-3
+"""Lowest angular frequency looked at in rad/s."""
+
+FORGOTTEN, SILENT = 0.05, 1e-14
+"""Magnitude of poles that are left out of sums over poles: those of delays are 0, and have too few eigenvectors. And
+the share of the largest echo of these at which the next ones are left out."""
+
+NEAR, NEARER = 1.3, 1 + 1e-4
+"""How much larger than the least a margin read off the grid may be, to be refined; and one refined, to be exact."""
+
+CLOSE = 1e-6
+"""Half width of the bracket about a frequency that is nearly known, as a share."""
+
+ITERATIONS, TOLERANCE = 60, 1e-14
+"""Steps to a frequency at most, and the share of it that the last one moves."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +74,28 @@ class Margins:
     disk_frequency: Annotated[float, Quantity("rad/s", "frequency at which the disk touches")]
 
 
+class FrequencyGrid(NamedTuple):
+    """Frequencies at which margins are looked for.
+
+    Attributes:
+        points: evenly apart in logarithms, up to half the sample rate.
+        around: points around every lightly damped pole, whose peak the others may step over, in units of the rate at
+            which it decays.
+        exact: whether T is evaluated from its matrices there, not as a sum over its poles, which is quicker.
+    """
+
+    points: int
+    around: Floats
+    exact: bool
+
+
+FINE = FrequencyGrid(4000, np.linspace(-5, 5, 41), exact=True)
+"""For one loop."""
+
+COARSE = FrequencyGrid(160, np.array([-5.0, -2.5, -1.2, -0.5, 0.0, 0.5, 1.2, 2.5, 5.0]), exact=False)
+"""For thousands of loops."""
+
+
 def margins(loop: LinearSystem) -> Margins:
     """Margins of a loop L with negative feedback, ``1/(1 + L)``.
 
@@ -53,80 +109,427 @@ def margins(loop: LinearSystem) -> Margins:
     """
     if loop.dt is None or loop.D.shape != (1, 1):
         raise ConfigurationError("margins need a discrete system of one input and one output")
-    omega = frequencies(loop)
-
-    def response(at: float) -> complex:
-        return complex(loop.response(at)[0, 0, 0])
-
-    values = loop.response(omega)[:, 0, 0]
-    real_axis = [
-        (w, -1 / response(w).real)
-        for w in _crossings(omega, values.imag, lambda w: response(w).imag)
-        if response(w).real < 0
-    ]
-    end = response(float(omega[-1]))
-    if end.real < 0:  # at half the sample rate the response is real
-        real_axis.append((float(omega[-1]), -1 / end.real))
-    rising = min(((gain, w) for w, gain in real_axis if gain > 1), default=(math.inf, math.nan))
-    falling = max(((gain, w) for w, gain in real_axis if gain < 1), default=(0.0, math.nan))
-    crossovers = _crossings(omega, np.abs(values) - 1, lambda w: abs(response(w)) - 1)
-    lags = [float(math.pi + np.angle(response(w))) % (2 * math.pi) for w in crossovers]
-    phase = min(zip(lags, crossovers, strict=True), default=(math.inf, math.nan))
-    delay = min(((lag / w, w) for lag, w in zip(lags, crossovers, strict=True)), default=(math.inf, math.nan))
-
-    def reach(at: float) -> float:
-        """|(S − T)/2|: over the disk's radius, one."""
-        value = response(at)
-        return abs((1 - value) / (1 + value)) / 2
-
-    peak = _largest(omega, np.abs((1 - values) / (1 + values)) / 2, reach)
-    disk = 1 / reach(peak)
-    closed = loop.A - loop.B @ loop.C / (1 + loop.D[0, 0])
+    closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
+    (found,) = least_margins(closed, np.zeros(1, np.intp), (*KINDS, "fall"), 1, grid=FINE)
+    gain, phase, delay, disk, fall = found.values()
+    poles = np.linalg.eigvals(loop.A - loop.B @ loop.C / (1 + loop.D[0, 0]))
     return Margins(
-        stable=bool(np.abs(np.linalg.eigvals(closed)).max(initial=0.0) < 1),
-        gain=rising[0],
-        gain_frequency=rising[1],
-        least_gain=falling[0],
-        least_gain_frequency=falling[1],
-        phase=math.degrees(phase[0]),
-        phase_frequency=phase[1],
-        delay=delay[0],
-        delay_frequency=delay[1],
-        disk=disk,
-        disk_gain=(1 + disk / 2) / (1 - disk / 2) if disk < 2 else math.inf,
-        disk_phase=math.degrees(2 * math.atan(disk / 2)),
-        disk_frequency=peak,
+        stable=bool(np.abs(poles).max(initial=0.0) < 1),
+        gain=gain.value,
+        gain_frequency=gain.frequency,
+        least_gain=1 / fall.value,
+        least_gain_frequency=fall.frequency,
+        phase=phase.value,
+        phase_frequency=phase.frequency,
+        delay=delay.value,
+        delay_frequency=delay.frequency,
+        disk=disk.value,
+        disk_gain=(1 + disk.value / 2) / (1 - disk.value / 2) if disk.value < 2 else math.inf,
+        disk_phase=math.degrees(2 * math.atan(disk.value / 2)),
+        disk_frequency=disk.frequency,
     )
 
 
-def frequencies(loop: LinearSystem) -> Floats:
-    """Angular frequencies in rad/s up to half the sample rate, dense around lightly damped poles."""
-    if loop.dt is None:
-        raise ConfigurationError("margins need a discrete system")
-    highest = math.pi / loop.dt
-    grids = [np.geomspace(LOWEST, highest, POINTS)]
-    poles = loop.poles()
-    for pole in poles[(np.abs(poles) > 0) & (poles.imag > 0)]:
-        rate = np.log(pole) / loop.dt
-        grids.append(rate.imag + abs(rate.real) * np.linspace(-5, 5, NEAR_A_POLE))
-    omega = np.unique(np.concatenate(grids))
-    return omega[(omega >= LOWEST) & (omega <= highest)]
+@dataclass(frozen=True, eq=False)
+class ComplementarySensitivity:
+    """T of s loops of one sample time, of one opening or of the three of a closed loop.
+
+    Attributes:
+        A, B, C, D: closed loops, (s, n, n), (s, n, m), (s, m, n), (s, m, m): T = C (z - A)^-1 B + D. A state that does
+            not matter in one of them has zeros there.
+        dt: sample time in s.
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    dt: float
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Openings at which the elements of T that are needed come out, and at which they go in (`columns`)."""
+        return (0, 1, 1, 2, 2) if self.D.shape[1] > 1 else (0,)
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """See `rows`."""
+        return (0, 1, 2, 1, 2) if self.D.shape[1] > 1 else (0,)
+
+    @property
+    def diagonal(self) -> Indices:
+        """Which of the elements each locus is; of the last two of five any."""
+        return np.array((0, 1, 4, 1, 1) if self.D.shape[1] > 1 else (0,))
+
+    @cached_property
+    def _modes(self) -> tuple[Complex, Complex]:
+        return _by_size(self.A)
+
+    @property
+    def poles(self) -> Complex:
+        """(s, n) eigenvalues of A."""
+        return self._modes[0]
+
+    @property
+    def stable(self) -> Flags:
+        """(s,) whether a loop is stable."""
+        return np.abs(self.poles).max(axis=1, initial=0.0) < 1
+
+    @cached_property
+    def _parts(self) -> tuple[Complex, Floats]:
+        """Residues and echoes, by right and left eigenvectors of the poles that last.
+
+        Residues (s, elements, n) of the elements of T at the poles are 0 at those that are forgotten within few samples
+        (`FORGOTTEN`). Echoes (j, s, elements) are what those come to, j samples after an impulse.
+        """
+        poles, right = self._modes
+        _, left = _by_size(np.swapaxes(self.A, 1, 2))
+        lasting = np.abs(poles) > FORGOTTEN
+        right, left = np.where(lasting[:, None], right, 0.0), np.where(lasting[:, None], left, 0.0)
+        across = np.swapaxes(left, 1, 2) @ right
+        index = np.arange(self.A.shape[1])
+        across[:, index, index] += ~lasting
+        weights = np.linalg.solve(across, np.swapaxes(left, 1, 2) @ self.B)
+        shown = self.C @ right
+        residues = shown[:, self.rows] * np.swapaxes(weights, 1, 2)[:, self.columns]
+        echoes, rest = [], self.B - (right @ weights).real
+        for _ in range(self.A.shape[1] + 10):
+            echoes.append((self.C @ rest)[:, self.rows, self.columns])
+            if not np.abs(rest).max(initial=0.0) > SILENT * np.abs(self.B).max(initial=0.0):
+                break
+            rest = self.A @ rest
+        return np.asarray(residues, complex), np.array(echoes)
+
+    def loci(self, omega: Floats, *, exact: bool) -> Complex:
+        """The loci (s, loci, k) of all loops at ascending frequencies (s, k) in rad/s, exact or by sums over poles."""
+        elements = self._exact_elements(omega) if exact else self._summed_elements(omega)
+        if elements.shape[1] == 1:
+            return elements
+        alone = elements[:, self.diagonal[:3]]
+        half, root = _halves(elements)
+        first, second = half + root, half - root
+        kept = np.abs(np.diff(first)) + np.abs(np.diff(second))
+        crossed = np.abs(first[:, 1:] - second[:, :-1]) + np.abs(second[:, 1:] - first[:, :-1])
+        swapped = np.zeros(first.shape, bool)
+        swapped[:, 1:] = np.logical_xor.accumulate(crossed < kept, axis=1)
+        pair = np.where(swapped, second, first), np.where(swapped, first, second)
+        return np.concatenate([alone, np.stack(pair, axis=1)], axis=1)
+
+    def _summed_elements(self, omega: Floats) -> Complex:
+        z = np.exp(1j * self.dt * omega)
+        residues, echoes = self._parts
+        constant = self.D[:, self.rows, self.columns].astype(complex)
+        elements = np.repeat(constant[:, :, None], omega.shape[1], axis=2)
+        for index in range(self.poles.shape[1]):
+            if residues[:, :, index].any():
+                elements += residues[:, :, index, None] / (z - self.poles[:, index, None])[:, None]
+        late = 1 / z[:, None]
+        for echo in echoes:
+            elements += echo[:, :, None] * late
+            late = late / z[:, None]
+        return elements
+
+    def _exact_elements(self, omega: Floats) -> Complex:
+        z = np.exp(1j * self.dt * omega)
+        pencil = z[:, :, None, None] * np.eye(self.A.shape[1]) - self.A[:, None]
+        values = self.C[:, None] @ np.linalg.solve(pencil, self.B[:, None].astype(complex)) + self.D[:, None]
+        return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1).astype(complex)
+
+    def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
+        """Loci (a,) and their derivatives by the frequency, at a frequency each, by sums over poles.
+
+        Args:
+            omega: angular frequencies in rad/s.
+            loop: indices of the loops.
+            locus: indices of the loci.
+            near: about where they are, which tells the last two apart.
+        """
+        z = np.exp(1j * self.dt * omega)
+        residues, echoes = self._parts
+        apart = (z[:, None] - self.poles[loop])[:, None]
+        terms = residues[loop] / apart
+        values = terms.sum(axis=2) + self.D[loop][:, self.rows, self.columns]
+        slopes = -1j * self.dt * z[:, None] * (terms / apart).sum(axis=2)
+        for number, echo in enumerate(echoes[:, loop], start=1):
+            late = echo * z[:, None] ** -number
+            values += late
+            slopes -= 1j * self.dt * number * late
+        return self._locus(values, slopes, locus, near)
+
+    def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
+        """The same from the matrices, as exact as they are."""
+        z = np.exp(1j * self.dt * omega)
+        pencil = z[:, None, None] * np.eye(self.A.shape[1]) - self.A[loop]
+        right = np.linalg.solve(pencil, self.B[loop].astype(complex))
+        values = self.C[loop] @ right + self.D[loop]
+        slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ np.linalg.solve(pencil, right))
+        elements, rates = (np.asarray(matrix[:, self.rows, self.columns], complex) for matrix in (values, slopes))
+        return self._locus(elements, rates, locus, near)
+
+    def _locus(self, values: Complex, slopes: Complex, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
+        """Loci and their slopes (a,) from the elements of T and theirs (a, elements)."""
+        row = np.arange(len(values))
+        alone = values[row, self.diagonal[locus]], slopes[row, self.diagonal[locus]]
+        if values.shape[1] == 1:
+            return alone
+        half, root = _halves(values)
+        both = half + np.where(np.abs(half + root - near) <= np.abs(half - root - near), root, -root)
+        _, first, upper, lower, second = values.T
+        _, d_first, d_upper, d_lower, d_second = slopes.T
+        turned = d_first * (both - second) + d_second * (both - first) + d_upper * lower + upper * d_lower
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = turned / (2 * (both - half))
+        together = locus >= len(self.diagonal) - 2
+        return np.where(together, both, alone[0]), np.where(together, rate, alone[1])
 
 
-def _crossings(omega: Floats, values: Floats, function: Callable[[float], float]) -> list[float]:
-    """Where a function of the frequency changes its sign."""
-    from scipy import optimize
-
-    root: Any = optimize.brentq  # its stub knows neither plain floats nor the plain answer
-    intervals = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return [float(root(function, omega[k], omega[k + 1], xtol=1e-13, rtol=1e-13)) for k in intervals]
+def _halves(elements: Complex) -> tuple[Complex, Complex]:
+    """Mean and half the distance of the eigenvalues of the torques' T, of its elements along the second axis."""
+    _, first, upper, lower, second = np.moveaxis(elements, 1, 0)
+    return (first + second) / 2, np.sqrt(((first - second) / 2) ** 2 + upper * lower)
 
 
-def _largest(omega: Floats, values: Floats, function: Callable[[float], float]) -> float:
-    """The frequency at which a function is largest."""
-    from scipy.optimize import minimize_scalar
+def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> ComplementarySensitivity:
+    """T of loops that are open at all their openings.
 
-    highest = int(np.argmax(values))
-    between = omega[max(highest - 1, 0)], omega[min(highest + 1, len(omega) - 1)]
-    found: Any = minimize_scalar(lambda w: -function(w), bounds=between, method="bounded", options={"xatol": 1e-10})
-    return float(found.x) if -found.fun > values[highest] else float(omega[highest])
+    Args:
+        A: of the states, (s, n, n).
+        B: by what leaves the openings, (s, n, m).
+        C: of what comes back to them, (s, m, n).
+        D: of the one by the other, (s, m, m).
+        dt: sample time in s.
+    """
+    through = np.linalg.inv(np.eye(D.shape[1]) - D)
+    C, entered = through @ C, B @ through
+    closed = A + B @ C
+    matter = states_that_matter(closed, entered, C)
+    closed = np.where(matter[:, :, None] & matter[:, None, :], closed, 0.0)
+    entered, C = np.where(matter[:, :, None], entered, 0.0), np.where(matter[:, None, :], C, 0.0)
+    kept = np.flatnonzero(matter.any(axis=0))
+    closed, entered, C = closed[:, kept][:, :, kept], entered[:, kept], C[:, :, kept]
+    size = _balancing_sizes(closed)
+    balanced = closed / size[:, :, None] * size[:, None, :]
+    return ComplementarySensitivity(balanced, entered / size[:, :, None], -C * size[:, None, :], -through @ D, dt)
+
+
+def _by_size(A: Floats) -> tuple[Complex, Complex]:
+    """Eigenvalues and eigenvectors of matrices, the largest eigenvalues first."""
+    values, vectors = np.linalg.eig(A)
+    order = np.argsort(-np.abs(values), axis=1)
+    found = np.take_along_axis(values, order, axis=1), np.take_along_axis(vectors, order[:, None], axis=2)
+    return found[0].astype(complex), found[1].astype(complex)
+
+
+def _balancing_sizes(A: Floats) -> Floats:
+    """Sizes of the states (s, n), powers of two, in which rows and columns of a matrix are alike."""
+    size = np.ones(A.shape[:2])
+    off = np.abs(A) * (1 - np.eye(A.shape[1]))
+    for _ in range(6):
+        scaled = off / size[:, :, None] * size[:, None, :]
+        rows, columns = scaled.sum(axis=2), scaled.sum(axis=1)
+        both = (rows > 0) & (columns > 0)
+        ratio = np.sqrt(np.where(both, rows, 1.0) / np.where(both, columns, 1.0))
+        size *= 2.0 ** np.round(np.log2(ratio))
+    return size
+
+
+@dataclass(frozen=True)
+class LeastMargin:
+    """The least margin of a family of loops.
+
+    Attributes:
+        value: as in `Margins`; infinite where nothing makes any of the loops unstable.
+        loop: index of the loop it is attained in; -1 where in none.
+        cut: where that is cut, of `LOCI`.
+        frequency: at which, in rad/s.
+    """
+
+    value: float = math.inf
+    loop: int = -1
+    cut: str = ""
+    frequency: float = math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Places where a margin may be least: loops, loci, frequencies and their brackets, and the margins there; (a,).
+
+    `before` and `after` are the loci at the ends of the bracket, or about where they are between.
+    """
+
+    loop: Indices
+    locus: Indices
+    lower: Floats
+    upper: Floats
+    before: Complex
+    after: Complex
+    frequency: Floats
+    value: Floats
+
+    def near(self, omega: Floats, chosen: Indices) -> Complex:
+        """About where the loci of some places are at frequencies within their brackets."""
+        lower, width = self.lower[chosen], self.upper[chosen] - self.lower[chosen]
+        share = (omega - lower) / np.where(width > 0, width, 1.0)
+        return self.before[chosen] * (1 - share) + self.after[chosen] * share
+
+    def __getitem__(self, chosen: Flags) -> "_Places":
+        return _Places(*(column[chosen] for column in vars(self).values()))
+
+
+def least_margins(
+    loops: ComplementarySensitivity,
+    family: Indices,
+    kinds: Sequence[str],
+    families: int,
+    cuts: Collection[str] = LOCI,
+    *,
+    grid: FrequencyGrid = COARSE,
+) -> list[dict[str, LeastMargin]]:
+    """The least of some margins of every family of loops; those of one that is unstable mean nothing.
+
+    Args:
+        loops: s of them.
+        family: (s,) to which each belongs, from 0.
+        kinds: some of `KINDS`, or ``fall``, the factor by which the gain may fall.
+        families: number of families.
+        cuts: where the loops are cut, some of `LOCI`.
+        grid: where margins are looked for first.
+
+    Returns:
+        Kind → the least, for every family.
+    """
+    if not len(loops.D):
+        return [dict.fromkeys(kinds, LeastMargin()) for _ in range(families)]
+    omega = _frequencies(loops, grid)
+    response = loops.loci(omega, exact=grid.exact)
+    found: list[dict[str, LeastMargin]] = [{} for _ in range(families)]
+    wanted = np.array([cut in cuts for cut in LOCI])
+    for kind in kinds:
+        places = _read_off(kind, omega, response)
+        places = _near_least(places[wanted[places.locus]], family, NEAR)
+        if not grid.exact:
+            places = _near_least(_refined(kind, loops.quick, places), family, NEARER)
+        exact = _refined(kind, loops.exact, places)
+        for number, of_family in enumerate(found):
+            mine = np.flatnonzero(family[exact.loop] == number)
+            of_family[kind] = _least(exact, mine)
+    return found
+
+
+def _least(places: _Places, mine: Indices) -> LeastMargin:
+    if not len(mine):
+        return LeastMargin()
+    index = mine[np.argmin(places.value[mine])]
+    columns = places.value, places.loop, places.locus, places.frequency
+    value, loop, locus, frequency = (column[index] for column in columns)
+    return LeastMargin(float(value), int(loop), LOCI[int(locus)], float(frequency))
+
+
+def _frequencies(loops: ComplementarySensitivity, grid: FrequencyGrid) -> Floats:
+    """Angular frequencies (s, k) up to half the sample rate, dense around lightly damped poles."""
+    highest = math.pi / loops.dt
+    poles = loops.poles.copy()
+    poles[(np.abs(poles) == 0) | (poles.imag <= 0)] = 1.0
+    number = int((poles.imag > 0).sum(axis=1).max(initial=0))
+    order = np.argsort(-poles.imag, axis=1)[:, :number]
+    rate = np.log(np.take_along_axis(poles, order, axis=1)) / loops.dt
+    around = (rate.imag[:, :, None] + np.abs(rate.real)[:, :, None] * grid.around).reshape(len(poles), -1)
+    even = np.broadcast_to(np.geomspace(LOWEST, highest, grid.points), (len(poles), grid.points))
+    return np.sort(np.clip(np.hstack([even, around]), LOWEST, highest), axis=1)
+
+
+def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
+    """Every place on the grid where a margin of a kind may be, and about how large it is there."""
+    if kind == "disk":
+        away, last = np.abs(response - 0.5), omega.shape[1] - 1
+        rises = np.diff(away, axis=2) > 0
+        side = np.ones((*away.shape[:2], 1), bool)
+        loop, locus, at = np.nonzero(np.concatenate([side, rises], axis=2) & ~np.concatenate([rises, ~side], axis=2))
+        lower, upper = omega[loop, np.maximum(at - 1, 0)], omega[loop, np.minimum(at + 1, last)]
+        top = response[loop, locus, at]
+        return _Places(loop, locus, lower, upper, top, top, omega[loop, at], 1 / away[loop, locus, at])
+    of_gain = kind in {"gain", "fall"}
+    values = response.imag if of_gain else response.real - 0.5
+    loop, locus, at = np.nonzero(values[:, :, :-1] * values[:, :, 1:] < 0)
+    falling = values[loop, locus, at]
+    share = falling / (falling - values[loop, locus, at + 1])
+    before, after = response[loop, locus, at], response[loop, locus, at + 1]
+    lower, upper = omega[loop, at], omega[loop, at + 1]
+    if of_gain:
+        ends = np.indices(response.shape[:2]).reshape(2, -1)  # at half the sample rate the response is real
+        end, there = omega[ends[0], -1], response[ends[0], ends[1], -1]
+        loop, locus, share = np.append(loop, ends[0]), np.append(locus, ends[1]), np.append(share, np.zeros(len(end)))
+        lower, upper = np.append(lower, end), np.append(upper, end)
+        before, after = np.append(before, there), np.append(after, there)
+    frequency = lower + (upper - lower) * share
+    value = _margin(kind, before * (1 - share) + after * share, frequency)
+    return _Places(loop, locus, lower, upper, before, after, frequency, value)[np.isfinite(value)]
+
+
+def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
+    """A margin from T where it is attained; infinite where that is none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        match kind:
+            case "disk":
+                return 1 / np.abs(response - 0.5)
+            case "gain":
+                return np.where(response.real < 0, 1 - 1 / response.real, np.inf)
+            case "fall":
+                return np.where(response.real > 1, response.real / (response.real - 1), np.inf)
+    lag = (math.pi + 2 * np.arctan2(response.imag, 0.5)) % (2 * math.pi)
+    return np.degrees(lag) if kind == "phase" else lag / omega
+
+
+def _near_least(places: _Places, family: Indices, factor: float) -> _Places:
+    """The places whose margin is not much larger than the least of their family."""
+    least = np.full(int(family.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(least, family[places.loop], places.value)
+    return places[places.value <= factor * least[family[places.loop]]]
+
+
+Evaluate = Callable[[Floats, Indices, Indices, Complex], tuple[Complex, Complex]]
+
+
+def _refined(kind: str, evaluate: Evaluate, places: _Places) -> _Places:
+    """The places with their frequencies found, and the margins there."""
+
+    def wanted(omega: Floats, chosen: Indices) -> Floats:
+        near = places.near(omega, chosen)
+        value, slope = evaluate(omega, places.loop[chosen], places.locus[chosen], near)
+        if kind == "disk":
+            return ((value - 0.5).conj() * slope).real
+        return value.imag if kind in {"gain", "fall"} else value.real - 0.5
+
+    omega = _root(wanted, places)
+    near = places.near(omega, np.arange(len(omega)))
+    value = _margin(kind, evaluate(omega, places.loop, places.locus, near)[0], omega)
+    return replace(places, frequency=omega, value=value)
+
+
+def _root(function: Callable[[Floats, Indices], Floats], places: _Places) -> Floats:
+    """Where a function of the frequency is zero: regula falsi with halved ends (Illinois), from about there.
+
+    A function that does not change its sign has the largest integral at an end of its bracket; that end is returned.
+    """
+    every = np.arange(len(places.frequency))
+    low, high = (np.clip(places.frequency * side, places.lower, places.upper) for side in (1 - CLOSE, 1 + CLOSE))
+    at_low, at_high = function(low, every), function(high, every)
+    wide = np.flatnonzero(at_low * at_high > 0)
+    low[wide], high[wide] = places.lower[wide], places.upper[wide]
+    at_low[wide], at_high[wide] = function(low[wide], wide), function(high[wide], wide)
+    root = np.where(at_low > 0, high, low)
+    active = np.flatnonzero(at_low * at_high < 0)
+    for _ in range(ITERATIONS):
+        if not len(active):
+            break
+        a, b, at_a, at_b = low[active], high[active], at_low[active], at_high[active]
+        now = np.clip((a * at_b - b * at_a) / (at_b - at_a), a, b)
+        at_now = function(now, active)
+        moved = np.abs(now - root[active])
+        root[active] = now
+        same = at_now * at_a > 0  # as the lower end
+        low[active], high[active] = np.where(same, now, a), np.where(same, b, now)
+        at_low[active] = np.where(same, at_now, at_a / 2)
+        at_high[active] = np.where(same, at_b / 2, at_now)
+        active = active[(moved > TOLERANCE * now) & (at_now != 0)]
+    return root

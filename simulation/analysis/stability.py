@@ -1,23 +1,46 @@
-"""The paper's stability theorem as it is printed: Lyapunov function and conditions on the gains (Section 3.1.5).
+"""The paper's stability theorem (Section 3.1.5): conditions on the gains, and the Lyapunov function along a run.
 
 The theorem regards the vehicle as driven by the force command itself, ``dv/dt = (u - F_f - F_w)/M + d``, with
 ``|d| <= D/M`` and ``|dd/dt| <= Delta``. Its terms have different units and are added as numbers in SI units.
+
+`certify` evaluates every condition with the bounds found in a run, and `nearby_gains` raises the gains that fall short.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.nominal import nominal_plant
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import inertia
-from dualwinch.simulation.analysis.sliding_mode import sliding_mode
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.simulate import simulate
+
+
+def sliding_mode(experiment: Experiment, reason: str = "must be") -> FandoNftsm | Nftsm:
+    """The sliding-mode law of an experiment.
+
+    Args:
+        experiment: whose law is wanted.
+        reason: what the error says before the kinds that are allowed.
+
+    Raises:
+        ConfigurationError: it has another law.
+    """
+    law = experiment.controller.law
+    if not isinstance(law, FandoNftsm | Nftsm):
+        raise ConfigurationError(f'controller.kind = "{law.kind}": {reason} "{FandoNftsm.kind}" or "{Nftsm.kind}"')
+    return law
+
 
 Floats = NDArray[np.float64]
 
@@ -191,3 +214,190 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
     for name, where in (("gamma", "in the surface"), ("gamma_force", "in the force")):
         at_least(f"weight of Z_a {where}", f"{name} >= 2 F_max/k_a", weights[name], needed, units[f"auxiliary.{name}"])
     return found
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What the theorem says of one experiment, and what its Lyapunov function does.
+
+    Attributes:
+        result: the run, every sample kept.
+        bounds: basis → bounds found in the run.
+        conditions: every condition with both sides.
+        terms: the terms of V at every sample (samples,).
+        rate: mean dV/dt within every sample, (V at its end − V at its beginning)/Ts (samples − 1,).
+        decreasing: share of the samples over which V decreases.
+        within_claim: share of the samples over which dV/dt is as negative as the paper's last line says.
+    """
+
+    result: Result
+    bounds: dict[str, Bounds]
+    conditions: list[Condition]
+    terms: LyapunovTerms
+    rate: Floats
+    decreasing: float
+    within_claim: float
+
+    @property
+    def certified(self) -> bool:
+        """Whether the run is complete and all conditions hold as the paper has them: with ideal ropes."""
+        return self.result.outcome == "completed" and all(c.holds for c in self.conditions if c.basis != REAL)
+
+    @property
+    def certified_with_ropes(self) -> bool:
+        """Whether they also hold with what the ropes do not deliver counted as disturbance."""
+        return self.certified and all(c.holds for c in self.conditions)
+
+
+def certify(experiment: Experiment, *, progress: Callable[[float], None] | None = None) -> Certificate:
+    """Run an experiment and hold the paper's stability theorem against it (Section 3.1.5).
+
+    Args:
+        experiment: gains and scenario; the position law must be ``fando-nftsm`` or ``nftsm``.
+        progress: called now and then with the share of the run that is done.
+
+    Raises:
+        ConfigurationError: another position law, or an observer without a constant gain (V divides by it).
+    """
+    law = sliding_mode(experiment, "the theorem is about")
+    if isinstance(law, FandoNftsm) and law.observer.l0 <= 0:
+        raise ConfigurationError("controller.observer.l0 = 0: must be > 0, V divides by the observer's gain")
+    result = simulate(experiment, progress=progress)
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is a result too
+        return _judged(result)
+
+
+def _judged(result: Result) -> Certificate:
+    experiment, law = result.experiment, sliding_mode(result.experiment)
+    columns, mass = result.columns, nominal_mass(experiment)
+    s, Z_a = columns["s"], columns["Z_a"]
+    if isinstance(law, FandoNftsm):
+        d_tilde = disturbance(columns, mass, IDEAL) - columns["d_hat"]
+        terms = lyapunov_terms(s, Z_a, d_tilde, columns["L1"], law.observer.l0, law.observer.kf, mass)
+    else:
+        d_tilde = np.zeros_like(s)
+        terms = LyapunovTerms(s**2 / 2, Z_a**2 / 2, d_tilde, d_tilde)
+    rate = np.diff(terms.total) / experiment.simulation.sample_time
+    claim = claimed_decay(s, Z_a, d_tilde, law.nftsm.eta, law.auxiliary.k_a, mass)[:-1]
+    known = {basis: bounds(columns, experiment, basis) for basis in (IDEAL, REAL)}
+    return Certificate(
+        result=result,
+        bounds=known,
+        conditions=conditions(experiment, known),
+        terms=terms,
+        rate=rate,
+        decreasing=float(np.mean(rate < 0)) if rate.size else np.nan,
+        within_claim=float(np.mean(rate <= claim)) if rate.size else np.nan,
+    )
+
+
+ROUNDS = 6
+"""Times the gains are raised from one start."""
+
+HEADROOM = 1.02
+"""How far beyond its bound a gain is set that has to rise: the next run's bound will not be quite the same."""
+
+
+@dataclass(frozen=True)
+class NearbyGains:
+    """What the search came to.
+
+    Attributes:
+        certificate: of the last gain set tried.
+        changes: key → (given, tried), of every gain that differs.
+        found: whether that gain set satisfies every condition in its own run.
+        history: what every gain set tried lacked, in words.
+        reason: why there are such gains, or why none was found, in words.
+    """
+
+    certificate: Certificate
+    changes: dict[str, tuple[float, float]]
+    found: bool
+    history: list[str]
+    reason: str
+
+
+def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None = None) -> NearbyGains:
+    """Raise the gains that fall short, run again, and repeat: a change of gains also changes the bounds.
+
+    Raised are ``k``, ``l0``, ``gamma`` and ``gamma_force``, each to where the last run's bounds put it. Where that
+    fails with the given ``k_a``, it is tried once more with the largest that forgets Z_a without overshoot from one
+    sample to the next, 1/Ts, which lets gamma be smallest. Nothing else is changed.
+
+    Args:
+        given: the certificate to start from.
+        progress: called after every run with the share of the longest search that is done.
+    """
+    experiment = given.result.experiment
+    k_a, fastest = sliding_mode(experiment).auxiliary.k_a, 1 / experiment.simulation.sample_time
+    tried, history, runs = given, [_shortfall(given)], 0
+    for decay in (k_a or AuxiliaryGains().k_a, fastest):
+        if tried.certified:
+            break
+        tried = given
+        for _ in range(ROUNDS):
+            tried = certify(_raised(tried, decay))
+            runs += 1
+            history.append(f"k_a = {decay:g}: {_shortfall(tried)}")
+            if progress:
+                progress(runs / (2 * ROUNDS))
+            if tried.certified or tried.result.outcome != "completed":
+                break
+    before, after = leaves(experiment.controller), leaves(tried.result.experiment.controller)
+    return NearbyGains(
+        certificate=tried,
+        changes={f"controller.{key}": (before[key], value) for key, value in after.items() if value != before[key]},
+        found=tried.certified,
+        history=history,
+        reason=_reason(given, tried),
+    )
+
+
+def _raised(certificate: Certificate, k_a: float) -> Experiment:
+    """The experiment with this k_a, and every gain that falls short set to what the certificate's run asks for."""
+    experiment, bounds = certificate.result.experiment, certificate.bounds[IDEAL]
+    weight = auxiliary_weight_needed(experiment.controller.limits.tension_max, k_a)
+    wanted = {"auxiliary.k_a": k_a, "auxiliary.gamma": weight, "auxiliary.gamma_force": weight}
+    for condition in certificate.conditions:
+        if condition.name == "switching gain" and condition.basis == IDEAL and not condition.holds:
+            wanted["nftsm.k"] = HEADROOM * condition.right
+    if bounds.observer_gain < bounds.disturbance_rate:
+        wanted["observer.l0"] = HEADROOM * bounds.disturbance_rate
+    before = leaves(experiment.controller)
+    rising = {key: max(before[key], value) for key, value in wanted.items()}
+    return replace(experiment, controller=with_leaves(experiment.controller, rising))
+
+
+def _shortfall(certificate: Certificate) -> str:
+    """What a gain set lacks, in one line."""
+    result = certificate.result
+    if result.outcome != "completed":
+        return f"the run {result.outcome.replace('_', ' ')} at {result.end_time:.4g} s"
+    lacking = [
+        f"{condition.name} {condition.left:.4g} < {condition.right:.4g} {condition.unit}"
+        for condition in certificate.conditions
+        if condition.basis != REAL and not condition.holds
+    ]
+    return "; ".join(lacking) or "every condition holds"
+
+
+def _reason(given: Certificate, tried: Certificate) -> str:
+    experiment, columns = given.result.experiment, given.result.columns
+    if given.certified:
+        return "the given gains satisfy every condition in this run"
+    if tried.certified and not np.any(tried.result["Z_a"]):
+        return "the force is never cut off in this run, so Z_a stays 0 and the weights of Z_a may be anything"
+    if tried.certified:
+        return "the raised gains satisfy every condition in their own run"
+    cut_off = np.abs(columns["u"] - columns["u_sat"])
+    excess = float(cut_off[np.argmax(cut_off > 0)])
+    if not excess > 0:
+        return f"after {ROUNDS} rounds the bounds still grow as fast as the gains"
+    sample_time = experiment.simulation.sample_time
+    least = auxiliary_weight_needed(experiment.controller.limits.tension_max, 1 / sample_time)
+    return (
+        f"the force is cut off, at first by {excess:.4g} N. Z_a forgets within a sample at most (k_a <= 1/Ts), so "
+        f"gamma must be >= 2 F_max Ts = {least:.4g}, and that one sample puts gamma Ts {excess:.4g} N = "
+        f"{least * sample_time * excess:.4g} m/s into "
+        "e2 + gamma Z_a: the force is cut off the more, and the loop runs away"
+    )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.least_error import least_mse
+from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble

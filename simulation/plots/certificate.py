@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.certificate import Certificate
+from dualwinch.simulation.analysis.stability import Certificate
 from dualwinch.simulation.plots.headings import scenario
 from dualwinch.simulation.plots.page import GivenAxes, Page
 from dualwinch.simulation.plots.style import (

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dualwinch.simulation.analysis.preloads import Preloads
+from dualwinch.simulation.analysis.preload import Preloads
 from dualwinch.simulation.plots.headings import scenario
 from dualwinch.simulation.plots.motion import length_unit
 from dualwinch.simulation.plots.page import GivenAxes, Page

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.analysis.loop_cruise import loop_cruise
+from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
 from dualwinch.simulation.loop.structure import structure_of
@@ -49,7 +49,7 @@ def run(
     Args:
         kick: state of the closed loop → what is added to it at the start.
     """
-    cruise = loop_cruise(experiment, x, v)
+    cruise = loop_operating_point(experiment, x, v)
     loop = closed_loop(structure_of(cruise.experiment), cuts=(cut,))
     steady, here = cruise.row[CUTS[cut]], loop.columns.index(CUTS[cut])
     state, line, reference = ca.SX.sym("state", len(loop.states)), ca.SX.sym("line", max(delay, 1)), ca.SX.sym("x_ref")

@@ -12,8 +12,8 @@ from dualwinch.commands.tune import Options, write
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.analysis.margins import margins
-from dualwinch.simulation.analysis.worst_margins import MarginSurvey
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override

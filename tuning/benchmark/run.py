@@ -15,7 +15,7 @@ from dualwinch.codegen.source.expressions import instructions
 from dualwinch.controllers.controller import controller_function
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.analysis.least_error import least_mse
+from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.benchmark.entries import UNSEEN, BenchmarkTerms, EntryProblem, names

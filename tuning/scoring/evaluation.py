@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dualwinch.simulation.analysis.worst_margins import MarginSurvey, WorstMargin
+from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment

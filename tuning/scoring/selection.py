@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from dualwinch.simulation.analysis.required_force import within_authority
+from dualwinch.simulation.analysis.authority import within_authority
 from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.problem import HELD_OUT, MARGIN

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.analysis.worst_margins import MarginSurvey, WorstMargin
+from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario

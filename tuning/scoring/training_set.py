@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.analysis.required_force import Demand, demand
-from dualwinch.simulation.analysis.worst_margins import MarginSurvey
+from dualwinch.simulation.analysis.authority import ForceDemand, force_demand
+from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.threads import map_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -137,7 +137,7 @@ def _in_turns(*kinds: Sequence[ScenarioChoice]) -> list[ScenarioChoice]:
     return [kind[place] for place in range(longest) for kind in kinds if place < len(kind)]
 
 
-def typical_draws(demands: Sequence[Demand], count: int) -> list[ScenarioChoice]:
+def typical_draws(demands: Sequence[ForceDemand], count: int) -> list[ScenarioChoice]:
     """Draws that stand for all: those in the middle of as many equal shares, by the force that they ask for.
 
     Two of three are on machines without errors. There gains differ in their own errors alone, and hardly in what a
@@ -148,7 +148,7 @@ def typical_draws(demands: Sequence[Demand], count: int) -> list[ScenarioChoice]
     return [ScenarioChoice(index, nominal_hardware=number % 3 > 0) for number, index in enumerate(middles)]
 
 
-def hardest_draws(demands: Sequence[Demand], count: int, others: set[int]) -> list[ScenarioChoice]:
+def hardest_draws(demands: Sequence[ForceDemand], count: int, others: set[int]) -> list[ScenarioChoice]:
     """Draws that ask for the most force, without those too hard (`FURTHEST`) and without some others."""
     waiting = [index for index in range(len(demands)) if index not in others]
     waiting.sort(key=lambda index: (demands[index].shortfall > FURTHEST, -demands[index].share))
@@ -196,8 +196,8 @@ def within_selection(scenarios: Sequence[Scenario]) -> list[Scenario]:
     return kept if any(not scenario.hard for scenario in kept) else list(scenarios)
 
 
-def _demands(scenarios: Sequence[Scenario]) -> list[Demand]:
-    return map_all(lambda scenario: demand(scenario.experiment), scenarios)
+def _demands(scenarios: Sequence[Scenario]) -> list[ForceDemand]:
+    return map_all(lambda scenario: force_demand(scenario.experiment), scenarios)
 
 
 HARDEST = 2

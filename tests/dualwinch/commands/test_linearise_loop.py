@@ -49,7 +49,7 @@ def test_gains_that_shake_the_loop_are_called_unstable(capsys: pytest.CaptureFix
         (["--loop", "closed", "--cut", "u"], "--cut: needs --loop broken"),
         (["--loop", "closed", "--plot", "p.svg", "--figure", "bode"], "must be poles"),
         (["--plot", "p.svg", "--figure", "amplitude"], "needs --loop broken"),
-        (["--loop", "broken", "--v", "3"], "cruise needs a force of 8590 N"),
+        (["--loop", "broken", "--v", "3"], "steady motion needs a force of 8590 N"),
     ],
 )
 def test_wrong_input_is_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

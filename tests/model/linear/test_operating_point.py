@@ -61,15 +61,15 @@ def test_a_cruise_goes_on_for_seconds_without_any_acceleration(
 def test_the_residual_sees_a_wrong_state(monkeypatch: pytest.MonkeyPatch) -> None:
     """With drums as fast as the vehicle, the tension is off by what damps the stretch, and grows."""
     from dualwinch.model.linear import operating_point as module
-    from dualwinch.model.linear.operating_point import steady_cruise
+    from dualwinch.model.linear.operating_point import steady_motion
 
     def same_speed(x: float, v: float, tensions: tuple[float, float], plant: Plant) -> object:
-        cruise = steady_cruise(x, v, tensions, plant)
+        cruise = steady_motion(x, v, tensions, plant)
         omega = v / plant.winch_1.drum_radius
         return cruise._replace(state=replace(cruise.state, omega_1=omega, omega_2=-omega))
 
-    monkeypatch.setattr(module, "cruise_law", unwrap(module.cruise_law))  # builds anew
-    monkeypatch.setattr(module, "steady_cruise", same_speed)
+    monkeypatch.setattr(module, "operating_point_law", unwrap(module.operating_point_law))  # builds anew
+    monkeypatch.setattr(module, "steady_motion", same_speed)
     point = operating_point(25.0, 1.8)
     rise, excess = point.F1 * 1.8 / 25.5, 1000 * point.F1 * 1.8 / (80e9 * 4.52e-4 - 1800)
     assert point.residual == pytest.approx(excess * 0.8**2 / 1.8, rel=1e-3)

@@ -5,9 +5,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import plots
-from dualwinch.simulation.analysis.certificate import Certificate, certify
-from dualwinch.simulation.analysis.nearby_gains import nearby_gains
-from dualwinch.simulation.analysis.stability import REAL
+from dualwinch.simulation.analysis.stability import REAL, Certificate, certify, nearby_gains
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.oracle.sampled import Scenario, run

@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
-from dualwinch.simulation.analysis.least_error import least_mse
+from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.least_preload import LeastPreload, least_preload
+from dualwinch.simulation.analysis.preload import LeastPreload, least_preload
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override

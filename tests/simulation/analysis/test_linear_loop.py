@@ -5,7 +5,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
-from dualwinch.simulation.analysis.loop_cruise import loop_cruise
+from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
@@ -54,7 +54,7 @@ def test_response_to_a_millimetre_per_second_is_that_of_the_nonlinear_loop(v: fl
 def test_matrices_are_the_steps_own_for_every_law(changes: dict[str, object]) -> None:
     """Against central differences of the step that is simulated, ropes that may go slack included."""
     experiment = override(PAPER, changes)
-    cruise, system = loop_cruise(experiment, 20.0, 0.5), linear_closed_loop(experiment, 20.0, 0.5)
+    cruise, system = loop_operating_point(experiment, 20.0, 0.5), linear_closed_loop(experiment, 20.0, 0.5)
     step = closed_loop(structure_of(cruise.experiment)).step
 
     def following(state: np.ndarray) -> np.ndarray:
@@ -102,8 +102,8 @@ def test_position_follows_its_reference_and_a_winch_at_its_limit_holds_its_torqu
     ("x", "v", "changes", "message"),
     [
         (60.0, 0.5, {}, "x = 60"),
-        (25.0, 3.0, {}, "cruise needs a force of 8590 N"),
-        (25.0, 1.8, {"controller.coordination.kind": "master-slave"}, "comes to no steady cruise"),
+        (25.0, 3.0, {}, "steady motion needs a force of 8590 N"),
+        (25.0, 1.8, {"controller.coordination.kind": "master-slave"}, "comes to no steady motion"),
     ],
 )
 def test_where_nothing_is_steady_it_says_so(x: float, v: float, changes: dict[str, object], message: str) -> None:

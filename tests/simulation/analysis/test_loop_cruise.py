@@ -11,15 +11,15 @@ from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
-from dualwinch.simulation.analysis.loop_cruise import LoopCruise, loop_cruise
 from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.analysis.operating_points import LoopOperatingPoint, loop_operating_point
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 
 X = 25.0
 
 
-def error_after(cruise: LoopCruise, v: float, samples: int) -> float:
+def error_after(cruise: LoopOperatingPoint, v: float, samples: int) -> float:
     """Tracking error in m after some samples from the cruise, the reference going on at its speed."""
     state, outside = cruise.state.copy(), cruise.exogenous.copy()
     reference = cruise.loop.exogenous.index("reference.x")
@@ -36,7 +36,7 @@ def error_after(cruise: LoopCruise, v: float, samples: int) -> float:
 def test_there_is_no_error_where_the_nominal_model_is_right(law: str, estimator: str, v: float) -> None:
     """The cascade's speed is that of its position error: it stays behind by v/kp1 until its integral has filled."""
     experiment = override(case(4), {"controller.kind": law, "controller.estimator": estimator})
-    cruise = loop_cruise(experiment, X, v)
+    cruise = loop_operating_point(experiment, X, v)
     assert cruise.row["e"] == pytest.approx(0, abs=3e-6)
     positions = cruise.state[cruise.loop.marked(Mark.POSITION)]
     assert positions == pytest.approx(X, abs=1e-4)
@@ -46,7 +46,7 @@ def test_there_is_no_error_where_the_nominal_model_is_right(law: str, estimator:
 
 @pytest.mark.parametrize("coordination", COORDINATIONS)
 def test_every_coordination_rests(coordination: str) -> None:
-    cruise = loop_cruise(override(case(4), {"controller.coordination.kind": coordination}), X, 0.0)
+    cruise = loop_operating_point(override(case(4), {"controller.coordination.kind": coordination}), X, 0.0)
     assert error_after(cruise, 0.0, 200) == pytest.approx(cruise.row["e"], abs=1e-6)
 
 
@@ -57,7 +57,7 @@ def test_a_slow_integral_is_where_it_rests(estimator: str, ramp: float) -> None:
     gains = {"controller.kalman.ramp": ramp, "controller.kalman.compensation": 0.7, "controller.kalman.bandwidth": 2.0}
     wrong = {"controller.nominal.mass": 1.2e4, "controller.nominal.drag_coefficient": 0.4}
     experiment = override(case(4), {"controller.estimator": estimator} | gains | wrong)
-    cruise = loop_cruise(experiment, X, 1.5)
+    cruise = loop_operating_point(experiment, X, 1.5)
     assert abs(cruise.row["e"]) < 1e-3
     assert error_after(cruise, 1.5, 2000) == pytest.approx(cruise.row["e"], abs=1e-5)
 
@@ -75,5 +75,5 @@ def test_margins_with_the_calibrating_filter_are_those_of_a_run() -> None:
 
 def test_a_law_that_never_rests_is_told() -> None:
     """A winch that follows a speed without knowing its rope's stretch settles nowhere while it moves."""
-    with pytest.raises(ConfigurationError, match="comes to no steady cruise"):
-        loop_cruise(override(case(4), {"controller.coordination.kind": "master-slave"}), X, 1.8)
+    with pytest.raises(ConfigurationError, match="comes to no steady motion"):
+        loop_operating_point(override(case(4), {"controller.coordination.kind": "master-slave"}), X, 1.8)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.least_preload import least_preload
-from dualwinch.simulation.analysis.preloads import Preloads, preloads
+from dualwinch.simulation.analysis.preload import Preloads, least_preload, preloads
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from dualwinch.simulation.analysis.required_force import EVERY, demand, required_force
+from dualwinch.simulation.analysis.authority import force_demand, required_force
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -38,7 +38,7 @@ def test_a_run_that_tracks_takes_that_force(integrated: bool) -> None:
     tight = {"controller.observer.l0": 100.0, "controller.nftsm.eta": 20.0}  # errors of 0.02 mm
     experiment = override(case(4), sea | tight)
     columns = simulate(experiment).columns
-    taken = (columns["F1"] - columns["F2"])[::EVERY]
+    taken = (columns["F1"] - columns["F2"])[::50]
     assert np.abs(required_force(experiment) - taken)[1:].max() < 20  # of 4 kN
 
 
@@ -52,5 +52,5 @@ def test_the_shortfall_is_what_full_force_leaves() -> None:
         "simulation.duration": 10.0,
     }
     limited = {"controller.coordination.tension_max": 1100.0}
-    assert demand(override(Experiment(), bare | limited)).shortfall == pytest.approx(0.5, rel=0.02)
-    assert demand(override(Experiment(), bare)).shortfall == 0
+    assert force_demand(override(Experiment(), bare | limited)).shortfall == pytest.approx(0.5, rel=0.02)
+    assert force_demand(override(Experiment(), bare)).shortfall == 0

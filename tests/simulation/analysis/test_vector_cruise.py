@@ -17,7 +17,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Elements, Mark, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
-from dualwinch.simulation.analysis.loop_cruise import loop_cruise
+from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.experiment import Experiment
 
 POSITION, SPEED = Quantity("m", "expected position"), Quantity("m/s", "expected speed")
@@ -83,15 +83,15 @@ def experiment(estimator: Estimator) -> Experiment:
 
 @pytest.mark.parametrize("v", [0.0, 0.5, -1.2])
 def test_the_cruise_is_found_from_where_the_vehicle_is(v: float) -> None:
-    cruise = loop_cruise(experiment(Observer()), 25.0, v)
+    cruise = loop_operating_point(experiment(Observer()), 25.0, v)
     z = [cruise.state[cruise.loop.states.index(f"controller.estimator.z.{index}")] for index in range(3)]
     assert z == pytest.approx([25.0, v, 0.0], abs=1e-3)
     assert cruise.row["z.0"] == pytest.approx(25.0, abs=1e-3)
 
 
 def test_without_marks_a_vector_that_moves_on_repeats_nowhere() -> None:
-    with pytest.raises(ConfigurationError, match="comes to no steady cruise"):
-        loop_cruise(experiment(Guessing()), 25.0, 0.5)
+    with pytest.raises(ConfigurationError, match="comes to no steady motion"):
+        loop_operating_point(experiment(Guessing()), 25.0, 0.5)
 
 
 def test_every_element_has_its_own_unit_wherever_it_goes() -> None:

@@ -11,12 +11,10 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
-from dualwinch.simulation.analysis import worst_margins
-from dualwinch.simulation.analysis.complementary import BOTH
-from dualwinch.simulation.analysis.least_margins import KINDS
+from dualwinch.simulation.analysis import margin_survey
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
-from dualwinch.simulation.analysis.margins import margins
-from dualwinch.simulation.analysis.worst_margins import UNSTABLE, UNSTEADY, MarginSurvey, cruise_points
+from dualwinch.simulation.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, survey_points
+from dualwinch.simulation.analysis.margins import BOTH, KINDS, margins
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS
 from dualwinch.simulation.paper import case
@@ -35,7 +33,7 @@ LAWS: tuple[dict[str, Any], ...] = (
 def one_after_the_other(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
     """Kind → least margin over all points and cuts; 0 where a loop is unstable or has no cruise."""
     least = dict.fromkeys(KINDS, math.inf)
-    for x, v in cruise_points(experiment):
+    for x, v in survey_points(experiment):
         for cut in CUTS:
             try:
                 found = margins(linear_broken_loop(experiment, x, v, cut, nominal))
@@ -76,8 +74,8 @@ def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> 
 def test_a_filter_that_learns_the_machine_has_margins_on_a_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     """What it learns follows from where the machine is: nominal or drawn, the margins are those of `linearise`."""
     points = [(2.5, -1.8), (25.0, 0.0), (47.5, 1.8)]
-    for module in (worst_margins, sys.modules[__name__]):
-        monkeypatch.setattr(module, "cruise_points", lambda _: points)
+    for module in (margin_survey, sys.modules[__name__]):
+        monkeypatch.setattr(module, "survey_points", lambda _: points)
     rig = load_ensemble("rig")
     changes = {"controller.kind": "adrc", "controller.estimator": "self-calibrating-kalman"}
     rig = replace(rig, experiment=override(rig.experiment, changes))
@@ -114,8 +112,8 @@ def test_both_torques_may_be_late_by_the_delay_margin_and_no_more(kp: float, mon
     """A sample more of delay at both motors is exact: the closed loop says where it becomes unstable."""
     gains = {"controller.coordination.preload": 6000.0, "controller.winch_1.kp": kp, "controller.winch_2.kp": kp}
     experiment = override(case(2), gains)
-    for point in cruise_points(experiment):
-        monkeypatch.setattr(worst_margins, "cruise_points", lambda _, point=point: [point])
+    for point in survey_points(experiment):
+        monkeypatch.setattr(margin_survey, "survey_points", lambda _, point=point: [point])
         margin = MarginSurvey([experiment], cuts=(BOTH,)).worst([[]], ["delay"])[0]["delay"].value
         borne = math.floor(margin / experiment.simulation.sample_time)
         radii = [
@@ -136,16 +134,16 @@ def test_an_unstable_loop_has_no_margin_and_the_place_is_named() -> None:
 
 def test_where_nothing_is_steady_there_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
     master = override(PAPER, {"controller.coordination.kind": "master-slave"})
-    monkeypatch.setattr(worst_margins, "cruise_points", lambda _: [(25.0, 1.8)])
+    monkeypatch.setattr(margin_survey, "survey_points", lambda _: [(25.0, 1.8)])
     worst = MarginSurvey([master]).worst([[]])[0]["disk"]
     assert (worst.value, worst.reason) == (0.0, UNSTEADY)
-    with pytest.raises(ConfigurationError, match="comes to no steady cruise"):
+    with pytest.raises(ConfigurationError, match="comes to no steady motion"):
         linear_broken_loop(master, worst.x, worst.v)
 
 
 def test_points_are_ends_and_middle_of_the_track_at_rest_and_at_cruise() -> None:
-    points = cruise_points(PAPER)
+    points = survey_points(PAPER)
     assert sorted({x for x, _ in points}) == [2.5, 25.0, 47.5]
     assert sorted({v for _, v in points}) == pytest.approx([-1.8, 0.0, 1.8])
     beyond = override(PAPER, {"reference.speed": 3.0})
-    assert {v for _, v in cruise_points(beyond)} == {0.0}, "it takes more force than there is"
+    assert {v for _, v in survey_points(beyond)} == {0.0}, "it takes more force than there is"

@@ -20,8 +20,8 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
-from dualwinch.simulation.analysis.loop_cruise import loop_cruise
-from dualwinch.simulation.analysis.worst_margins import MarginSurvey
+from dualwinch.simulation.analysis.margin_survey import MarginSurvey
+from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
@@ -113,7 +113,7 @@ def test_runs_are_differentiated_with_what_is_seen() -> None:
 
 
 def test_in_a_cruise_the_setpoints_ahead_go_on_with_it() -> None:
-    cruise = loop_cruise(EXPERIMENT, 10.0, 0.5)
+    cruise = loop_operating_point(EXPERIMENT, 10.0, 0.5)
     assert cruise.row["x_soon"] == pytest.approx(cruise.row["x_ref"] + 0.125)
     assert cruise.row["v_soon"] == cruise.row["v_then"] == 0.5
     assert abs(cruise.row["e"]) < 1e-3

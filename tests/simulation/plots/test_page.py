@@ -14,10 +14,10 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.plant import Plant
 from dualwinch.simulation import plots
-from dualwinch.simulation.analysis.certificate import certify
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.analysis.stability import certify
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import case

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.required_force import demand, required_force, within_authority
+from dualwinch.simulation.analysis.authority import force_demand, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.training_set import (
     BEHIND,
@@ -61,9 +61,9 @@ def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
     picks, more = chosen_scenarios(SEA, 8, 12, 3)
     hard = drawn([each for each in (*picks, *more) if each.hard and not each.vertex], SEA, 3)
     assert all(before > after for before, after in pairwise(map(share, hard)))
-    assert all(demand(scenario.experiment).shortfall <= FURTHEST for scenario in hard)
+    assert all(force_demand(scenario.experiment).shortfall <= FURTHEST for scenario in hard)
     harder = [each for each in SEA.scenarios(LOOKED_AT, 3) if share(each) > share(hard[0])]
-    assert all(demand(scenario.experiment).shortfall > FURTHEST for scenario in harder)
+    assert all(force_demand(scenario.experiment).shortfall > FURTHEST for scenario in harder)
 
 
 def test_the_motors_can_hold_vertices() -> None:
@@ -74,7 +74,7 @@ def test_the_motors_can_hold_vertices() -> None:
 
 def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_do() -> None:
     picks, more = chosen_scenarios(SEA, 12, 18, 3)
-    behind = [demand(each.experiment).shortfall for each in SEA.chosen(range(LOOKED_AT), 3, vertex=True)]
+    behind = [force_demand(each.experiment).shortfall for each in SEA.chosen(range(LOOKED_AT), 3, vertex=True)]
     flagged = [picked for picked in (*picks, *more) if picked.beyond_authority]
     assert flagged[0] == picks[-1]
     assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
@@ -111,7 +111,7 @@ def test_the_most_demanding_of_some_draws_are_known_by_their_own_numbers() -> No
     among = range(500, 560)
     found = drawn(hardest_among(SEA, 5, among, 3), SEA, 3)
     assert all(scenario.index in among and scenario.hard for scenario in found)
-    bearable = [each for each in SEA.chosen(among, 3) if demand(each.experiment).shortfall <= FURTHEST]
+    bearable = [each for each in SEA.chosen(among, 3) if force_demand(each.experiment).shortfall <= FURTHEST]
     assert [each.index for each in found] == [each.index for each in sorted(bearable, key=share, reverse=True)[:5]]
 
 
@@ -125,7 +125,7 @@ def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
     scenarios = list(SEA.scenarios(200, 7))
     kept = within_selection(scenarios)
     assert [each.index for each in kept] == [
-        each.index for each in scenarios if demand(each.experiment).shortfall <= FURTHEST
+        each.index for each in scenarios if force_demand(each.experiment).shortfall <= FURTHEST
     ]
     assert 0 < len(kept) < len(scenarios)
     assert [each.hard for each in kept] == [not within_authority(each.experiment) for each in kept]

@@ -1,8 +1,9 @@
-"""The least preload that a run needs: tensions over time of least load, least peak or least energy, as a bound.
+"""The least preload that a run needs, as a bound, and a run with constant and scheduled preloads beside it.
 
 Only the difference of both tensions moves the vehicle; their sum, the preload, is free, and loads the motors. How
-little of it there could be is an optimal control problem: tensions and torques within their limits, chosen by someone
-who knows plant and sea and all that is to come. A controller needs more, for what it does not know.
+little of it there could be is an optimal control problem: tensions and torques within their limits, of least load,
+least peak or least energy, chosen with full knowledge of plant and sea and of all that is to come. A controller needs
+more, for what it does not know.
 
 Where the vehicle has to stay exactly on its reference the problem is convex, a quadratic or linear program. An error
 that is allowed makes it a nonlinear one, since drag and vortices are.
@@ -11,6 +12,7 @@ Ropes stretch as their tension says at once: their damping is left out, which is
 millimetres a second. Drums have the radius of the data sheet, and the friction of the vehicle's speed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal, TypeAlias, get_args
@@ -20,21 +22,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
+from dualwinch.controllers.coordinations.coordination import Coordination
+from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
+from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import numbers
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths, tangent_rope
 from dualwinch.model.scalar import absolute
-from dualwinch.simulation.analysis.required_force import motor_torque, outside_at, outside_symbols, pull
+from dualwinch.simulation.analysis.authority import (
+    central_differences,
+    motor_torque,
+    moved_by,
+    outside_at,
+    outside_symbols,
+    pull,
+)
+from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]
 
 Least: TypeAlias = Literal["load", "peak", "energy"]
 """What is to be least: `Metrics.continuous_load`, `Metrics.peak_tension` or `Metrics.energy`."""
-
-EVERY = 40
-"""Samples in a step of the optimal control problem."""
 
 KILONEWTONS, MILLIMETRES = 1e-3, 1e3
 """Scales of tensions and deviations in the solver."""
@@ -90,7 +102,7 @@ def least_preload(
     error: float = 0.0,
     torque_rate: float | None = None,
     elastic: bool = True,
-    every: int = EVERY,
+    every: int = 40,
 ) -> LeastPreload:
     """Tensions that give a run its motion and load the motors least, whatever controls it.
 
@@ -176,9 +188,7 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
     F1, F2, e = (ca.SX.sym(name, 1, instants) for name in ("F1", "F2", "e"))
     top = ca.SX.sym("top")
     deviation = e / MILLIMETRES if free else ca.SX.zeros(1, instants)
-    t, x, v, a, *sea = ca.vertsplit(outside[:, 1:-1])
-    rate, bend = _differences(deviation, step)
-    moved = ca.vertcat(t, x + deviation[:, 1:-1], v + rate, a + bend, *sea)
+    moved = moved_by(outside, deviation, step)
     needed = ca.Function("pull", [outside_now, parameters], [pull(outside_now, disturbance, plant)])(moved, parameters)
 
     torques, pulls = [], []
@@ -186,7 +196,7 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
     ropes = ((plant.winch_1, plant.rope_1, 1), (plant.winch_2, plant.rope_2, -1))
     for tension, length, (winch, rope, way) in zip((F1 / KILONEWTONS, F2 / KILONEWTONS), lengths, ropes, strict=True):
         stretch = tension * compliance(length, kelvin_voigt(rope)) if elastic else ca.SX.zeros(1, instants)
-        _, stretching = _differences(stretch, step)
+        _, stretching = central_differences(stretch, step)
         speed, acceleration = way * moved[2, :], way * moved[3, :] + stretching
         torque = motor_torque(speed, acceleration, tension[:, 1:-1], winch)
         torques.append(torque)
@@ -217,7 +227,101 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
     return solver, ca.Function("found", [unknown, p], given)
 
 
-def _differences(values: ca.SX, step: float) -> tuple[ca.SX, ca.SX]:
-    """First and second derivative between the first and the last of values that are `step` s apart."""
-    before, now, after = values[:, :-2], values[:, 1:-1], values[:, 2:]
-    return (after - before) / (2 * step), (after - 2 * now + before) / step**2
+MEASURE: dict[Least, str] = {"load": "continuous_load", "peak": "peak_tension", "energy": "energy"}
+"""What is to be least → its figure of merit."""
+
+CONSTANTS = 96
+"""Constant preloads that are tried, evenly between what the limits allow."""
+
+AS_GOOD = 1.01
+"""Mean square error, over that of the schedule, up to which a constant preload counts as good as that."""
+
+
+@dataclass(frozen=True)
+class Preloads:
+    """The four of them.
+
+    Attributes:
+        measure: figure of merit that is to be least.
+        constant: the run with the constant preload that the experiment has.
+        best: that with the constant preload of least measure whose error is that of the schedule and whose smallest
+            tension no smaller; ``None`` where no constant preload comes to that.
+        scheduled: the run of the experiment.
+        least: what no controller goes below that keeps the vehicle as near to its reference as was asked for.
+    """
+
+    measure: str
+    constant: Result
+    best: Result | None
+    scheduled: Result
+    least: LeastPreload
+
+    @property
+    def saved(self) -> float:
+        """Share of what the least preload saves against the best constant one that the schedule saves; NaN without."""
+        if self.best is None:
+            return np.nan
+        best, scheduled = (result.metrics[self.measure] for result in (self.best, self.scheduled))
+        return float((best - scheduled) / (best - getattr(self.least, self.measure)))
+
+
+def preloads(
+    experiment: Experiment,
+    least: Least = "load",
+    *,
+    error: float = 0.0,
+    torque_rate: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Preloads:
+    """Run an experiment whose preload is scheduled, and what it is to be compared with.
+
+    Args:
+        experiment: its coordination is the schedule. With constant preloads all else is the same, gains of the winches
+            among it.
+        least: ``load``, ``peak`` or ``energy``: what decides.
+        error: of the optimum, the largest distance from the reference in m.
+        torque_rate: of the optimum, the largest rate of each motor torque in N m/s (default: any).
+        progress: called now and then with the share that is done.
+
+    Raises:
+        ConfigurationError: the preload is not scheduled, or a value is out of its range.
+        DualwinchError: no tensions within the limits give the motion, or there is no compiler.
+    """
+    schedule = experiment.controller.coordination
+    if not isinstance(schedule, ScheduledPreload):
+        raise ConfigurationError(
+            f'controller.coordination.kind = "{schedule.kind}": must be "{ScheduledPreload.kind}" here'
+        )
+    say = progress or (lambda _share: None)
+    bound = least_preload(experiment, least, error=error, torque_rate=torque_rate)
+    say(0.3)
+    scheduled = simulate(experiment)
+    constant = _with(experiment, DifferentialTension(schedule.winch_1, schedule.winch_2))
+    as_it_is = simulate(constant)
+    say(0.5)
+    preload = _best_constant(constant, scheduled, MEASURE[least], lambda share: say(0.5 + 0.4 * share))
+    best = None
+    if preload is not None:
+        limits = replace(constant.controller.limits, preload=preload)
+        best = simulate(replace(constant, controller=replace(constant.controller, limits=limits)))
+    say(1.0)
+    return Preloads(MEASURE[least], as_it_is, best, scheduled, bound)
+
+
+def _with(experiment: Experiment, coordination: Coordination) -> Experiment:
+    return replace(experiment, controller=replace(experiment.controller, coordination=coordination))
+
+
+def _best_constant(
+    experiment: Experiment, scheduled: Result, measure: str, progress: Callable[[float], None]
+) -> float | None:
+    """The constant preload in N of least measure that is as good as the schedule; ``None``: there is none."""
+    limits = experiment.controller.limits
+    tried = np.linspace(2 * limits.tension_min, 2 * limits.command_max, CONSTANTS + 2)[1:-1]
+    batch = rollout(["controller.coordination.preload"], tried[:, None], [experiment], progress=progress)
+    found = {name: values[:, 0] for name, values in batch.metrics.items()}
+    good = found["mse"] <= AS_GOOD * scheduled.metrics.mse
+    good &= found["min_tension"] >= scheduled.metrics.min_tension
+    if not good.any():
+        return None
+    return float(tried[np.where(good, found[measure], np.inf).argmin()])

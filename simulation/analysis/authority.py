@@ -1,11 +1,18 @@
-"""The force that a run asks of its two motors: what holds the vehicle on its reference, whatever the controller."""
+"""The actuators' authority: the force that a run asks of its motors, and the error that their limit leaves at least.
+
+Where the reference asks for more force than the motors can give, no gains help. The best that could be done is an
+optimal control problem: torques within their limits, chosen with full knowledge of the plant and of all that the sea
+will do, on ropes that do not stretch. A real controller knows less, and has elastic ropes and noisy sensors in between.
+"""
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, Plant, symbolic_plant, vehicle_acceleration
@@ -20,16 +27,17 @@ from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
-EVERY = 50
-"""Samples between two instants looked at: what the sea does takes seconds."""
 
-
-def required_force(experiment: Experiment, every: int = EVERY) -> Floats:
+def required_force(experiment: Experiment, every: int = 50) -> Floats:
     """Net force in N, at the ropes, that the motors have to give at every so many samples (instants,).
 
     It follows from the equations of vehicle and drums (paper Sections 2.3, 2.4) with ropes that do not stretch: masses
     times the reference's acceleration, and friction, drag and vortices at its speed. The motors can give
     ``tension_max - tension_min`` either way (paper Section 3.1.1).
+
+    Args:
+        experiment: what is run.
+        every: samples between two instants; what the sea does takes seconds.
     """
     return np.asarray(force_law()(outside_at(experiment, every), force_parameters(experiment)), float).ravel()
 
@@ -44,11 +52,11 @@ def outside_at(experiment: Experiment, every: int) -> Floats:
 
 
 @dataclass(frozen=True)
-class Demand:
-    """What a run asks of its motors.
+class ForceDemand:
+    """The force that a run asks of its motors.
 
     Attributes:
-        share: the largest force, as a share of what they can give.
+        share: the largest, as a share of what they can give.
         shortfall: how far in m the vehicle falls behind at most, with all the force there is until it has caught up;
             0: it need not. From the force alone: that a slower vehicle has less drag is left out.
     """
@@ -57,11 +65,12 @@ class Demand:
     shortfall: float
 
 
-def demand(experiment: Experiment) -> Demand:
-    """What a run asks of its motors."""
-    force = required_force(experiment)
-    share = float(np.abs(force).max()) / experiment.controller.limits.strength
-    return Demand(share, _behind(experiment, force) if share > 1 else 0.0)
+def force_demand(experiment: Experiment, every: int = 50) -> ForceDemand:
+    """The force that a run asks of its motors; arguments as of `required_force`."""
+    force, limit = required_force(experiment, every), experiment.controller.limits.strength
+    share = float(np.abs(force).max()) / limit
+    step, mass = every * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
+    return ForceDemand(share, _largest_shortfall(force, limit, step, mass) if share > 1 else 0.0)
 
 
 def within_authority(experiment: Experiment) -> bool:
@@ -70,9 +79,8 @@ def within_authority(experiment: Experiment) -> bool:
     return bool(np.abs(required_force(experiment)).max() <= limit)
 
 
-def _behind(experiment: Experiment, force: Floats) -> float:
-    limit = experiment.controller.limits.strength
-    step, mass = EVERY * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
+def _largest_shortfall(force: Floats, limit: float, step: float, mass: float) -> float:
+    """How far in m a mass falls behind at most: it gets at most `limit` of the force in N, given every `step` s."""
     furthest = behind = rate = 0.0
     way = 1.0
     for value in force.tolist():
@@ -132,3 +140,71 @@ def motor_torque(v: Scalar, a: Scalar, tension: Scalar, winch: Winch) -> Scalar:
 def _phase(x: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
     """Integral of the vortex frequency, which is proportional to the speed, over the way to x in m."""
     return vortex_frequency(x, disturbance, vehicle)
+
+
+def moved_by(outside: ca.SX, deviation: ca.SX, step: float) -> ca.SX:
+    """What `force_law` receives of a motion that deviates in m (1, instants) from its reference.
+
+    It is known between the first and the last instant; speed and acceleration are by central differences.
+    """
+    t, x, v, a, *sea = ca.vertsplit(outside[:, 1:-1])
+    rate, bend = central_differences(deviation, step)
+    return ca.vertcat(t, x + deviation[:, 1:-1], v + rate, a + bend, *sea)
+
+
+def central_differences(values: ca.SX, step: float) -> tuple[ca.SX, ca.SX]:
+    """First and second derivative between the first and the last of values that are `step` s apart."""
+    before, now, after = values[:, :-2], values[:, 1:-1], values[:, 2:]
+    return (after - before) / (2 * step), (after - 2 * now + before) / step**2
+
+
+MILLIMETRES = 1e3
+"""Scale of the deviation in the solver."""
+
+
+def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int = 40) -> float:
+    """Lower bound of the mean square error in m² of a run, whatever controls it; 0 where the motors can hold it.
+
+    Minimises the mean of e² over the vehicle's motion, where the net force that it takes (`required_force`) is at most
+    ``tension_max - tension_min`` either way (paper Section 3.1.1); speed and acceleration by central differences.
+
+    Args:
+        experiment: what is run.
+        anticipating: whether the vehicle may leave its reference beforehand, for the sake of what is to come. A
+            controller without a preview stays on it as long as it can.
+        every: samples in a step of the optimal control problem.
+
+    Raises:
+        DualwinchError: the solver found no optimum.
+    """
+    limit = experiment.controller.limits.strength
+    outside, parameters = outside_at(experiment, every), force_parameters(experiment)
+    beyond = np.abs(np.asarray(force_law()(outside, parameters), float).ravel()) > limit
+    if not beyond.any():
+        return 0.0
+    instants = outside.shape[1]
+    solver = _solver(instants, every * experiment.simulation.sample_time)
+    numbers = ca.vertcat(ca.vec(ca.DM(outside)), parameters)
+    until = 2 if anticipating else max(2, int(beyond.argmax()) + 1)  # position and speed at the start
+    bounds = [*[0.0] * until, *[np.inf] * (instants - until)]
+    found = solver(x0=0.0, p=numbers, lbx=[-bound for bound in bounds], ubx=bounds, lbg=-limit, ubg=limit)
+    if not solver.stats()["success"]:
+        raise DualwinchError(f"least_mse: IPOPT stopped with {solver.stats()['return_status']}")
+    return float(found["f"]) / MILLIMETRES**2
+
+
+@cache
+def _solver(instants: int, step: float) -> ca.Function:
+    """The optimal control problem: deviations from the reference in mm at so many instants, `step` s apart."""
+    law = force_law()
+    deviation = ca.SX.sym("deviation", 1, instants)
+    outside, parameters = ca.SX.sym("outside", 7, instants), ca.SX.sym("parameters", law.numel_in(1))
+    moved = moved_by(outside, deviation / MILLIMETRES, step)
+    problem = {
+        "x": ca.vec(deviation),
+        "p": ca.vertcat(ca.vec(outside), parameters),
+        "f": ca.sumsqr(deviation) / instants,
+        "g": ca.vec(law(moved, parameters)),
+    }
+    quiet = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
+    return ca.nlpsol("least_mse", "ipopt", problem, quiet)

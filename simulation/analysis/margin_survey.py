@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from dualwinch.model.linear.operating_point import resistance
+from dualwinch.model.plant import Environment
 from dualwinch.model.reference import setpoint
-from dualwinch.simulation.analysis.complementary import BOTH, complementary
-from dualwinch.simulation.analysis.cruises import cruises
-from dualwinch.simulation.analysis.least_margins import KINDS, least_margins
-from dualwinch.simulation.analysis.loop_cruise import in_calm, resistance, with_taut_ropes
+from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
+from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, with_taut_ropes
 from dualwinch.simulation.batch.threads import Item, Outcome, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
@@ -30,7 +30,7 @@ INSTANTS = 1000
 TOGETHER = 16
 """Pairs of gains and machine that are worked out at once: so many that what is in hand stays in a processor's cache."""
 
-UNSTABLE, UNSTEADY = "unstable", "no steady cruise"
+UNSTABLE, UNSTEADY = "unstable", "no steady motion"
 """Why a machine has no margin at a point."""
 
 
@@ -39,11 +39,11 @@ class WorstMargin:
     """The least margin of some machines, and where it is attained.
 
     Attributes:
-        value: as in `simulation.analysis.margins.Margins`; 0 where a loop is unstable or has no steady cruise, infinite
+        value: as in `simulation.analysis.margins.Margins`; 0 where a loop is unstable or has no steady motion, infinite
             where nothing makes any of the loops unstable.
         machine: index of the machine.
-        x, v: position in m and speed in m/s of the cruise.
-        cut: where the loop is cut, one of `CUTS`, or `complementary.BOTH`; empty where the value is 0 or infinite.
+        x, v: position in m and speed in m/s of the operating point.
+        cut: where the loop is cut, one of `CUTS`, or `margins.BOTH`; empty where the value is 0 or infinite.
         frequency: angular frequency in rad/s at which the loop would oscillate; NaN likewise.
         reason: why the value is 0 (`UNSTABLE`, `UNSTEADY`); else empty.
     """
@@ -57,15 +57,16 @@ class WorstMargin:
     reason: str = ""
 
 
-def cruise_points(experiment: Experiment) -> list[tuple[float, float]]:
-    """Positions in m and speeds in m/s that are looked at: `SHARES` of the track at rest and at cruise, either way.
+def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
+    """Positions in m and speeds in m/s that are looked at: `SHARES` of the track, at rest and at speed either way.
 
-    Cruise is the largest speed of the reference. Where it takes more force than the machine has, rest is all there is.
+    The speed is the largest of the reference. Where it takes more force than the machine has, rest is all there is.
     """
     t = np.linspace(0, experiment.duration, INSTANTS)
-    cruise = float(np.abs(setpoint(t, experiment.reference).v).max())
-    held = cruise > 0 and abs(resistance(experiment, cruise)) < experiment.controller.limits.force
-    speeds = (-cruise, 0.0, cruise) if held else (0.0,)
+    fastest = float(np.abs(setpoint(t, experiment.reference).v).max())
+    needed = float(resistance(fastest, Environment(), experiment.plant))
+    steady = fastest > 0 and abs(needed) < experiment.controller.limits.force
+    speeds = (-fastest, 0.0, fastest) if steady else (0.0,)
     return [(share * experiment.plant.track.length, v) for share in SHARES for v in speeds]
 
 
@@ -92,7 +93,7 @@ class MarginSurvey:
             machines: of one structure.
             names: keys of the numbers that vary, as in `rollout`.
             threads: default: one a core.
-            cuts: where the loops are cut, one at a time; `complementary.BOTH` torques change alike.
+            cuts: where the loops are cut, one at a time; `margins.BOTH` torques change alike.
         """
         self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
@@ -103,7 +104,7 @@ class MarginSurvey:
         pairs = zip(calm, believed, strict=True)
         self._parameters = np.array([loop.vector(parameters_of(experiment, nominal)) for experiment, nominal in pairs])
         self._columns = [loop.parameters.index(name) for name in names]
-        self._points = [np.array(cruise_points(experiment)) for experiment in calm]
+        self._points = [np.array(survey_points(experiment)) for experiment in calm]
         self._near: list[Floats] = []
 
     def worst(self, values: ArrayLike, kinds: Iterable[str] = KINDS) -> list[dict[str, WorstMargin]]:
@@ -111,7 +112,7 @@ class MarginSurvey:
 
         Args:
             values: (n, names).
-            kinds: which margins, of `least_margins.KINDS`.
+            kinds: which margins, of `margins.KINDS`.
 
         Returns:
             Kind → its least, for each of the n.
@@ -147,18 +148,19 @@ class MarginSurvey:
         return [each[first : first + len(chosen)] for first in range(0, len(each), len(chosen))]
 
     def _look_near(self) -> None:
-        """Find the cruises with the machines' own gains, near which those with others begin to be looked for."""
+        """Find the operating points with the machines' own gains, near which those with others are looked for."""
         if not self._near:
             first, *others = range(len(self.machines))
-            near = self._cruises([first])  # compiles, once, what threads call then
-            self._near = near + _in_chunks(self._cruises, others, self._threads)
+            near = self._own_states([first])  # compiles, once, what threads call then
+            self._near = near + _in_chunks(self._own_states, others, self._threads)
 
-    def _cruises(self, machines: Sequence[int]) -> list[Floats]:
+    def _own_states(self, machines: Sequence[int]) -> list[Floats]:
         """The states of machines with their own gains at all their points."""
         counts = [len(self._points[machine]) for machine in machines]
         x, v = np.concatenate([self._points[machine] for machine in machines]).T
-        state = cruises(self._structure, np.repeat(self._parameters[list(machines)], counts, axis=0), x, v).state
-        return np.split(state, np.cumsum(counts)[:-1])
+        parameters = np.repeat(self._parameters[list(machines)], counts, axis=0)
+        found = loop_operating_points(self._structure, parameters, x, v)
+        return np.split(np.where(found.steady[:, None], found.state, np.nan), np.cumsum(counts)[:-1])
 
     def _of_pairs(
         self, values: Floats, pairs: Sequence[tuple[int, int]], kinds: Sequence[str]
@@ -170,33 +172,29 @@ class MarginSurvey:
         parameters = self._parameters[machines]
         parameters[:, self._columns] = values[rows]
         x, v = np.concatenate(points).T
-        cruise = cruises(
-            self._structure, parameters, x, v, np.concatenate([self._near[machine] for _, machine in pairs])
-        )
-        stable, cuts = cruise.steady.copy(), len(CUTS)
-        n = cruise.slopes.shape[2] - cuts - 1
-        steady = np.flatnonzero(stable)
-        A, B = cruise.slopes[steady, :n, :n], cruise.slopes[steady, :n, n + 1 :]
-        C, D = cruise.slopes[steady, n : n + cuts, :n], cruise.slopes[steady, n : n + cuts, n + 1 :]
+        near = np.concatenate([self._near[machine] for _, machine in pairs])
+        found = loop_operating_points(self._structure, parameters, x, v, near)
+        steady, stable = np.flatnonzero(found.steady), found.steady.copy()
+        A, B, C, D = (getattr(found.opened, name)[steady] for name in "ABCD")
         loops = complementary(A, B, C, D, self._dt)
         stable[steady] = loops.stable
         least = least_margins(loops, family[steady], kinds, len(pairs), self._cuts)
-        found = []
+        worst_of = []
         for number, (_, machine) in enumerate(pairs):
             failed = np.flatnonzero((family == number) & ~stable)
             if len(failed):
                 index = int(failed[0])
-                reason = UNSTABLE if cruise.steady[index] else UNSTEADY
+                reason = UNSTABLE if found.steady[index] else UNSTEADY
                 none = WorstMargin(0.0, machine, float(x[index]), float(v[index]), reason=reason)
-                found.append(dict.fromkeys(kinds, none))
+                worst_of.append(dict.fromkeys(kinds, none))
                 continue
             words = {}
             for kind, worst in least[number].items():
                 index = int(steady[worst.loop]) if worst.loop >= 0 else int(np.flatnonzero(family == number)[0])
                 point = float(x[index]), float(v[index])
                 words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency)
-            found.append(words)
-        return found
+            worst_of.append(words)
+        return worst_of
 
 
 def _in_chunks(
