@@ -22,15 +22,13 @@ from scipy.stats import binomtest
 
 from benchmarks.document import markdown, put
 from dualwinch.codegen import DualwinchError
-from dualwinch.commands.identify import believed_of
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.identification.blind import blind
-from dualwinch.identification.fit import Fitting, covariance_of
+from dualwinch.identification.diagnostics import unidentifiable_directions, uninformed_keys
+from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log, log_of
-from dualwinch.identification.sections import sections_of
-from dualwinch.identification.summary import hardly_known, hardly_told
-from dualwinch.identification.unknowns import Prior, Unknown
+from dualwinch.identification.resample import sections_of
+from dualwinch.identification.unknowns import Prior, UnknownParameter, problem_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.threads import cores
@@ -58,9 +56,9 @@ def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) 
         found = identify([log], list(priors), believed, priors=priors, threads=1)
     except ConfigurationError as error:
         return record | {"refused": str(error)}
-    values, names = leaves(truth), {key for each in found.blind for key in each.keys} | set(hardly_told(found))
+    values, names = leaves(truth), {key for each in found.unidentifiable for key in each.keys} | set(found.uninformed)
     unseen = invisible(log, truth, found.unknowns)
-    record |= {"settled": found.settled, "seconds": perf_counter() - began, "numbers": {}}
+    record |= {"converged": found.converged, "seconds": perf_counter() - began, "numbers": {}}
     for unknown, value, deviation in zip(found.unknowns, found.values, found.deviations, strict=True):
         off = value - float(values[unknown.key])
         off = (off + np.pi) % (2 * np.pi) - np.pi if unknown.cyclic else off
@@ -73,16 +71,16 @@ def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) 
     return record
 
 
-def invisible(log: Log, truth: Experiment, unknowns: tuple[Unknown, ...]) -> set[str]:
+def invisible(log: Log, truth: Experiment, unknowns: tuple[UnknownParameter, ...]) -> set[str]:
     """What a log cannot tell, by the information at the true values."""
-    fitting = Fitting(sections_of([log], truth), truth, unknowns)
+    fitting = PredictionErrorMethod(sections_of([log], truth), truth, unknowns)
     values = leaves(truth)
     information = fitting.information(np.array([float(values[unknown.key]) for unknown in unknowns]))
     if information is None:
         return set()
     deviations = np.sqrt(np.diag(covariance_of(information, unknowns)))
-    hardly = hardly_known(unknowns, deviations)
-    return set(hardly) | {key for each in blind(information, unknowns) for key in each.keys}
+    hardly = uninformed_keys(unknowns, deviations)
+    return set(hardly) | {key for each in unidentifiable_directions(information, unknowns) for key in each.keys}
 
 
 def table(records: list[dict[str, Any]]) -> str:
@@ -107,7 +105,7 @@ def table(records: list[dict[str, Any]]) -> str:
         ])  # fmt: skip
     headings = ["number", "logs that tell it", "within 95 %", "of which, with 95 %", "error over deviation (RMS)", ""]
     seconds = float(np.median([record["seconds"] for record in fitted])) if fitted else float("nan")
-    refused, settled = len(records) - len(fitted), sum(record["settled"] for record in fitted)
+    refused, settled = len(records) - len(fitted), sum(record["converged"] for record in fitted)
     notes = (
         f"{len(records)} logs of {DURATION:g} s, {refused} refused, {settled} fits at rest, {seconds:.3g} s a log "
         f"(median). Numbers that their log cannot tell: {unseen}, of which named: {named}."
@@ -141,7 +139,7 @@ def main() -> int:
         parser.error(f"--logs {chosen.logs}: must be >= 1")
     try:
         rig = load_ensemble("rig")
-        believed, _, priors = believed_of([], None, rig, {})
+        believed, _, priors = problem_of([], None, rig, {})
         records = done(chosen.file)
         there = {record["scenario"] for record in records}
         wanted = [scenario for scenario in rig.scenarios(chosen.logs, SEED) if scenario.index not in there]

@@ -25,13 +25,12 @@ from benchmarks.document import duration, markdown, put, times
 from benchmarks.report import machine
 from benchmarks.shooting import Shot, shoot
 from dualwinch.codegen import DualwinchError
-from dualwinch.identification.coordinates import Coordinates
-from dualwinch.identification.fit import Fitting, covariance_of
+from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log, log_of
 from dualwinch.identification.predictor import parameter_names
-from dualwinch.identification.sections import sections_of
-from dualwinch.identification.unknowns import keys_of, unknowns_of
+from dualwinch.identification.resample import sections_of
+from dualwinch.identification.unknowns import SearchCoordinates, estimable_keys, unknown_parameters
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
@@ -57,17 +56,17 @@ BELIEVED = {
 
 def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, int, int]:
     """Times in s of one solve with given gains, by exact slopes and by differences, and passes through the log."""
-    unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
+    unknowns = unknown_parameters(estimable_keys(KEYS, believed), believed, {})
     start = np.array([unknown.start for unknown in unknowns])
-    fitting = Fitting(sections_of([log_of(simulate(right))], believed), believed, unknowns)
-    values, levels = fitting.run(start).values, fitting.first_levels()
-    weights = fitting.filters.weigh(fitting.with_values(values), levels)
+    fitting = PredictionErrorMethod(sections_of([log_of(simulate(right))], believed), believed, unknowns)
+    values, noise = fitting.run(start).values, fitting.initial_noise()
+    weights = fitting.filters.run(fitting.with_values(values), noise, robust=False)
     begin = values * 1.002  # near enough that both come to the same end
     before, begun = fitting.passes, perf_counter()
-    exact, _ = fitting.gains.solved(begin, levels, weights, Coordinates(unknowns))
+    exact, _ = fitting.least_squares.solve(begin, noise, weights, SearchCoordinates(unknowns))
     taken, passes = perf_counter() - begun, fitting.passes - before
 
-    base, calls = fitting.filters.vector(fitting.with_values(values), levels), 0
+    base, calls = fitting.filters.parameters(fitting.with_values(values), noise), 0
     names = [parameter_names(fitting.structure).index(unknown.key) for unknown in unknowns]
 
     def surprises(shares: np.ndarray) -> np.ndarray:
@@ -75,7 +74,7 @@ def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, 
         calls += 1
         vector = base.copy()
         vector[names] = shares * values
-        runs = fitting.filters.predict(vector, fitting.with_values(values), levels, weights, rows=True)
+        runs = fitting.filters.predict(vector, fitting.with_values(values), noise, weights, rows=True)
         every = np.concatenate([np.ravel(run.innovations) for run in runs if run.innovations is not None])
         return every[np.isfinite(every)]
 
@@ -94,14 +93,14 @@ def shot_by_hand(log: Log, right: Experiment, believed: Experiment) -> tuple[Sho
     Returns:
         Both, and in words how far numbers are off: those by hand, and those of a fit in the same section.
     """
-    unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
+    unknowns = unknown_parameters(estimable_keys(KEYS, believed), believed, {})
     start, truth = np.array([unknown.start for unknown in unknowns]), leaves(right)
-    fitting = Fitting(sections_of([log], believed), believed, unknowns)
+    fitting = PredictionErrorMethod(sections_of([log], believed), believed, unknowns)
     fit = fitting.run(start)
-    shot = shoot(fitting.filters, believed, fit.levels, [unknown.key for unknown in unknowns], start)
-    again = Fitting(sections_of([log], believed), believed, unknowns)
+    shot = shoot(fitting.filters, believed, fit.noise, [unknown.key for unknown in unknowns], start)
+    again = PredictionErrorMethod(sections_of([log], believed), believed, unknowns)
     begun = perf_counter()
-    passes = again.run(start, known=fit.levels).passes
+    passes = again.run(start, noise=fit.noise).passes
     given = perf_counter() - begun, passes
     true = np.array([float(truth[unknown.key]) for unknown in unknowns])
     deviations = np.sqrt(np.diag(covariance_of(fit.information, unknowns)))

@@ -18,9 +18,9 @@ from scipy.io import loadmat
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from benchmarks.document import markdown, put
-from dualwinch.commands.identify import identify
+from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log, log
-from dualwinch.identification.result import Identified
+from dualwinch.identification.result import IdentificationResult
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -91,7 +91,7 @@ def drive(file: Path) -> Drive:
     return Drive(t, q, float(gain[0]) * voltage)
 
 
-def fitted(drive: Drive, *, lag: bool) -> Identified:
+def fitted(drive: Drive, *, lag: bool) -> IdentificationResult:
     """Numbers of a winch; with the motor's lag or without.
 
     Raises:
@@ -104,7 +104,7 @@ def fitted(drive: Drive, *, lag: bool) -> Identified:
     return identify(drive.log, keys, believed, unrecorded=UNRECORDED)
 
 
-def column(drive: Drive, found: Identified) -> list[str]:
+def column(drive: Drive, found: IdentificationResult) -> list[str]:
     """What is told of a fit, row by row of `table`."""
     value, deviation = (dict(zip(found.keys, each.tolist(), strict=True)) for each in (found.values, found.deviations))
     mass, viscous, coulomb, _ = drive.inverse()
@@ -120,8 +120,8 @@ def column(drive: Drive, found: Identified) -> list[str]:
         f"{mass:.2f}",
         f"{value[LAG] * 1e3:.3f} ± {deviation[LAG] * 1e3:.3f}" if LAG in value else "",
         *(f"{friction(speed):.1f} / {coulomb + viscous * speed:.1f}" for speed in SPEEDS),
-        f"{found.scatter['torque_1'].deviation / torque:.0%}",
-        "yes" if found.settled else "no",
+        f"{found.process_noise['torque_1'].deviation / torque:.0%}",
+        "yes" if found.converged else "no",
     ]
 
 

@@ -4,7 +4,7 @@ Unknown are the same numbers, and with them the whole motion: the state at the b
 segment the current and the rail load that nobody recorded. Minimised are the squares of the same readings' distances
 from what the machine says, over the same noise, and how unlikely current and rail load are as the same Gauss–Markov
 processes; segments have to meet. It is the nearest to a filter's prediction errors that has no filter: the most
-likely numbers and motion together. Noise levels are given. Left out are the further force and torques whose size
+likely numbers and motion together. Noise noise are given. Left out are the further force and torques whose size
 `dualwinch.identify` finds out, its robust loss, and what is known of the first state.
 
 Slopes are exact, and second derivatives those of Gauss and Newton: of what is squared, only the slopes count. With
@@ -22,10 +22,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.identification.levels import Levels
-from dualwinch.identification.predictor import INPUTS, machine_of, state_template
-from dualwinch.identification.sections import Filters, Section
-from dualwinch.identification.sensed import READINGS, sensed
+from dualwinch.identification.filter import LogFilters
+from dualwinch.identification.predictor import (
+    INPUTS,
+    READINGS,
+    NoiseCovariances,
+    measurement,
+    predictor_structure,
+    state_template,
+)
+from dualwinch.identification.resample import LogSection
 from dualwinch.model.plant import Torques
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.threads import cores
@@ -74,14 +80,16 @@ class Shot:
     status: str
 
 
-def shoot(filters: Filters, believed: Experiment, levels: Levels, keys: Sequence[str], values: Floats) -> Shot:
+def shoot(
+    filters: LogFilters, believed: Experiment, noise: NoiseCovariances, keys: Sequence[str], values: Floats
+) -> Shot:
     """Fit numbers to the only section of some filters, beginning with some values; noise is as given."""
     began = perf_counter()
     (section,) = filters.sections
     count = len(section.inputs) // SAMPLES
-    segments = _Segments(believed, keys, values, levels, section.upto(count * SAMPLES))
+    segments = _Segments(believed, keys, values, noise, section.upto(count * SAMPLES))
     solver = segments.solver()
-    start = segments.start(filters, levels)
+    start = segments.start(filters, noise)
     built = perf_counter()
     lower, upper = np.full(len(start), -np.inf), np.full(len(start), np.inf)
     p = len(keys)
@@ -102,12 +110,12 @@ class _Segments:
     """The problem: unknowns are shares of the numbers, states at all nodes, and what acts in all segments."""
 
     def __init__(
-        self, believed: Experiment, keys: Sequence[str], values: Floats, levels: Levels, section: Section
+        self, believed: Experiment, keys: Sequence[str], values: Floats, noise: NoiseCovariances, section: LogSection
     ) -> None:
         self._believed, self._keys, self._values = believed, tuple(keys), values
-        self._levels, self._section = levels, section
+        self._noise, self._section = noise, section
         self._count, self._p = len(section.inputs) // SAMPLES, len(keys)
-        self._acting = np.array([levels.scatter[name].deviation for name in ACTING])
+        self._acting = np.array([noise.process[name].deviation for name in ACTING])
 
     def solver(self) -> ca.Function:
         """IPOPT on it."""
@@ -144,10 +152,10 @@ class _Segments:
         options = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O3", "-march=native"]}}
         return ca.Function(function.name(), inputs, function.call(inputs), options).map(self._count, "thread", cores())
 
-    def start(self, filters: Filters, levels: Levels) -> Floats:
+    def start(self, filters: LogFilters, noise: NoiseCovariances) -> Floats:
         """Nodes and what acts as the filter expects them that knows the numbers no better than the search."""
-        (weights,) = filters.weigh(self._believed, levels, rows=True)
-        elements = list(leaves(state_template(machine_of(self._believed))))
+        (weights,) = filters.run(self._believed, noise, rows=True, robust=False)
+        elements = list(leaves(state_template(predictor_structure(self._believed))))
         states = dict(zip(elements, np.asarray(weights.states).T, strict=True))
         rows = np.arange(0, SAMPLES * self._count, SAMPLES)
         nodes = np.column_stack([states[f"motion.{name}"][rows] for name in MOVING]) / SCALES
@@ -157,7 +165,7 @@ class _Segments:
     def _penalty(self, acting: ca.MX) -> ca.MX:
         """How unlikely what acts is: half the squares of its steps over their deviations."""
         step = SAMPLES * self._believed.simulation.sample_time
-        kept = np.exp(-step / np.array([self._levels.scatter[name].time for name in ACTING]))
+        kept = np.exp(-step / np.array([self._noise.process[name].time for name in ACTING]))
         moved = (acting[:, 1:] - kept * acting[:, :-1]) / np.sqrt(1 - kept**2)
         return (ca.sumsqr(acting[:, 0]) + ca.sumsqr(moved)) / 2
 
@@ -171,7 +179,7 @@ class _Segments:
         experiment, p, section = self._believed, self._p, self._section
         used = [column for column in range(len(READINGS)) if np.isfinite(section.readings[:, column]).any()]
         readings = section.readings[:, used]
-        weights = np.isfinite(readings) / np.sqrt(self._levels.noise[used])
+        weights = np.isfinite(readings) / np.sqrt(self._noise.measurement[used])
         outside = ca.DM(np.column_stack([section.inputs, np.nan_to_num(readings), weights]).T)
 
         z, q, u = ca.SX.sym("z", N), ca.SX.sym("q", p + A), ca.SX.sym("u", len(INPUTS) + 2 * len(used))
@@ -181,7 +189,7 @@ class _Segments:
         motion = with_leaves(MOTION_TEMPLATE, dict(zip(MOVING, ca.vertsplit(z * SCALES), strict=True)))
         current, load = ca.vertsplit(q[p:] * self._acting)
         hold = ZeroOrderHold(t, Torques(tau_1, tau_2), current, load, ca.SX(0))
-        every = list(leaves(sensed(motion.plant, t, plant, experiment.sensors)).values())
+        every = list(leaves(measurement(motion.plant, t, plant, experiment.sensors)).values())
         off = ca.vertcat(*(every[column] for column in used)) - ca.vertcat(*rest[: len(used)])
         off *= ca.vertcat(*rest[len(used) :])
         step = experiment.simulation.sample_time / PARTS

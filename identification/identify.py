@@ -1,169 +1,164 @@
-"""From logs to a machine in one call."""
+"""From logs to a machine's parameters in one call."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from os import PathLike
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dualwinch.identification.acting import force_of
-from dualwinch.identification.blind import blind
-from dualwinch.identification.doubts import ANOTHER, check_fit, check_log
-from dualwinch.identification.fit import Fit, Fitting, covariance_of
-from dualwinch.identification.log import Log
-from dualwinch.identification.optima import fits_from, optima_of
-from dualwinch.identification.profile import profile_of
-from dualwinch.identification.result import Identified
-from dualwinch.identification.sections import Filters, Section, sections_of
-from dualwinch.identification.sensed import READINGS
-from dualwinch.identification.surprises import Whiteness, whiteness
-from dualwinch.identification.unknowns import Prior, keys_of, unknowns_of
+from dualwinch.identification.diagnostics import (
+    check_fit,
+    check_log,
+    likelihood_profile,
+    rms_innovations,
+    unidentifiable_directions,
+    whiteness_tests,
+)
+from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod, distinct_optima, multistart
+from dualwinch.identification.log import Log, column_map, log_of, read_log
+from dualwinch.identification.options import DEFAULTS, EstimationOptions
+from dualwinch.identification.predictor import READINGS
+from dualwinch.identification.resample import LogSection, sections_of
+from dualwinch.identification.result import IdentificationResult
+from dualwinch.identification.smoother import smoothed_force
+from dualwinch.identification.unknowns import (
+    Prior,
+    covariance_of,
+    estimable_keys,
+    problem_of,
+    unknown_parameters,
+)
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.run import Run
 
-Floats = NDArray[np.float64]
-
-WINDOWS, LEAST = 200, 50
-"""Windows of time that surprises are summed up in, at most, and samples of one, at least."""
+Source = Log | Run | str | PathLike[str]
 
 
 def identify(
-    logs: Sequence[Log],
-    keys: Sequence[str],
-    experiment: Experiment,
+    logs: Source | Sequence[Source],
+    keys: str | Sequence[str],
+    experiment: Experiment | None = None,
     *,
-    priors: Mapping[str, Prior] | None = None,
+    ensemble: str | PathLike[str] | Ensemble | None = None,
+    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
+    columns: Sequence[str] = (),
     hold_out: float = 0.0,
     starts: int = 1,
     seed: int = 0,
-    profiles: Sequence[str] = (),
+    profiles: str | Sequence[str] = (),
     forces: bool = False,
-    unrecorded: float = ANOTHER,
+    unrecorded: float | None = None,
+    options: EstimationOptions = DEFAULTS,
     threads: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
-) -> Identified:
-    """Find out what some numbers of a machine are from what its sensors said.
+) -> IdentificationResult:
+    """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
 
-    Logged torques drive the plant; position, speed, tensions and drum angles are predicted one sample ahead by an
-    extended Kalman filter that knows how the sea acts (the experiment's ``disturbance``) and finds out how noisy the
-    sensors are; the numbers are those with which it is surprised least (`identification.fit`).
+    1. Logged torques drive the plant; the filter predicts position, speed, tensions and drum angles one sample ahead.
+       Its state is augmented by the disturbances that no log records.
+    2. Parameters, measurement noise R and process noise Q are those of the largest likelihood
+       (`identification.estimate.PredictionErrorMethod`).
+    3. The curvature of the likelihood gives standard deviations and correlations; tests of the innovations show whether
+       the model lacks something.
 
     Args:
-        logs: of one machine, each in a state of its own at its start.
-        keys: what to fit, such as ``plant.vehicle.mass`` or ``plant.rope_*.modulus``.
-        experiment: what is believed: everything that is not fitted, and where the search begins.
-        priors: key → what is known beforehand.
+        logs: of one machine, each in a state of its own at its start: files (CSV, Parquet, MATLAB, NumPy), results with
+            ``simulation.readings``, or `Log`.
+        keys: parameters to estimate, such as ``plant.vehicle.mass`` or ``plant.rope_*.modulus``.
+        experiment: values of all other parameters, and where the search begins; default: the ensemble's, or
+            ``Experiment()``.
+        ensemble: name or file of an ensemble, such as ``rig``: every parameter that it draws and a log determines is
+            estimated as well, with its distribution as a prior.
+        priors: key → mean and standard deviation of a normal prior.
+        columns: of files, such as ``F1=load_cell_left:kN``, where they have other names or units.
         hold_out: share of each log, its end, that is not fitted but predicted.
-        starts: searches from different starts; all but the first are drawn.
+        starts: number of searches from different starts; all but the first are drawn.
         seed: of these draws.
-        profiles: some of what is fitted, whose likelihood is followed away from the best.
-        forces: whether it is said what acted on the vehicle and nobody recorded.
-        unrecorded: torque or force that nobody recorded, over the recorded one, from which on a fit is refused.
+        profiles: estimated parameters whose profile likelihood is computed.
+        forces: whether the unrecorded force on the vehicle is smoothed: `forces` of the result, for
+            ``disturbance.force``.
+        unrecorded: RMS torque or force that is not recorded, over the recorded one, from which on a fit is refused: the
+            log is of another machine, or the model lacks something; default: ``options.plausibility.unrecorded``.
+        options: of the method.
         threads: default: one a core.
         progress: called now and then with the share that is done.
 
+    Returns:
+        Estimates with deviations and correlations, unidentifiable directions, and tests of the innovations. It has a
+        table as text and in a notebook; `experiment` and `ensemble` go on from there.
+
     Raises:
-        ConfigurationError: no log, nothing to fit, a key or prior that cannot be, a log that no such machine can have
-            made.
+        ConfigurationError: a file that cannot be read, a key or prior out of range, or a log that no such machine can
+            have made.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
     began = perf_counter()
-    if not logs:
-        raise ConfigurationError("logs: must be at least one")
     if not 0 <= hold_out < 1:
         raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
-    if not unrecorded > 0:
+    if unrecorded is not None and not unrecorded > 0:
         raise ConfigurationError(f"unrecorded = {unrecorded:g}: must be > 0")
     if starts < 1:
         raise ConfigurationError(f"starts = {starts}: must be >= 1")
-    for log in logs:
-        check_log(log, experiment)
-    names = keys_of(keys, experiment)
-    for key in keys_of(profiles, experiment):
+    experiment, names, known = problem_of(keys, experiment, ensemble, priors)
+    profiled = estimable_keys([profiles] if isinstance(profiles, str) else profiles, experiment)
+    for key in profiled:
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
-    unknowns = unknowns_of(names, experiment, priors or {})
-    whole = sections_of(logs, experiment)
-    fitted, kept = _parted(logs, experiment, whole, hold_out)
-    fitting = Fitting(fitted, experiment, unknowns, threads=threads)
-    fits = fits_from(fitting, starts, seed, progress)
-    fit = fits[0]
-    excess = check_fit(logs[0].name, fit, fitted, experiment, unrecorded)
-    filters = fitting.filters
-    surprises = _surprises(filters, fit)
-    held = _surprises(fitting.others(kept), fit) if kept else []
-    covariance = covariance_of(fit.information, unknowns)
-    return Identified(
-        experiment=fit.experiment,
+    unknowns = unknown_parameters(names, experiment, known, options.search)
+    found = _logs(logs, columns)
+    for log in found:
+        check_log(log, experiment, options.plausibility)
+    split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
+    fitted = sections_of([log for log, _ in split], experiment, options.resampling)
+    kept = sections_of([log for _, log in split if log], experiment, options.resampling)
+
+    method = PredictionErrorMethod(fitted, experiment, unknowns, options, threads)
+    estimates = multistart(method, starts, seed, progress)
+    best = estimates[0]
+    excess = check_fit(best, fitted, experiment, options, unrecorded)
+    innovations = method.filters.whitened_innovations(best.experiment, best.noise)
+    held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
+    covariance, diagnostics = covariance_of(best.information, unknowns), options.diagnostics
+    return IdentificationResult(
+        experiment=best.experiment,
         unknowns=unknowns,
-        values=fit.values,
+        values=best.values,
         covariance=covariance,
-        blind=blind(fit.information, unknowns),
-        noise=_noise(fitted, fit),
-        scatter=dict(fit.levels.scatter),
-        tests=_tests(surprises, fitted),
-        held_out=_tests(held, kept) if kept else (),
-        courses=_courses(surprises, experiment.simulation.sample_time),
-        logs=tuple(log.name for log in logs),
-        duration=sum(log.duration for log in logs),
-        passes=fitting.passes,
-        settled=fit.settled,
-        optima=optima_of(fits, covariance),
+        unidentifiable=unidentifiable_directions(best.information, unknowns, diagnostics),
+        noise=_sensor_noise(fitted, best),
+        process_noise=dict(best.noise.process),
+        whiteness=whiteness_tests(innovations, [section.torques for section in fitted], diagnostics),
+        held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
+        innovations=rms_innovations(innovations, experiment.simulation.sample_time, diagnostics),
+        logs=tuple(log.name for log in found),
+        duration=sum(log.duration for log in found),
+        passes=method.passes,
+        converged=best.converged,
+        optima=distinct_optima(estimates, covariance, diagnostics.optima_distance),
         seconds=perf_counter() - began,
-        profiles=tuple(profile_of(fitting, fit, key) for key in keys_of(profiles, experiment)),
-        forces=tuple(force_of(fitting, log, fit) for log in logs) if forces else (),
+        options=options,
+        profiles=tuple(likelihood_profile(method, best, key) for key in profiled),
+        forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
         excess=excess,
     )
 
 
-def _parted(
-    logs: Sequence[Log], experiment: Experiment, whole: tuple[Section, ...], share: float
-) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
-    """Sections to fit, and sections at the logs' ends to predict."""
-    if not share:
-        return whole, ()
-    ends = [log.t[0] + (1 - share) * (log.t[-1] - log.t[0]) for log in logs]
-    early = [_part(log, log.t < end) for log, end in zip(logs, ends, strict=True)]
-    late = [_part(log, log.t >= end) for log, end in zip(logs, ends, strict=True)]
-    return sections_of(early, experiment), sections_of(late, experiment)
+def _logs(logs: Source | Sequence[Source], columns: Sequence[str]) -> list[Log]:
+    sources = [logs] if isinstance(logs, (Log, Run, str, PathLike)) else list(logs)
+    if not sources:
+        raise ConfigurationError("logs: must be at least one")
+    named = column_map(columns)
+    return [
+        source if isinstance(source, Log) else log_of(source) if isinstance(source, Run) else read_log(source, named)
+        for source in sources
+    ]
 
 
-def _part(log: Log, rows: NDArray[np.bool_]) -> Log:
-    return replace(log, t=log.t[rows], columns={name: values[rows] for name, values in log.columns.items()})
-
-
-def _surprises(filters: Filters, fit: Fit) -> list[Floats]:
-    """What every reading was beyond what was expected, whitened, (samples, readings) a section."""
-    weights = filters.weigh(fit.experiment, fit.levels)
-    vector = filters.vector(fit.experiment, fit.levels)
-    predictions = filters.predict(vector, fit.experiment, fit.levels, weights, rows=True)
-    return [run.innovations for run in predictions if run.innovations is not None]
-
-
-def _tests(surprises: Sequence[Floats], sections: Sequence[Section]) -> tuple[Whiteness, ...]:
-    return whiteness(surprises, [section.torques for section in sections])
-
-
-def _courses(surprises: Sequence[Floats], step: float) -> dict[str, Floats]:
-    """Time and root mean square of whitened surprises in windows, for each sensor that was read."""
-    every = np.concatenate(surprises)
-    windows = np.array_split(np.arange(len(every)), max(1, min(WINDOWS, len(every) // LEAST)))
-    times = np.array([step * window.mean() for window in windows])
-    found = {}
-    for column, name in enumerate(READINGS):
-        values = every[:, column]
-        if np.isfinite(values).any():
-            squares = [
-                float(np.mean(kept**2)) if len(kept := part[np.isfinite(part)]) else np.nan
-                for part in (values[window] for window in windows)
-            ]
-            found[name] = np.array([times, np.sqrt(squares)])
-    return found
-
-
-def _noise(sections: Sequence[Section], fit: Fit) -> dict[str, float]:
+def _sensor_noise(sections: Sequence[LogSection], estimate: ParameterEstimate) -> dict[str, float]:
+    """Standard deviation of the noise of every sensor that was read."""
     read = np.any([np.isfinite(section.readings).any(axis=0) for section in sections], axis=0)
-    deviations = np.sqrt(fit.levels.noise).tolist()
+    deviations = np.sqrt(estimate.noise.measurement).tolist()
     return {name: deviation for name, deviation, here in zip(READINGS, deviations, read, strict=True) if here}

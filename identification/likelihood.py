@@ -1,185 +1,291 @@
-"""How likely logs are, and steps to where they are likeliest.
+"""The likelihood of the filters' innovations: least squares with given gains, and Newton steps by differences.
 
-Least squares with gains as they are lead near; but gains themselves tell something of a machine, and the variance of
-what a filter did not expect does. Differences of the likelihood itself know all of it. They are taken along directions
-that are of one standard deviation each and hardly correlated, so that each tells its own slope and curvature; those
-along which least squares turn out to say all are left alone from then on.
+With the gains of the filters given, the whitened innovations are a least-squares problem with exact derivatives, which
+leads near the maximum. But gains and variances depend on the parameters, too. Differences of the likelihood itself
+account for that. They are taken along directions of one standard deviation each that are hardly correlated, so that
+each has its own slope and curvature; directions in which least squares turn out to be right are not differenced again.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
 
 from dualwinch.codegen.drivers.prediction import FilterPass
-from dualwinch.identification.coordinates import Coordinates
-from dualwinch.identification.given_gains import GivenGains
-from dualwinch.identification.levels import Levels
-from dualwinch.identification.sections import Filters, all_completed
+from dualwinch.identification.filter import LogFilters, all_completed
+from dualwinch.identification.options import SearchOptions
+from dualwinch.identification.predictor import NoiseCovariances
+from dualwinch.identification.unknowns import SearchCoordinates
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
-FLATTEST = 0.2
-"""Least curvature along a direction, over what the slopes of readings say."""
 
-LOOKED, LEAST = 1.0, 0.01
-"""How far the likelihood is looked at along a direction, and how far must fit into the range of all coordinates."""
+class FixedGainLeastSquares:
+    """The least-squares problem of the whitened innovations with given gains: exact derivatives, but not all of L."""
 
-NOTHING = 0.1
-"""What counts as nothing of a slope or curvature along a direction of one standard deviation."""
+    def __init__(
+        self,
+        filters: LogFilters,
+        machine: Callable[[Floats], Experiment],
+        columns: Sequence[int],
+        options: SearchOptions,
+    ) -> None:
+        """A problem of the sections of `filters`.
 
-SMALL = 0.05
-"""Gain in twice the logarithm of the likelihood that need not be seen to be believed."""
+        Args:
+            filters: of the logs.
+            machine: values of the unknowns → experiment.
+            columns: indices of the unknowns among the predictor's parameters.
+            options: of the search.
+        """
+        self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
 
-MUCH = 4.0
-"""Gain in twice the logarithm of the likelihood that is not let go: two standard deviations."""
+    def normal(self, values: Floats, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> Floats:
+        """(p + 1, p + 1) normal equations: products of the derivatives by p unknowns, and of the innovations, summed.
 
-HALVED, INSISTED = 2, 8
-"""Times that a step is halved where it leads to what is less likely, at most; and where much is to be gained."""
+        NaN where filters diverge.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        experiment = self._machine(values)
+        return self._normal(self._filters.parameters(experiment, noise), experiment, noise, filtered)
+
+    def solve(
+        self,
+        values: Floats,
+        noise: NoiseCovariances,
+        filtered: Sequence[FilterPass],
+        coordinates: SearchCoordinates,
+        tolerance: float = 1e-8,
+    ) -> tuple[Floats, Floats]:
+        """Gauss–Newton steps within bounds (trust region reflective); (p,) values, and (p, p) information of the logs.
+
+        Args:
+            values: (p,) where the search begins.
+            noise: R and Q.
+            filtered: gains of the sections.
+            coordinates: give bounds and priors.
+            tolerance: relative change of the sum of squares that ends the search.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        experiment = self._machine(values)
+        base = self._filters.parameters(experiment, noise)
+        rows, centre = coordinates.prior()
+        last = dict[bytes, tuple[Floats, Floats, Floats]]()
+
+        def squares(at: Floats) -> tuple[Floats, Floats, Floats]:
+            key = at.tobytes()
+            if key not in last:
+                parameters = base.copy()
+                parameters[self._columns] = coordinates.values(at)
+                normal = self._normal(parameters, experiment, noise, filtered)
+                residual, jacobian = self._square_root(normal, coordinates.jacobian(at))
+                last[key] = (
+                    np.concatenate([residual, rows @ (at - centre)]),
+                    np.concatenate([jacobian, rows]),
+                    normal,
+                )
+            return last[key]
+
+        solver: Any = least_squares  # its stub lacks the function that returns the Jacobian
+        found = solver(
+            lambda at: squares(at)[0],
+            coordinates.of(values),
+            lambda at: squares(at)[1],
+            bounds=coordinates.bounds,
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=10 * tolerance,
+            max_nfev=self._options.evaluations,
+        ).x
+        return coordinates.values(found), squares(found)[2][:-1, :-1]
+
+    def _normal(
+        self, parameters: Floats, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
+    ) -> Floats:
+        runs = self._filters.predict(parameters, experiment, noise, filtered)
+        normal = np.sum([run.normal for run in runs], axis=0)
+        return normal if all_completed(runs) else np.full_like(normal, np.nan)
+
+    def _square_root(self, normal: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
+        """Residuals (p + 1,) and their Jacobian in some coordinates, with the same squares as all innovations have."""
+        p, largest = len(jacobian), self._options.largest_sum
+        if not np.isfinite(normal).all() or normal[-1, -1] > largest:
+            return np.full(p + 1, np.sqrt(largest)), np.zeros((p + 1, p))
+        by = np.eye(p + 1)
+        by[:p, :p] = jacobian
+        eigenvalues, vectors = np.linalg.eigh(by.T @ normal @ by)
+        root = np.sqrt(np.maximum(eigenvalues, 0.0))[:, np.newaxis] * vectors.T
+        return root[:, -1], root[:, :-1]
 
 
 @dataclass(frozen=True)
-class Step:
-    """A step.
+class NewtonStep:
+    """A Newton step of the deviance: minus twice the log-likelihood, but for a constant.
 
     Attributes:
         at: (p,) coordinates where it leads.
-        unlikely: minus twice the logarithm of the likelihood there, but for a constant.
-        better: by how much that has fallen.
-        expected: by how much it should have.
-        beyond: (p,) slopes of half of it along the directions, less what least squares say of them.
-        curvature: (p,) likewise second derivatives; 1 is what least squares say.
+        deviance: there.
+        fall: by how much it fell.
+        expected_fall: by how much it should have fallen.
+        slopes: (p,) slopes of half of it along the directions, less those of least squares.
+        curvatures: (p,) likewise second derivatives; 1 is what least squares have.
         information: (p, p) where it begins, of the logs alone, in units of the unknowns, with these curvatures. One
-            above 1 is taken for 1: mostly that is a direction that turns, as an angle's does, and is straight for a
-            part of the deviation only.
+            above 1 counts as 1: mostly that is a direction that turns, as an angle's does, and is straight for a part
+            of the deviation only.
     """
 
     at: Floats
-    unlikely: float
-    better: float
-    expected: float
-    beyond: Floats
-    curvature: Floats
+    deviance: float
+    fall: float
+    expected_fall: float
+    slopes: Floats
+    curvatures: Floats
     information: Floats
 
 
 class Likelihood:
-    """The likelihood of logs, and of what was known beforehand, at coordinates of the unknowns."""
+    """The likelihood of logs and priors at coordinates of the unknowns."""
 
     def __init__(
         self,
-        filters: Filters,
-        gains: GivenGains,
+        filters: LogFilters,
+        least_squares: FixedGainLeastSquares,
         machine: Callable[[Floats], Experiment],
-        weighed: Callable[[Floats, Levels], list[FilterPass]],
-        coordinates: Coordinates,
-        outlier: float,
+        filtered: Callable[[Floats, NoiseCovariances], list[FilterPass]],
+        coordinates: SearchCoordinates,
+        options: SearchOptions,
     ) -> None:
-        """A likelihood of the logs that `filters` go through.
+        """A likelihood of the sections of `filters`.
 
         Args:
-            filters: they go through the logs.
-            gains: least squares of the same logs.
-            machine: gives the experiment with some values of the unknowns.
-            weighed: gives the filters' gains for some values.
+            filters: of the logs.
+            least_squares: of the same sections.
+            machine: values of the unknowns → experiment.
+            filtered: values of the unknowns, R and Q → passes through the sections.
             coordinates: of the unknowns.
-            outlier: as of `codegen.drivers.prediction.Predictor.filter`.
+            options: of the search.
         """
-        self._filters, self._gains, self._machine, self._outlier = filters, gains, machine, outlier
-        self._weighed = weighed
+        self._filters, self._least_squares, self._machine, self._options = filters, least_squares, machine, options
+        self._filtered = filtered
         self.coordinates = coordinates
-        self._rows, self._centre = coordinates.beforehand()
-        self._beforehand = self._rows.T @ self._rows + np.diag(1.0 - coordinates.known)
+        self._rows, self._centre = coordinates.prior()
+        self._prior = self._rows.T @ self._rows + np.diag(1.0 - coordinates.known)
 
-    def unlikely(self, points: Sequence[Floats], levels: Levels) -> Floats:
-        """Minus twice the logarithm, but for a constant, at each of some coordinates; infinite where filters go astray.
+    def deviances(self, points: Sequence[Floats], noise: NoiseCovariances) -> Floats:
+        """Minus twice the logarithm, but for a constant, at each of some coordinates; infinite where filters diverge.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
         ends = self.coordinates.bounds
         machines = [self._machine(self.coordinates.values(np.clip(point, *ends))) for point in points]
-        logs = self._filters.unlikely(machines, levels, outlier=self._outlier) if machines else np.zeros(0)
-        return logs + np.array([self._departed(point) for point in points])
+        logs = self._filters.deviances(machines, noise) if machines else np.zeros(0)
+        return logs + np.array([self._prior_deviance(point) for point in points])
 
-    def _departed(self, at: Floats) -> float:
-        """Squares of the distance from what was known beforehand."""
+    def _prior_deviance(self, at: Floats) -> float:
         return float(np.sum((self._rows @ (at - self._centre)) ** 2))
 
-    def step(self, at: Floats, levels: Levels, before: Step | None = None, held: int | None = None) -> Step | None:
-        """A step of Newton's method towards what is likelier; None: filters go astray where it would begin.
+    def step(
+        self, at: Floats, noise: NoiseCovariances, before: NewtonStep | None = None, fixed: int | None = None
+    ) -> NewtonStep | None:
+        """One Newton step towards the maximum of the likelihood; None: filters diverge where it would begin.
+
+        1. Least squares with the gains at these coordinates give a gradient and an information matrix, whose Cholesky
+           factor gives directions of one standard deviation each.
+        2. Differences of the likelihood along these correct slope and curvature.
+        3. The step is halved while it does not lower the deviance.
 
         Args:
             at: (p,) coordinates.
-            levels: noise and scatter.
-            before: the last step; where it found nothing beyond least squares, nothing is looked for.
-            held: a coordinate that stays as it is.
+            noise: R and Q.
+            before: the last step; directions in which it corrected nothing are not differenced.
+            fixed: index of a coordinate that stays as it is.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
-        values, slopes = self.coordinates.values(at), self.coordinates.slopes(at)
-        weights = self._weighed(values, levels)
-        normal = self._gains.normal(values, levels, weights)
-        if not all_completed(weights) or not np.isfinite(normal).all():
+        values, jacobian = self.coordinates.values(at), self.coordinates.jacobian(at)
+        filtered = self._filtered(values, noise)
+        normal = self._least_squares.normal(values, noise, filtered)
+        if not all_completed(filtered) or not np.isfinite(normal).all():
             return None
-        plain = slopes.T @ normal[:-1, -1] + self._rows.T @ (self._rows @ (at - self._centre))
-        known = slopes.T @ normal[:-1, :-1] @ slopes + self._beforehand
-        moving = self._moving(at, held)
+        gradient = jacobian.T @ normal[:-1, -1] + self._rows.T @ (self._rows @ (at - self._centre))
+        known = jacobian.T @ normal[:-1, :-1] @ jacobian + self._prior
+        free = self._free(at, fixed)
         try:
-            root = np.linalg.cholesky(known[moving])
-        except np.linalg.LinAlgError:  # slopes that have grown beyond all measure, as where a rope slackens
+            root = np.linalg.cholesky(known[free])
+        except np.linalg.LinAlgError:  # derivatives that have grown beyond all measure, as where a rope slackens
             return None
-        ways = np.zeros_like(known)
-        ways[moving] = np.linalg.inv(root)
-        reach = np.array([min(self._room(at, way), self._room(at, -way), LOOKED) for way in ways])
-        here = 2 * sum(each.negative_log_likelihood for each in weights) + self._departed(at)
-        beyond, curvature = self._looked(at, here, ways, reach, ways @ plain, levels, before)
-        way = np.where(reach > LEAST, -(ways @ plain + beyond) / curvature, 0.0) @ ways
-        way *= min(self._room(at, way), 1.0)
-        gain = float(np.where(reach > LEAST, (ways @ plain + beyond) ** 2 / curvature, 0.0).sum())
-        way, there = self._checked(at, way, here, gain, levels)
-        back = np.linalg.inv(slopes)
-        known[moving] = (root * np.minimum(curvature[moving[0][:, 0]], 1.0)) @ root.T
-        information = back.T @ _not_below_zero(known - self._beforehand) @ back
-        at = np.clip(at + way, *self.coordinates.bounds)
-        return Step(at, there, here - there, gain, beyond, curvature, information)
+        directions = np.zeros_like(known)
+        directions[free] = np.linalg.inv(root)
+        least, most = self._options.least_difference, self._options.difference
+        reach = np.array([min(self._room(at, way), self._room(at, -way), most) for way in directions])
+        here = 2 * sum(each.negative_log_likelihood for each in filtered) + self._prior_deviance(at)
+        plain = directions @ gradient
+        slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, before)
+        move = np.where(reach > least, -(plain + slopes) / curvatures, 0.0) @ directions
+        move *= min(self._room(at, move), 1.0)
+        expected = float(np.where(reach > least, (plain + slopes) ** 2 / curvatures, 0.0).sum())
+        move, there = self._shortened(at, move, here, expected, noise)
+        back = np.linalg.inv(jacobian)
+        known[free] = (root * np.minimum(curvatures[free[0][:, 0]], 1.0)) @ root.T
+        information = back.T @ _positive_part(known - self._prior) @ back
+        at = np.clip(at + move, *self.coordinates.bounds)
+        return NewtonStep(at, there, here - there, expected, slopes, curvatures, information)
 
-    def _checked(self, at: Floats, way: Floats, here: float, gain: float, levels: Levels) -> tuple[Floats, float]:
-        """A way, shorter where it leads to what is less likely, and how unlikely logs are at its end.
+    def _shortened(
+        self, at: Floats, move: Floats, here: float, expected: float, noise: NoiseCovariances
+    ) -> tuple[Floats, float]:
+        """A move, halved while it does not lower the deviance, and the deviance at its end.
 
-        A gain that is next to nothing is taken for what it is expected to be.
+        An expected fall that is next to nothing is not checked.
         """
-        if gain < SMALL:
-            return way, here - gain
-        for _ in range(INSISTED if gain > MUCH else HALVED):
-            there = float(self.unlikely([at + way], levels)[0])
+        options = self._options
+        if expected < options.small_gain:
+            return move, here - expected
+        for _ in range(options.insistent_halvings if expected > options.large_gain else options.halvings):
+            there = float(self.deviances([at + move], noise)[0])
             if there <= here:
-                return way, there
-            way = way / 2
+                return move, there
+            move = move / 2
         return np.zeros_like(at), here
 
-    def _looked(
-        self, at: Floats, here: float, ways: Floats, reach: Floats, plain: Floats, levels: Levels, before: Step | None
+    def _differences(
+        self,
+        at: Floats,
+        here: float,
+        directions: Floats,
+        reach: Floats,
+        plain: Floats,
+        noise: NoiseCovariances,
+        before: NewtonStep | None,
     ) -> tuple[Floats, Floats]:
-        """Along each way the slope beyond the plain one, and the curvature."""
-        last_beyond, last_curvature = np.zeros(len(at)), np.ones(len(at))
-        wanted = (reach > LEAST) & ways.any(axis=1)
+        """Along each direction the slope beyond the plain one of least squares, and the curvature."""
+        negligible = self._options.negligible
+        last_slopes, last_curvatures = np.zeros(len(at)), np.ones(len(at))
+        wanted = (reach > self._options.least_difference) & directions.any(axis=1)
         if before is not None:
-            last_beyond, last_curvature = before.beyond, before.curvature
-            wanted &= (np.abs(last_beyond) > NOTHING) | (np.abs(last_curvature - 1) > NOTHING)
+            last_slopes, last_curvatures = before.slopes, before.curvatures
+            wanted &= (np.abs(last_slopes) > negligible) | (np.abs(last_curvatures - 1) > negligible)
         ahead, behind = np.full(len(at), np.nan), np.full(len(at), np.nan)
-        ahead[wanted] = _finite(self.unlikely([*(at + (reach[:, np.newaxis] * ways)[wanted])], levels))
-        beyond = (ahead - here) / (2 * reach) - reach / 2 - plain
-        wanted &= ~(np.abs(beyond) < NOTHING)
-        behind[wanted] = _finite(self.unlikely([*(at - (reach[:, np.newaxis] * ways)[wanted])], levels))
-        slope, curvature = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
-        beyond = np.where(np.isfinite(beyond), beyond, last_beyond)
-        beyond = np.where(np.isfinite(slope), slope - plain, beyond)
-        curvature = np.where(np.isfinite(slope), np.maximum(curvature, FLATTEST), last_curvature)
-        return beyond, curvature
+        ahead[wanted] = _finite(self.deviances([*(at + (reach[:, np.newaxis] * directions)[wanted])], noise))
+        slopes = (ahead - here) / (2 * reach) - reach / 2 - plain
+        wanted &= ~(np.abs(slopes) < negligible)
+        behind[wanted] = _finite(self.deviances([*(at - (reach[:, np.newaxis] * directions)[wanted])], noise))
+        central, curvatures = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
+        slopes = np.where(np.isfinite(slopes), slopes, last_slopes)
+        slopes = np.where(np.isfinite(central), central - plain, slopes)
+        least = self._options.least_curvature
+        curvatures = np.where(np.isfinite(central), np.maximum(curvatures, least), last_curvatures)
+        return slopes, curvatures
 
     def _room(self, at: Floats, way: Floats) -> float:
         """How often a way can be gone before a coordinate leaves its range."""
@@ -187,20 +293,20 @@ class Likelihood:
         ends = np.where(way > 0, upper, lower)
         return float(np.min(np.divide(ends - at, way, out=np.full(len(at), np.inf), where=way != 0)))
 
-    def _moving(self, at: Floats, held: int | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of all coordinates but those that are held, or at an end of their range."""
+    def _free(self, at: Floats, fixed: int | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of all coordinates but the fixed one and those at an end of their range."""
         lower, upper = self.coordinates.bounds
-        rows = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != held))
+        rows = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != fixed))
         return rows[:, np.newaxis], rows[np.newaxis, :]
 
 
 def _finite(values: ArrayLike) -> Floats:
-    """Values, NaN in the place of what is infinite."""
+    """Values, NaN in the place of infinite ones."""
     found = np.array(values, float)
     return np.where(np.isinf(found), np.nan, found)
 
 
-def _not_below_zero(information: Floats) -> Floats:
-    """Information of which there is nothing where it would be less."""
-    size, ways = np.linalg.eigh(information)
-    return (ways * np.maximum(size, 0.0)) @ ways.T
+def _positive_part(information: Floats) -> Floats:
+    """A symmetric matrix with its negative eigenvalues set to zero."""
+    eigenvalues, vectors = np.linalg.eigh(information)
+    return (vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T

@@ -1,23 +1,46 @@
-"""A log: what a machine's sensors said, and which torques it was given."""
+"""Logs: torque commands and sensor readings of a machine, from files, arrays and simulated runs."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import difflib
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.identification.sensed import READINGS
+from dualwinch.identification.predictor import READINGS, SensorReadings
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.recordings import csv_units, factor
 from dualwinch.simulation.results.run import Run
 from dualwinch.simulation.rows import READ
 
 Floats = NDArray[np.float64]
+Columns = tuple[dict[str, Floats], dict[str, str]]
 
 TORQUES = ("tau_1", "tau_2")
-"""Torque commands, without which there is nothing to go by."""
+"""Torque commands, which drive the prediction."""
 
-LEAST = 200
-"""Rows that a log has at least."""
+POSITIONS = ("x", "theta_1", "theta_2")
+"""Readings of which a log has at least one."""
+
+UNIT_OF = {
+    "t": "s",
+    **dict.fromkeys(TORQUES, "N m"),
+    **{leaf.key: leaf.quantity.unit for leaf in describe(SensorReadings).values()},
+}
+"""Name → SI unit."""
+
+OMITTED = "-"
+"""In the place of a column's name: the reading is left out."""
+
+GAPS = ["", "nan", "NaN", "NA", "N/A", "null", "NULL", "-"]
+"""Cells of a CSV file that are gaps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +50,8 @@ class Log:
     Attributes:
         t: (n,) time of each row in s, ascending.
         columns: name → (n,) in SI units: torque commands ``tau_1``, ``tau_2`` at the motors, and some of
-            `identification.sensed.READINGS`. NaN where nothing was recorded.
-        name: what it is called.
+            `identification.predictor.READINGS`. NaN where nothing was recorded.
+        name: of the log in messages.
     """
 
     t: Floats
@@ -39,10 +62,10 @@ class Log:
         """Check it.
 
         Raises:
-            ConfigurationError: too short, time that stands still or goes back, no torques, no position or encoder.
+            ConfigurationError: no rows, time that stands still or goes back, no torques, no position or encoder.
         """
-        if len(self.t) < LEAST:
-            raise ConfigurationError(f"{self.name}: has {len(self.t)} rows: must be {LEAST} or more")
+        if len(self.t) < 2:
+            raise ConfigurationError(f"{self.name}: has {len(self.t)} rows: must be 2 or more")
         if not np.isfinite(self.t).all():
             raise ConfigurationError(f"{self.name}: t: must be a finite number in every row")
         backwards = np.flatnonzero(np.diff(self.t) <= 0)
@@ -51,11 +74,10 @@ class Log:
             raise ConfigurationError(
                 f"{self.name}: t = {self.t[row]:g} s in row {row + 1} after {self.t[row - 1]:g} s: must ascend"
             )
+        _check_columns(self.name, self.columns)
         for name in TORQUES:
-            if name not in self.columns or not np.isfinite(self.columns[name]).any():
-                raise ConfigurationError(f"{self.name}: {name}: there is none, and torques are what a fit goes by")
-        if not any(name in self.columns for name in ("x", "theta_1", "theta_2")):
-            raise ConfigurationError(f"{self.name}: must have a position or an encoder: x, theta_1 or theta_2")
+            if not np.isfinite(self.columns[name]).any():
+                raise ConfigurationError(f"{self.name}: {name}: has no value in any row, and torques drive the fit")
 
     @property
     def readings(self) -> tuple[str, ...]:
@@ -67,6 +89,15 @@ class Log:
         """Time in s from the first row to the last."""
         return float(self.t[-1] - self.t[0])
 
+    def split(self, share: float) -> tuple["Log", "Log"]:
+        """All but a share of its duration at the end, and that."""
+        early = self.t < self.t[0] + (1 - share) * (self.t[-1] - self.t[0])
+        first, last = (
+            replace(self, t=self.t[rows], columns={name: values[rows] for name, values in self.columns.items()})
+            for rows in (early, ~early)
+        )
+        return first, last
+
 
 def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
     """A log of arrays: ``t`` in s, torque commands, and readings, all in SI units.
@@ -74,12 +105,14 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
     Raises:
         ConfigurationError: an unknown column, columns of different lengths, or no log (`Log`).
     """
-    known = ("t", *TORQUES, *READINGS)
     for column in columns:
-        if column not in known:
-            raise ConfigurationError(f"{name}: unknown column '{column}'; must be {', '.join(known)}")
+        if column not in UNIT_OF:
+            raise ConfigurationError(
+                f"{name}: unknown column '{column}'; did you mean '{nearest(column, UNIT_OF)}'? Must be "
+                f"{', '.join(UNIT_OF)}"
+            )
     if "t" not in columns:
-        raise ConfigurationError(f"{name}: t: there is none")
+        raise ConfigurationError(f"{name}: t: no such column; it has {', '.join(columns)}")
     arrays = {column: np.array(values, float) for column, values in columns.items()}
     for column, values in arrays.items():
         if values.shape != arrays["t"].shape or values.ndim != 1:
@@ -88,12 +121,196 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
 
 
 def log_of(run: Run, name: str = "run") -> Log:
-    """The log of a simulated run: what its sensors said where it kept that (``simulation.readings``), else the truth.
+    """The log of a simulated run: its sensor readings where the run has them (``simulation.readings``), else the truth.
 
     Raises:
-        ConfigurationError: the run kept too few rows.
+        ConfigurationError: the run has too few rows.
     """
     columns = run.columns
     read = {key: columns.get(f"{key}{READ}", columns.get(key)) for key in READINGS}
     arrays = {key: values for key, values in read.items() if values is not None}
     return Log(columns["t"], arrays | {key: columns[key] for key in TORQUES}, name)
+
+
+@dataclass(frozen=True)
+class LogColumn:
+    """Where a reading is found in a file.
+
+    Attributes:
+        name: of the file's column; `OMITTED`: the reading is left out.
+        unit: of the column; None: as the file says, else the SI unit.
+    """
+
+    name: str
+    unit: str | None = None
+
+
+def column_map(texts: Sequence[str]) -> dict[str, LogColumn]:
+    """Columns from texts such as ``F1=load_cell_left``, ``F1=load_cell_left:kN`` or ``F1=-``, which leaves it out.
+
+    Raises:
+        ConfigurationError: another form, or an unknown reading or unit.
+    """
+    found = {}
+    for text in texts:
+        parts = re.fullmatch(r"\s*(\w+)\s*=\s*([^:]+?)\s*(?::\s*(\S.*?))?\s*", text)
+        if not parts:
+            raise ConfigurationError(f"--column {text}: must be READING=COLUMN or READING=COLUMN:UNIT, e.g. F1=left:kN")
+        reading, name, unit = parts.groups()
+        if reading not in UNIT_OF:
+            raise ConfigurationError(
+                f"--column {text}: unknown reading '{reading}'; did you mean '{nearest(reading, UNIT_OF)}'? Must be "
+                f"{', '.join(UNIT_OF)}"
+            )
+        if unit is not None:
+            try:
+                factor(unit, UNIT_OF[reading])
+            except ConfigurationError as error:
+                raise ConfigurationError(f"--column {text}: {error}") from None
+        found[reading] = LogColumn(name, unit)
+    return found
+
+
+def read_log(file: str | PathLike[str], columns: Mapping[str, LogColumn] | None = None) -> Log:
+    """Read a log from a file: CSV, Parquet, MATLAB or NumPy; empty cells and NaN are gaps.
+
+    Columns are found by the names of readings (``x``, ``F1``, ...), or by these with ``_read``, as runs have them that
+    were written with ``simulation.readings``.
+
+    Args:
+        file: its path.
+        columns: reading → its column, where that has another name.
+
+    Raises:
+        ConfigurationError: the file cannot be read, lacks a column that was named, or is no log (`Log`).
+    """
+    path, columns = Path(file), columns or {}
+    table, units = read_columns(path)
+    found: dict[str, Floats] = {}
+    for reading, si in UNIT_OF.items():
+        given = columns.get(reading)
+        if given and given.name == OMITTED:
+            continue
+        names = [given.name] if given else [f"{reading}{READ}", reading]
+        name = next((name for name in names if name in table), None)
+        if name is None:
+            if given:
+                near = difflib.get_close_matches(given.name, table, n=1, cutoff=0.6)
+                hint = f"did you mean '{near[0]}'? It" if near else "it"
+                raise ConfigurationError(f"{path}: unknown column '{given.name}'; {hint} has {_listed(table)}")
+            continue
+        unit = (given.unit if given else None) or units.get(name) or si
+        try:
+            found[reading] = table[name] * (1.0 if unit == si else factor(unit, si))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{path}: column '{name}': {error}") from None
+    _check_columns(str(path), found, table, ("t",))
+    return Log(found.pop("t"), found, path.name)
+
+
+def _check_columns(
+    source: str, found: Iterable[str], columns: Iterable[str] = (), required: Sequence[str] = ()
+) -> None:
+    """Check that torques and a position are there.
+
+    Args:
+        source: the log or its file.
+        found: names of the readings that were found.
+        columns: names of all columns of the file; empty: it is no file.
+        required: further names that must be there.
+
+    Raises:
+        ConfigurationError: one is missing; the message names the nearest column of the file, and all.
+    """
+    found, columns = list(found), list(columns)
+    spare = {name.lower(): name for name in columns if name.removesuffix(READ) not in UNIT_OF}
+    positions = [] if any(name in found for name in POSITIONS) else list(POSITIONS)
+    missing = [name for name in (*required, *TORQUES) if name not in found] or positions
+    if not missing:
+        return
+    words = "must have a position or an encoder: x, theta_1 or theta_2"
+    words = words if missing == positions else f"{missing[0]}: no such column"
+    hint = f"; name it with --column {missing[0]}=NAME; it has" if columns else "; it has"
+    for name in missing if missing == positions else missing[:1]:
+        near = difflib.get_close_matches(name.lower(), spare, n=1, cutoff=0.4)
+        if near:
+            hint = f"; did you mean '{spare[near[0]]}' (--column {name}={spare[near[0]]})? It has"
+            break
+    raise ConfigurationError(f"{source}: {words}{hint} {_listed(columns or found)}")
+
+
+def _listed(columns: Iterable[str], most: int = 12) -> str:
+    """Names of columns in a message, no more than so many."""
+    names = list(columns)
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def read_columns(path: Path) -> Columns:
+    """Read all columns of numbers of a file: by name (rows,), NaN for gaps; and units by name.
+
+    Raises:
+        ConfigurationError: an unknown suffix, or a file that cannot be read.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise ConfigurationError(f"{path}: unknown suffix {path.suffix!r}; must be {', '.join(READERS)}")
+    try:
+        return reader(path)
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError, NotImplementedError) as error:
+        raise ConfigurationError(f"{path}: not a {path.suffix} file: {str(error).splitlines()[0][:200]}") from error
+
+
+def _csv(path: Path) -> Columns:
+    from pyarrow import csv
+
+    options = csv.ConvertOptions(null_values=GAPS, strings_can_be_null=True)
+    return _numbers(csv.read_csv(path, convert_options=options)), csv_units(path)
+
+
+def _parquet(path: Path) -> Columns:
+    from pyarrow import parquet
+
+    table = parquet.read_table(path)
+    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
+    return _numbers(table), {name: unit for name, unit in units.items() if unit}
+
+
+def _numbers(table: Any) -> dict[str, Floats]:
+    import pyarrow as pa
+
+    numeric = (
+        field.name for field in table.schema if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
+    )
+    return {name: np.array(table[name].to_numpy(), float) for name in numeric}
+
+
+def _numpy(path: Path) -> Columns:
+    with np.load(path, allow_pickle=False) as arrays:
+        columns = {name: np.array(arrays[name], float) for name in arrays.files if _is_column(arrays[name])}
+        units = json.loads(str(arrays["units"])) if "units" in arrays.files else {}
+    return columns, units
+
+
+def _matlab(path: Path) -> Columns:
+    from scipy.io import loadmat
+
+    arrays = loadmat(path, squeeze_me=True, struct_as_record=True)
+    columns = {name: np.array(values, float) for name, values in arrays.items() if _is_column(values)}
+    units = arrays.get("units")
+    names = getattr(getattr(units, "dtype", None), "names", None) or ()
+    return columns, {name: str(units[name]) for name in names} if units is not None else {}
+
+
+def _is_column(values: object) -> bool:
+    return isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype.kind in "fiu" and values.size > 1
+
+
+READERS: dict[str, Callable[[Path], Columns]] = {
+    ".csv": _csv,
+    ".parquet": _parquet,
+    ".npz": _numpy,
+    ".mat": _matlab,
+}
+"""Suffix → reader."""

@@ -1,68 +1,188 @@
-"""How noisy each sensor is to begin with: what the experiment says, else what the log's own jumps say."""
+"""Noise covariances of the filter: R by expectation maximisation, Q by maximum likelihood."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from dualwinch.identification.sensed import READINGS
+from dualwinch.codegen.drivers.prediction import FilterPass
+from dualwinch.identification.filter import LogFilters, all_completed
+from dualwinch.identification.options import NoiseOptions
+from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.sensors import Sensors
 
 Floats = NDArray[np.float64]
 
-FINEST = {
-    "x": 1e-5,
-    "v": 1e-5,
-    "F1": 0.1,
-    "F2": 0.1,
-    "theta_1": 1e-6,
-    "theta_2": 1e-6,
-    "omega_1": 1e-4,
-    "omega_2": 1e-4,
-}
-"""Least standard deviation of each sensor: none is perfect, and the model is not either."""
-
 NORMAL_MEDIAN = 0.6745
-"""Median of a standard normal number's magnitude."""
+"""Median of a standard normal variable's magnitude."""
+
+ESTIMATED = (("force",), ("torque_1", "torque_2"))
+"""Disturbances that no experiment describes, whose deviations are estimated; those of a group have one."""
 
 
-def first_noise(readings: Floats, sensors: Sensors) -> Floats:
+def finest_noise(options: NoiseOptions) -> Floats:
+    """Least standard deviations of the sensors' noise, (readings,): no sensor is perfect, nor is the model."""
+    finest = {
+        "x": options.finest_position,
+        "v": options.finest_speed,
+        "F1": options.finest_tension,
+        "F2": options.finest_tension,
+        "theta_1": options.finest_angle,
+        "theta_2": options.finest_angle,
+        "omega_1": options.finest_drum_speed,
+        "omega_2": options.finest_drum_speed,
+    }
+    return np.array([finest[name] for name in READINGS])
+
+
+def initial_noise(readings: Floats, experiment: Experiment, options: NoiseOptions) -> NoiseCovariances:
+    """R and Q to begin with, by (samples, readings) of a log and an experiment's description of the disturbances."""
+    variances = initial_measurement_noise(readings, experiment.sensors, options)
+    return NoiseCovariances(variances, described_disturbances(experiment, options))
+
+
+def initial_measurement_noise(readings: Floats, sensors: Sensors, options: NoiseOptions) -> Floats:
     """Variances of all sensors to begin with, (readings,).
 
-    What the experiment gives, steps among it; for what it takes for perfect, the log's own jumps from sample to sample:
-    third differences leave next to nothing of a motion.
-
-    Args:
-        readings: (samples, readings) of `identification.course.samples_of`.
-        sensors: the experiment's.
+    As the experiment describes them, quantisation included; for sensors that it describes as perfect, by the log's own
+    differences from sample to sample.
     """
-    given = {
+    described = {
         "x": math.hypot(sensors.position_noise, sensors.position_resolution / math.sqrt(12)),
         "v": sensors.speed_noise,
         "F1": sensors.tension_noise,
         "F2": sensors.tension_noise,
     }
-    found = []
-    for name, least in zip(READINGS, smallest_noise(readings).tolist(), strict=True):
-        believed = given.get(name, 0.0)
-        found.append((max(believed, FINEST[name]) if believed > 0 else least) ** 2)
-    return np.array(found)
+    deviations = noise_by_differences(readings, options)
+    for index, (name, finest) in enumerate(zip(READINGS, finest_noise(options).tolist(), strict=True)):
+        if described.get(name, 0.0) > 0:
+            deviations[index] = max(described[name], finest)
+    return deviations**2
 
 
-def smallest_noise(readings: Floats) -> Floats:
-    """Standard deviations of all sensors, (readings,), by their own jumps from sample to sample alone."""
-    return np.array([
-        max(_jumps(values[np.isfinite(values)]), FINEST[name])
-        for name, values in zip(READINGS, readings.T, strict=True)
-    ])  # fmt: skip
+def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
+    """Standard deviations of all sensors, (readings,), by third differences, which cancel most of a motion."""
+    own = [_white_noise(values[np.isfinite(values)]) for values in readings.T]
+    return np.maximum(own, finest_noise(options))
 
 
-def _jumps(values: Floats) -> float:
-    """Standard deviation of white noise, by third differences; of what counts in steps at least that of rounding."""
+def _white_noise(values: Floats) -> float:
+    """Standard deviation of white noise, by third differences; of a sensor that counts at least that of rounding."""
     if len(values) < 10:
         return 0.0
     steps = np.abs(np.diff(values))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    spread = float(np.median(np.abs(np.diff(values, 3)))) / NORMAL_MEDIAN / math.sqrt(20)
-    in_steps = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
-    return max(spread, least / math.sqrt(12)) if in_steps else spread
+    deviation = float(np.median(np.abs(np.diff(values, 3)))) / NORMAL_MEDIAN / math.sqrt(20)
+    counts = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
+    return max(deviation, least / math.sqrt(12)) if counts else deviation
+
+
+class NoiseEstimator:
+    """Estimates R and Q for a machine that is known well enough."""
+
+    def __init__(self, filters: LogFilters, experiment: Experiment, options: NoiseOptions) -> None:
+        """An estimator whose least deviations are those that an experiment describes."""
+        self._filters, self._options = filters, options
+        self._least = {name: each.deviation for name, each in described_disturbances(experiment, options).items()}
+        self._samples = round(options.section_time / experiment.simulation.sample_time)
+
+    def tolerable(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """The least process noise of a grid with which no filter diverges; as given where there is none.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        wider = sorted(self._grid(noise), key=lambda each: each.process["torque_1"].deviation)
+        return next((each for each in wider if all_completed(self._filter(experiment, each, None))), noise)
+
+    def with_process_noise(
+        self, experiment: Experiment, noise: NoiseCovariances, *, anywhere: bool = False, roughly: bool = False
+    ) -> NoiseCovariances:
+        """Estimate Q of the disturbances that no experiment describes, by maximum likelihood.
+
+        Args:
+            experiment: the machine.
+            noise: R, and Q to begin with.
+            anywhere: whether a grid over the whole range is searched first.
+            roughly: whether the beginning of each section is enough.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        samples = self._samples if roughly else None
+        if anywhere:
+            noise = min(self._grid(noise), key=lambda each: self._cost(experiment, each, samples))
+        for names in ESTIMATED:
+            noise = self._line_search(experiment, noise, names, samples)
+        return noise
+
+    def _grid(self, noise: NoiseCovariances) -> list[NoiseCovariances]:
+        """Deviations of all groups on a grid over their range."""
+        grid, options = self._options.grid, self._options
+        factors = grid ** np.arange(np.ceil(np.log(options.range) / np.log(grid)))
+        return [
+            reduce(lambda found, pair: self._scaled(found, *pair), zip(ESTIMATED, chosen, strict=True), noise)
+            for chosen in product(factors.tolist(), repeat=len(ESTIMATED))
+        ]
+
+    def _line_search(
+        self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], samples: int | None
+    ) -> NoiseCovariances:
+        """The likeliest deviation of one group near where it is."""
+        options, here = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
+        best = minimize_scalar(
+            lambda factor: self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples),
+            bounds=(max(here - np.log(options.grid), 0.0), min(here + np.log(options.grid), np.log(options.range))),
+            method="bounded",
+            options={"xatol": options.line_tolerance, "maxiter": options.line_evaluations},
+        )
+        return self._scaled(noise, names, np.exp(best.x))
+
+    def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
+        """With a group's deviation so many times its least one."""
+        deviation = float(factor) * self._least[names[0]]
+        return noise.with_process({name: replace(noise.process[name], deviation=deviation) for name in names})
+
+    def _cost(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> float:
+        filtered = self._filter(experiment, noise, samples)
+        if not all_completed(filtered):
+            return self._options.diverged
+        return sum(each.negative_log_likelihood for each in filtered)
+
+    def with_measurement_noise(
+        self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
+    ) -> NoiseCovariances:
+        """Estimate R by expectation maximisation.
+
+        Args:
+            experiment: the machine.
+            noise: Q, and R to begin with.
+            filtered: passes through the sections with these.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        noise, changed = self._em_step(noise, filtered)
+        for _ in range(self._options.em_steps):
+            if changed < self._options.em_tolerance:
+                break
+            noise, changed = self._em_step(noise, self._filter(experiment, noise, self._samples))
+        return noise
+
+    def _em_step(self, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> tuple[NoiseCovariances, float]:
+        """One step of expectation maximisation, and the largest change of a variance's logarithm."""
+        counts = np.sum([each.counts for each in filtered], axis=0)
+        squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
+        before, factor = noise.measurement, self._options.em_factor
+        variances = np.where(counts > 0, squares / np.maximum(counts, 1), before)
+        variances = np.maximum(np.clip(variances, before / factor, before * factor), finest_noise(self._options) ** 2)
+        return replace(noise, measurement=variances), float(np.max(np.abs(np.log(variances / before)), initial=0.0))
+
+    def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
+        return self._filters.run(experiment, noise, gains=False, samples=samples)

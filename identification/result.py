@@ -1,31 +1,274 @@
-"""What logs say of a machine, as a prompt and a notebook show it."""
+"""The result of an estimation: estimates with their uncertainties, as tables, text, record, ensemble and figure."""
 
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from dualwinch.identification.found import Found
-from dualwinch.identification.summary import headline, notes, tables
+from dualwinch.identification.diagnostics import (
+    LikelihoodProfile,
+    UnidentifiableDirection,
+    WhitenessTest,
+    uninformed_keys,
+)
+from dualwinch.identification.estimate import LocalOptimum
+from dualwinch.identification.options import EstimationOptions
+from dualwinch.identification.predictor import GaussMarkov
+from dualwinch.identification.smoother import SmoothedForce
+from dualwinch.identification.unknowns import UnknownParameter
+from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, table
+from dualwinch.simulation.ensembles.distributions import Choice
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 
+Floats = NDArray[np.float64]
+Table = tuple[list[str], list[list[str]]]
 
-class Identified(Found):
-    """What logs say of a machine; fields are those of `Found`."""
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentificationResult:
+    """Estimates of a machine's parameters.
+
+    Attributes:
+        experiment: as given, with the estimates in the place of the unknown parameters.
+        unknowns: the parameters that were estimated.
+        values: (p,) the estimates.
+        covariance: (p, p) of their errors, priors included.
+        unidentifiable: directions that the logs do not determine.
+        noise: reading → standard deviation of its noise.
+        process_noise: disturbance → its Gauss–Markov process.
+        whiteness: tests of the innovations of each sensor.
+        held_out: the same of the part of the logs that was not fitted; empty: there was none.
+        innovations: reading → (2, windows) time in s since the beginning of all logs, and root mean square of the
+            whitened innovations in windows of time; 1 where the model is right.
+        logs: names.
+        duration: of all logs in s.
+        passes: passes of the filter through the logs.
+        converged: whether the search converged.
+        optima: the distinct ones of several starts, the best first.
+        seconds: wall time.
+        options: of the estimation.
+        forces: the unrecorded force in each log, where asked for.
+        profiles: profile likelihoods, where asked for.
+        excess: implausibly large disturbances, in words.
+    """
+
+    experiment: Experiment
+    unknowns: tuple[UnknownParameter, ...]
+    values: Floats
+    covariance: Floats
+    unidentifiable: tuple[UnidentifiableDirection, ...]
+    noise: dict[str, float]
+    process_noise: dict[str, GaussMarkov]
+    whiteness: tuple[WhitenessTest, ...]
+    held_out: tuple[WhitenessTest, ...]
+    innovations: dict[str, Floats]
+    logs: tuple[str, ...]
+    duration: float
+    passes: int
+    converged: bool
+    optima: tuple[LocalOptimum, ...]
+    seconds: float
+    options: EstimationOptions
+    forces: tuple[SmoothedForce, ...] = ()
+    profiles: tuple[LikelihoodProfile, ...] = ()
+    excess: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the parameters that were estimated."""
+        return tuple(unknown.key for unknown in self.unknowns)
+
+    @property
+    def deviations(self) -> Floats:
+        """(p,) standard deviations of the estimates' errors."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Floats:
+        """(p, p) of the estimates' errors."""
+        return self.covariance / np.outer(self.deviations, self.deviations)
+
+    @property
+    def uninformed(self) -> tuple[str, ...]:
+        """Keys of which the logs add hardly anything to the prior."""
+        return uninformed_keys(self.unknowns, self.deviations, self.options.diagnostics)
+
+    def interval(self, key: str, share: float = 0.95) -> tuple[float, float]:
+        """The interval that contains a parameter with a probability of `share`, if the model is right.
+
+        Raises:
+            ValueError: a key that was not estimated.
+        """
+        from scipy.special import ndtri
+
+        index = self.keys.index(key)
+        half = float(ndtri((1 + share) / 2) * self.deviations[index])
+        return float(self.values[index]) - half, float(self.values[index]) + half
+
+    def ensemble(self, name: str = "fitted", seed: int = 0, draws: int = 256) -> Ensemble:
+        """The machines that are consistent with the logs: draws from the covariance of the estimates.
+
+        A draw beyond a parameter's range lies at its end.
+
+        Args:
+            name: of the ensemble.
+            seed: of the draws.
+            draws: number of sets of parameters.
+        """
+        normal = np.random.default_rng(seed).standard_normal((draws, len(self.values)))
+        size, ways = np.linalg.eigh(self.correlation)  # in units of the deviations all parameters are of one size
+        drawn = self.values + self.deviations * (normal @ (np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T))
+        distributions = {
+            unknown.key: Drawn(Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted")
+            for unknown, column in zip(self.unknowns, drawn.T, strict=True)
+        }
+        logs = ", ".join(self.logs)
+        description = f"machines consistent with {logs}: {draws} draws of the estimates' errors, seed {seed}"
+        return Ensemble(name, description, self.experiment, distributions)
+
+    @property
+    def headline(self) -> str:
+        """The estimation in one line."""
+        return (
+            f"{len(self.keys)} parameter{'s' * (len(self.keys) != 1)} from {self.duration:.4g} s of "
+            f"{len(self.logs)} log{'s' * (len(self.logs) != 1)}"
+        )
+
+    @property
+    def tables(self) -> list[Table]:
+        """Headings and rows of all tables: estimates, sensors, and optima and profiles where there are some."""
+        found = [self._estimates_table(), self._sensors_table()]
+        found += [self._optima_table()] if len(self.optima) > 1 else []
+        return found + ([self._profiles_table()] if self.profiles else [])
+
+    def _estimates_table(self) -> Table:
+        rows = []
+        for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True):
+            low, high = self.interval(unknown.key)
+            share = f"{deviation / abs(value):.2%}" if value and deviation < abs(value) else ""
+            digits = _digits(value, deviation)
+            rows.append([
+                unknown.key, f"{unknown.start:.6g}", f"{value:.{digits}g}", f"{deviation:.2g}", share,
+                f"{low:.{digits}g} to {high:.{digits}g}", behind_number(unknown.unit).strip(),
+            ])  # fmt: skip
+        return ["", "start", "estimate", "± 1 s.d.", "", "95 % interval", ""], rows
+
+    def _sensors_table(self) -> Table:
+        rows, held = [], {test.name: test for test in self.held_out}
+        for test in self.whiteness:
+            other = f"{held[test.name].variance:.3f}" if test.name in held else ""
+            rows.append([test.name, f"{test.count}", f"{self.noise.get(test.name, math.nan):.3g}", test.words, other])
+        return ["sensor", "readings", "noise (s.d.)", "residual", "variance held out" if held else ""], rows
+
+    def _optima_table(self) -> Table:
+        rows = [
+            [f"{each.searches}", f"{-each.deviance / 2:.3g}", *(f"{value:.5g}" for value in each.values)]
+            for each in self.optima
+        ]
+        return ["searches", "log likelihood over the best", *self.keys], rows
+
+    def _profiles_table(self) -> Table:
+        rows = []
+        for profile in self.profiles:
+            ends = (*profile.interval, *self.interval(profile.key))
+            low, high, by_low, by_high = (f"{end:.6g}" for end in ends)
+            rows.append([profile.key, f"{low} to {high}", f"{by_low} to {by_high}"])
+        return ["", "95 % interval by its profile", "by its deviation"], rows
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader has to know beside the tables."""
+        words = [*self.excess, *(each.words for each in self.unidentifiable)]
+        correlation = self.correlation
+        words += [f"{key}: the logs add hardly anything to its prior" for key in self.uninformed]
+        for row in range(len(self.keys)):
+            for column in range(row):
+                if abs(correlation[row, column]) > self.options.diagnostics.correlated:
+                    pair = f"{self.keys[column]} and {self.keys[row]}"
+                    words.append(f"{pair}: errors are correlated, {correlation[row, column]:+.3f}")
+        for unknown, value in zip(self.unknowns, self.values, strict=True):
+            if min(value - unknown.lower, unknown.upper - value) <= 1e-6 * unknown.scale:
+                words.append(f"{unknown.key}: lies at the end of its range; is the log of this machine?")
+        if len(self.optima) > 1:
+            likelihood = -self.optima[1].deviance / 2
+            words.append(f"{len(self.optima)} distinct optima; the second is less likely, exp({likelihood:.3g})")
+        if not self.converged:
+            words.append("the search has not converged after its last step: deviations may be too small")
+        return words
+
+    def to_record(self) -> dict[str, Any]:
+        """All results, as JSON takes them."""
+        return {
+            "logs": list(self.logs),
+            "duration": self.duration,
+            "converged": self.converged,
+            "passes": self.passes,
+            "seconds": self.seconds,
+            "parameters": [
+                {
+                    "key": unknown.key,
+                    "unit": unknown.unit,
+                    "start": unknown.start,
+                    "prior": asdict(unknown.prior) if unknown.prior else None,
+                    "estimate": float(value),
+                    "deviation": float(deviation),
+                    "interval": list(self.interval(unknown.key)),
+                }
+                for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True)
+            ],
+            "correlation": self.correlation.tolist(),
+            "unidentifiable": [
+                {"keys": list(each.keys), "deviation": each.deviation if np.isfinite(each.deviation) else None}
+                for each in self.unidentifiable
+            ],
+            "noise": self.noise,
+            "process_noise": {name: asdict(each) for name, each in self.process_noise.items()},
+            "whiteness": [asdict(test) | {"white": test.white} for test in self.whiteness],
+            "held_out": [asdict(test) | {"white": test.white} for test in self.held_out],
+            "optima": [asdict(each) for each in self.optima],
+            "profiles": [
+                {
+                    "key": each.key,
+                    "values": each.values.tolist(),
+                    "rise": each.rise.tolist(),
+                    "interval": [end if np.isfinite(end) else None for end in each.interval],
+                }
+                for each in self.profiles
+            ],
+            "notes": self.notes,
+        }
 
     def __repr__(self) -> str:
-        parts = [f"Identified: {headline(self)}", *(markdown(*each) for each in tables(self)), "\n".join(notes(self))]
-        return "\n\n".join(parts).rstrip()
+        tables = (markdown(*each) for each in self.tables)
+        return "\n\n".join([f"Identified: {self.headline}", *tables, "\n".join(self.notes)]).rstrip()
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
-        words = ". ".join([headline(self), *notes(self)])
-        return page("Identified", words, "".join(table(*each) for each in tables(self)))
+        words = ". ".join([self.headline, *self.notes])
+        return page("Identified", words, "".join(table(*each) for each in self.tables))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
-        """Draw estimates with their intervals, and how surprising the readings were over time.
+        """Draw estimates with their intervals, and the innovations' size over time.
 
         Args:
             ax: two axes to draw into; default: a figure of its own.
         """
-        from dualwinch.identification.figure import identified_figure
+        from dualwinch.identification.plots import identification_figure
 
-        return identified_figure(self, ax=ax)
+        verdicts = {test.name: test.words for test in self.whiteness}
+        return identification_figure(
+            self.headline, self.unknowns, self.values, self.deviations, self.innovations, verdicts, ax=ax
+        )
+
+
+def _digits(value: float, deviation: float) -> int:
+    """So many digits of a value that the last is a tenth of its deviation."""
+    if not value or not deviation or not math.isfinite(deviation):
+        return 4
+    return min(max(math.floor(math.log10(abs(value))) - math.floor(math.log10(deviation)) + 2, 2), 9)

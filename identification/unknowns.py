@@ -1,19 +1,24 @@
-"""What is to be found: keys of an experiment, the ranges they may lie in, and what is known of them beforehand."""
+"""Unknown parameters: keys, ranges and priors, and the coordinates in which they are searched."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
+from os import PathLike
 
-from dualwinch.identification.predictor import GROUPS, machine_of, parameter_names
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.identification.options import DEFAULTS, SearchOptions
+from dualwinch.identification.predictor import GROUPS, parameter_names, predictor_structure
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 
-FACTOR = 10.0
-"""How far from where the search begins a number may lie, within its annotation's bounds: so many times its scale (of
-what is known beforehand: its deviation), and else down to that share of a positive one."""
+Floats = NDArray[np.float64]
 
 PREFIXES = tuple(f"{group}." for group in GROUPS)
 
@@ -21,28 +26,31 @@ NOT_FITTED = (
     "sensors.position_noise", "sensors.speed_noise", "sensors.tension_noise", "sensors.position_resolution",
     "sensors.encoder_counts", "sensors.position_drift",
 )  # fmt: skip
-"""Numbers of noise and steps: they are estimated from what is left, or cannot be seen."""
+"""Parameters of noise and quantisation: they are estimated with R, or have no effect on the predictions."""
+
+WAVES = {"eccentricity_angle": "eccentricity", "ripple_angle": "torque_ripple"}
+"""Angle of a wave → its amplitude, as keys end."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a number beforehand, as a normal distribution."""
+    """Prior distribution of a parameter, normal."""
 
     mean: float
     deviation: float
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """A number to be found.
+class UnknownParameter:
+    """A parameter to estimate.
 
     Attributes:
         key: of the experiment.
         unit: its unit.
         start: where the search begins.
         lower, upper: its range.
-        scale: what counts as a large change of it.
-        prior: what is known beforehand; None: nothing.
+        scale: a large change of it.
+        prior: its prior; None: none.
     """
 
     key: str
@@ -58,36 +66,47 @@ class Unknown:
         """Whether a whole turn more is the same."""
         return self.key.endswith("_angle")
 
+    @property
+    def uncertainty(self) -> float:
+        """Its prior deviation, else its scale."""
+        return self.prior.deviation if self.prior else self.scale
 
-def keys_of(patterns: Sequence[str], experiment: Experiment) -> tuple[str, ...]:
-    """Keys that patterns such as ``plant.rope_*.modulus`` stand for, each once.
+
+def estimable_keys(patterns: Sequence[str], experiment: Experiment) -> tuple[str, ...]:
+    """Keys that match patterns such as ``plant.rope_*.modulus``, each once.
 
     Raises:
-        ConfigurationError: a pattern that stands for nothing that can be fitted.
+        ConfigurationError: a pattern that matches no parameter of the predictor.
     """
-    known = [
-        key for key in parameter_names(machine_of(experiment)) if key.startswith(PREFIXES) and key not in NOT_FITTED
-    ]
+    structure = predictor_structure(experiment)
+    known = [key for key in parameter_names(structure) if key.startswith(PREFIXES) and key not in NOT_FITTED]
     found: dict[str, None] = {}
     for pattern in (part.strip() for text in patterns for part in text.split(",")):
         matching = [key for key in known if fnmatchcase(key, pattern)]
         if not matching:
             hint = nearest(pattern, known)
-            raise ConfigurationError(f"--fit {pattern}: no number that a log can tell; did you mean '{hint}'?")
+            raise ConfigurationError(f"--fit {pattern}: no parameter that a log determines; did you mean '{hint}'?")
         found |= dict.fromkeys(matching)
     return tuple(found)
 
 
-def unknowns_of(keys: Sequence[str], experiment: Experiment, priors: Mapping[str, Prior]) -> tuple[Unknown, ...]:
-    """The unknowns of some keys.
+def unknown_parameters(
+    keys: Sequence[str],
+    experiment: Experiment,
+    priors: Mapping[str, Prior],
+    options: SearchOptions = DEFAULTS.search,
+) -> tuple[UnknownParameter, ...]:
+    """The unknown parameters of some keys, with their ranges.
 
     Raises:
         ConfigurationError: a prior of a key that is not fitted, or outside of its range.
     """
     for key in priors:
         if key not in keys:
-            raise ConfigurationError(f"--prior {key}: is not fitted; add it to --fit")
-    values, described = leaves(experiment), describe_parts(experiment)
+            hint = f"; did you mean '{nearest(key, keys)}'?" if keys else ""
+            raise ConfigurationError(f"--prior {key}: is not fitted; add it to --fit{hint}")
+    values, described, factor = leaves(experiment), describe_parts(experiment), options.range_factor
+    typical = {each.name: getattr(options.typical, each.name) for each in fields(options.typical)}
     found = []
     for key in keys:
         leaf, prior = described[key], priors.get(key)
@@ -95,27 +114,186 @@ def unknowns_of(keys: Sequence[str], experiment: Experiment, priors: Mapping[str
         if prior and not lower <= prior.mean <= upper:
             raise ConfigurationError(f"--prior {key}={prior.mean:g}: must be {leaf.wanted}")
         start = prior.mean if prior else float(values[key])
-        scale = prior.deviation if prior else abs(start) or _some_scale(key)
-        least = start / FACTOR if lower >= 0 < start and not prior else start - FACTOR * scale
-        ends = max(lower, least), min(upper, start + FACTOR * scale)
-        found.append(Unknown(key, leaf.quantity.unit, start, *ends, scale, prior))
+        usual = next((size for part, size in typical.items() if part in key), 1.0)
+        scale = prior.deviation if prior else abs(start) or usual
+        least = start / factor if lower >= 0 < start and not prior else start - factor * scale
+        ends = max(lower, least), min(upper, start + factor * scale)
+        found.append(UnknownParameter(key, leaf.quantity.unit, start, *ends, scale, prior))
     return tuple(found)
 
 
-TYPICAL = {
-    "sensors.encoder_zero": 1e-3,
-    "sensors.load_cell_zero": 30.0,
-    "sensors.load_cell_error": 0.01,
-    "sensors.position_bias": 1e-3,
-    "radius_error": 2e-3,
-    "torque_error": 0.02,
-    "torque_ripple": 0.01,
-    "elongation": 5e-4,
-    "layer_thickness": 1e-3,
-    "eccentricity": 1e-4,
-}
-"""Sizes of what is zero unless it is known: parts of keys → size."""
+def problem_of(
+    keys: str | Sequence[str],
+    experiment: Experiment | None,
+    ensemble: str | PathLike[str] | Ensemble | None,
+    priors: Mapping[str, Prior | tuple[float, float]] | None,
+) -> tuple[Experiment, tuple[str, ...], dict[str, Prior]]:
+    """The experiment, all keys to estimate, and their priors; arguments as of `identification.identify.identify`.
+
+    Raises:
+        ConfigurationError: an ensemble that cannot be read, or a key that no log determines.
+    """
+    known = load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
+    experiment = experiment or (known.experiment if known else Experiment())
+    wanted = estimable_keys([keys] if isinstance(keys, str) else keys, experiment)
+    given = {key: prior if isinstance(prior, Prior) else Prior(*prior) for key, prior in (priors or {}).items()}
+    if known:
+        given = ensemble_priors(known, experiment, without=(*wanted, *given)) | given
+    return experiment, (*wanted, *(key for key in given if key not in wanted)), given
 
 
-def _some_scale(key: str) -> float:
-    return next((size for part, size in TYPICAL.items() if part in key), 1.0)
+def ensemble_priors(
+    ensemble: Ensemble, experiment: Experiment, without: Sequence[str] = (), quantiles: int = 200
+) -> dict[str, Prior]:
+    """Priors of the parameters that an ensemble draws and a log determines: mean and deviation of the draws.
+
+    Args:
+        ensemble: gives distributions.
+        experiment: gives nominal values.
+        without: keys that are left out.
+        quantiles: of each distribution, of which mean and deviation are taken.
+    """
+    values, known = leaves(experiment), set(estimable_keys(["*"], experiment)) - set(without)
+    shares = [(index + 0.5) / quantiles for index in range(quantiles)]
+    found = {}
+    for key, drawn in ensemble.distributions.items():
+        if key in known:
+            draws = [float(drawn.value(share, values[key])) for share in shares]
+            mean = sum(draws) / quantiles
+            found[key] = Prior(mean, (sum((draw - mean) ** 2 for draw in draws) / quantiles) ** 0.5)
+    return found
+
+
+def covariance_of(information: Floats, unknowns: Sequence[UnknownParameter]) -> Floats:
+    """(p, p) covariance of the unknown parameters by the logs' information and their priors.
+
+    A parameter without a prior of which the logs have no information is taken to be within its scale.
+    """
+    prior = np.array([1 / each.uncertainty**2 for each in unknowns])
+    by = np.array([each.scale for each in unknowns])
+    scaled = (information + np.diag(prior)) * np.outer(by, by)
+    return np.asarray(np.linalg.inv(scaled) * np.outer(by, by), np.float64)
+
+
+def unwrapped(values: Floats, unknowns: Sequence[UnknownParameter]) -> Floats:
+    """Values with angles within half a turn of their starts: whole turns more or less are the same."""
+    starts, angles = np.array([each.start for each in unknowns]), np.array([each.cyclic for each in unknowns])
+    return np.where(angles, starts + np.remainder(values - starts + np.pi, 2 * np.pi) - np.pi, values)
+
+
+class SearchCoordinates:
+    """Coordinates of the search: each unknown over its scale, a wave by its cosine and sine parts.
+
+    In the place of amplitude and angle of a wave, where both are unknown, stand its parts: an amplitude that goes
+    through zero has an angle half a turn further on; one that stops at zero has lost its angle, and a search that gets
+    there stays. In parts, zero is a point like any other.
+
+    Attributes:
+        waves: indices of amplitude and angle of each wave.
+        known: (p,) 1 where an unknown has a prior, else 0.
+        bounds: (p,) each, of the coordinates.
+    """
+
+    def __init__(
+        self,
+        unknowns: Sequence[UnknownParameter],
+        within: float = np.inf,
+        itself: int | None = None,
+        options: SearchOptions = DEFAULTS.search,
+    ) -> None:
+        """Coordinates of p unknowns.
+
+        Args:
+            unknowns: p.
+            within: prior deviations from its prior mean that bound an unknown.
+            itself: index of an unknown that is a coordinate itself even if it is part of a wave.
+            options: least amplitude.
+        """
+        self._unknowns, self._least = tuple(unknowns), options.least_amplitude
+        self._scale = np.array([unknown.scale for unknown in unknowns])
+        self.waves = tuple(wave for wave in _waves(unknowns) if itself not in wave)
+        self.known = np.array([each.prior is not None for each in unknowns], float)
+        lower, upper = (np.array([getattr(each, end) for each in unknowns]) / self._scale for end in ("lower", "upper"))
+        start = np.array([each.start for each in unknowns]) / self._scale
+        likely = np.where(self.known, within, np.inf)
+        lower, upper = np.maximum(lower, start - likely), np.minimum(upper, start + likely)
+        for amplitude, angle in self.waves:
+            lower[[amplitude, angle]], upper[[amplitude, angle]] = -upper[amplitude], upper[amplitude]
+        self.bounds = lower, upper
+
+    def of(self, values: Floats) -> Floats:
+        """(p,) coordinates of values, within bounds."""
+        found = values / self._scale
+        for amplitude, angle in self.waves:
+            size, at = values[amplitude] / self._scale[amplitude], values[angle]
+            found[amplitude], found[angle] = size * np.cos(at), size * np.sin(at)
+        return np.clip(found, *self.bounds)
+
+    def values(self, coordinates: Floats) -> Floats:
+        """(p,) values; angles within half a turn of zero."""
+        found = coordinates * self._scale
+        for amplitude, angle in self.waves:
+            cosine, sine = coordinates[amplitude], coordinates[angle]
+            size = np.clip(np.hypot(cosine, sine), self._least, self.bounds[1][amplitude])
+            found[amplitude], found[angle] = size * self._scale[amplitude], np.arctan2(sine, cosine)
+        return found
+
+    def jacobian(self, coordinates: Floats) -> Floats:
+        """(p, p) derivatives of values by coordinates."""
+        found = np.diag(self._scale)
+        for amplitude, angle in self.waves:
+            at = np.arctan2(coordinates[angle], coordinates[amplitude])
+            size = max(float(np.hypot(coordinates[amplitude], coordinates[angle])), self._least)
+            both = np.ix_([amplitude, angle], [amplitude, angle])
+            by = self._scale[amplitude]
+            found[both] = [[by * np.cos(at), by * np.sin(at)], [-np.sin(at) / size, np.cos(at) / size]]
+        return found
+
+    def prior(self) -> tuple[Floats, Floats]:
+        """The priors as (m, p) rows and a centre, (p,).
+
+        The rows make standard normal numbers of coordinates less the centre. A wave whose amplitude and angle both have
+        a prior is taken for the normal distribution of its parts with their mean and covariance.
+        """
+        p = len(self._unknowns)
+        centre, rows, done = np.zeros(p), [], set[int]()
+        for amplitude, angle in self.waves:
+            size, at = self._unknowns[amplitude].prior, self._unknowns[angle].prior
+            if size and at:
+                mean, covariance = _parts(size, at)
+                both, by = [amplitude, angle], self._scale[amplitude]
+                centre[both] = mean / by
+                row = np.zeros((2, p))
+                row[:, both] = np.linalg.inv(np.linalg.cholesky(covariance / by**2))
+                rows.append(row)
+                done |= set(both)
+        for index, unknown in enumerate(self._unknowns):
+            if unknown.prior and index not in done:
+                row = np.zeros((1, p))
+                row[0, index] = self._scale[index] / unknown.prior.deviation
+                centre[index] = unknown.prior.mean / self._scale[index]
+                rows.append(row)
+        return np.concatenate(rows) if rows else np.zeros((0, p)), centre
+
+
+def _waves(unknowns: Sequence[UnknownParameter]) -> tuple[tuple[int, int], ...]:
+    """Indices of amplitude and angle of every wave of which both are unknown, both with a prior or both without."""
+    index = {unknown.key: number for number, unknown in enumerate(unknowns)}
+    found = []
+    for key, number in index.items():
+        for angle, amplitude in WAVES.items():
+            other = index.get(key.removesuffix(angle) + amplitude)
+            if not key.endswith(f".{angle}") or other is None:
+                continue
+            if bool(unknowns[other].prior) == bool(unknowns[number].prior):
+                found.append((other, number))
+    return tuple(found)
+
+
+def _parts(size: Prior, at: Prior) -> tuple[Floats, Floats]:
+    """Mean and covariance of the parts of a wave whose amplitude and angle are normal."""
+    once, twice, square = np.exp(-(at.deviation**2) / 2), np.exp(-2 * at.deviation**2), size.mean**2 + size.deviation**2
+    mean = size.mean * once * np.array([np.cos(at.mean), np.sin(at.mean)])
+    cosine, sine = twice * np.cos(2 * at.mean), twice * np.sin(2 * at.mean)
+    squares = square / 2 * np.array([[1 + cosine, sine], [sine, 1 - cosine]])
+    return mean, squares - np.outer(mean, mean)

@@ -4,6 +4,7 @@ A file is read once and kept: it is the content behind a signal or a reference. 
 """
 
 import csv
+import difflib
 import hashlib
 import json
 import math
@@ -41,6 +42,7 @@ def factor(unit: str, si: str) -> float:
     if unit not in UNITS[si]:
         listed = ", ".join(UNITS[si])
         alike = [known for known in UNITS[si] if known.lower() == unit.lower()]
+        alike = alike or difflib.get_close_matches(unit, UNITS[si], n=1, cutoff=0.6)
         hint = f"; did you mean '{alike[0]}'?" if alike else ""
         raise ConfigurationError(f'unit "{unit}": must be one of {listed}{hint}')
     return UNITS[si][unit]

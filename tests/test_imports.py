@@ -24,15 +24,11 @@ ORDER = (*FLOORS, *FACE)
 
 TWICE: set[str] = {
     "Choice",
-    "Column",
     "Content",
     "Environment",
-    "Expected",
-    "Force",
     "Limits",
     "Motion",
     "Page",
-    "Sensed",
     "Structure",
 }
 """Names of more than one class, likewise."""

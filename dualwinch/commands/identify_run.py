@@ -13,14 +13,13 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemaining
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
-from dualwinch.commands.identify import identify
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.toml_text import parse_assignment
-from dualwinch.identification.record import to_record
-from dualwinch.identification.result import Identified
+from dualwinch.identification.identify import identify
+from dualwinch.identification.result import IdentificationResult
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -103,7 +102,7 @@ def believed_from(
     return None, reset(load_ensemble(ensemble), dict(map(parse_assignment, assignments)))
 
 
-def write_forces(file: Path, found: Identified) -> list[Path]:
+def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     """Write the force on the vehicle in each log, as ``disturbance.force.file`` takes it.
 
     Returns:
@@ -125,14 +124,14 @@ def progress_bar(console: Console) -> Iterator[Callable[[float], None]]:
         yield lambda done: bar.update(task, completed=done)
 
 
-def write_identified(out: Path, found: Identified, seed: int) -> list[Path]:
+def write_identified(out: Path, found: IdentificationResult, seed: int) -> list[Path]:
     """Write the machine, the ensemble of machines that the logs allow for, and all numbers as JSON.
 
     Returns:
         The files.
     """
     beside = out.with_name(f"{out.stem}-ensemble.toml"), out.with_suffix(".json")
-    record = to_record(found) | {f"version_{name}": version for name, version in versions().items()}
+    record = found.to_record() | {f"version_{name}": version for name, version in versions().items()}
     texts = (
         to_toml(found.experiment),
         ensemble_to_toml(found.ensemble(out.stem, seed)),

@@ -44,7 +44,7 @@ def test_a_known_drive_is_found(tmp_path: Path) -> None:
     assert abs(1e4 * inertia - MASS) < max(4e4 * found.deviations[0], 0.005 * MASS)
     assert lag == pytest.approx(LAG, rel=0.02)
     assert 100 * coulomb + 1e4 * viscous * 0.1 == pytest.approx(COULOMB + VISCOUS * 0.1, rel=0.05)
-    assert found.settled
+    assert found.converged
 
 
 def test_in_units_in_which_torques_are_a_hundred_times_as_large_it_is_the_same(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dualwinch.identification.fit import damped
+from dualwinch.identification.estimate import damped
 
 
 @pytest.mark.parametrize("ratio", [-0.95, -0.5, 0.0])

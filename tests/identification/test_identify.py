@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import ensemble_to_toml, loads_ensemble
-from dualwinch.identification.blind import blind
-from dualwinch.identification.fit import Fitting, covariance_of
+from dualwinch.identification.diagnostics import unidentifiable_directions
+from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
-from dualwinch.identification.sections import sections_of
-from dualwinch.identification.unknowns import Prior, Unknown, keys_of, unknowns_of
+from dualwinch.identification.resample import sections_of
+from dualwinch.identification.unknowns import Prior, UnknownParameter, estimable_keys, unknown_parameters
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
@@ -38,14 +38,14 @@ def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
     right = machine()
     found = identify([logged(right)], KEYS, override(right, BELIEVED))
     off = (found.values - truth(right, found.keys)) / found.deviations
-    assert found.settled
+    assert found.converged
     assert np.abs(off).max() < 4
     assert np.sqrt((off**2).mean()) < 2
     share = dict(zip(found.keys, found.deviations / found.values, strict=True))
     assert share["plant.rope_1.modulus"] < 1e-3
     assert share["plant.vehicle.mass"] < 0.02
-    assert found.blind == ()
-    assert all(test.variance == pytest.approx(1, abs=0.03) for test in found.tests)
+    assert found.unidentifiable == ()
+    assert all(test.variance == pytest.approx(1, abs=0.03) for test in found.whiteness)
     assert found.noise["F1"] == pytest.approx(10, rel=0.03)
     assert found.noise["x"] == pytest.approx(np.hypot(5e-4, 1e-3 / np.sqrt(12)), rel=0.05)
     assert leaves(found.experiment)["plant.vehicle.mass"] == pytest.approx(found.values[0])
@@ -54,14 +54,14 @@ def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
 def test_noise_that_is_known_need_not_be_found_out() -> None:
     right = machine(sensors__speed_noise=5e-4)  # ropes stay taut: where one is slack, likelihoods have steps
     believed = override(right, BELIEVED)
-    unknowns = unknowns_of(keys_of(KEYS, believed), believed, {})
+    unknowns = unknown_parameters(estimable_keys(KEYS, believed), believed, {})
     start = np.array([unknown.start for unknown in unknowns])
-    fitting = Fitting(sections_of([logged(right)], believed), believed, unknowns)
+    fitting = PredictionErrorMethod(sections_of([logged(right)], believed), believed, unknowns)
     fit = fitting.run(start)
     passes = fitting.passes
-    again = fitting.run(start, known=fit.levels)
-    assert again.settled
-    assert again.levels is fit.levels
+    again = fitting.run(start, noise=fit.noise)
+    assert again.converged
+    assert again.noise is fit.noise
     assert fitting.passes - passes < passes
     deviations = np.sqrt(np.diag(covariance_of(fit.information, unknowns)))
     np.testing.assert_array_less(np.abs(again.values - fit.values), 0.02 * deviations)
@@ -80,16 +80,16 @@ def test_what_the_log_cannot_tell_is_named() -> None:
     """Where the vehicle stands still nothing tells its mass; position and encoder zeros shift together."""
     right = machine(reference__kind="uniform", reference__speed=1e-3, disturbance__vortex=False)
     found = identify([logged(right)], ["plant.vehicle.drag_coefficient", "plant.rope_1.modulus"], right)
-    assert [each.keys for each in found.blind] == [("plant.vehicle.drag_coefficient",)]
-    assert "next to nothing" in found.blind[0].words
+    assert [each.keys for each in found.unidentifiable] == [("plant.vehicle.drag_coefficient",)]
+    assert "next to nothing" in found.unidentifiable[0].words
     assert found.values[0] == pytest.approx(0.3, rel=1), "it stays where it was"
 
 
 def test_directions_are_told_in_words() -> None:
-    unknowns = [Unknown(key, "", 1.0, 0.0, 9.0, 1.0) for key in ("a", "b", "c")]
+    unknowns = [UnknownParameter(key, "", 1.0, 0.0, 9.0, 1.0) for key in ("a", "b", "c")]
     ways = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     information = 1e4 * ways.T @ ways  # a + b and c are known, a - b is not
-    (direction,) = blind(information, unknowns)
+    (direction,) = unidentifiable_directions(information, unknowns)
     assert sorted(direction.keys) == ["a", "b"]
     assert direction.deviation > 1e3
     assert "only together with" in direction.words
@@ -108,7 +108,7 @@ def test_what_is_held_out_is_predicted() -> None:
     found = identify([logged(right)], ["plant.vehicle.mass"], right, hold_out=0.25)
     counts = {test.name: test.count for test in found.held_out}
     assert counts["x"] == pytest.approx(5000, abs=2)
-    assert {test.name: test.count for test in found.tests}["x"] == pytest.approx(15000, abs=4)
+    assert {test.name: test.count for test in found.whiteness}["x"] == pytest.approx(15000, abs=4)
     assert next(test for test in found.held_out if test.name == "F1").variance == pytest.approx(1, abs=0.1)
 
 
@@ -137,24 +137,24 @@ def test_a_log_of_another_machine_is_refused() -> None:
     ("keys", "words"),
     [
         (["plant.vehicle.mas"], "did you mean 'plant.vehicle.mass'"),
-        (["controller.nftsm.beta"], "no number that a log can tell"),
-        (["sensors.position_noise"], "no number that a log can tell"),
+        (["controller.nftsm.beta"], "no parameter that a log determines"),
+        (["sensors.position_noise"], "no parameter that a log determines"),
     ],
 )
 def test_keys_that_no_log_tells_are_refused(keys: list[str], words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
-        keys_of(keys, Experiment())
+        estimable_keys(keys, Experiment())
 
 
 def test_priors_are_of_what_is_fitted_and_within_its_range() -> None:
     with pytest.raises(ConfigurationError, match=r"--prior plant.vehicle.mass: is not fitted"):
-        unknowns_of(["plant.rope_1.modulus"], Experiment(), {"plant.vehicle.mass": Prior(1, 1)})
+        unknown_parameters(["plant.rope_1.modulus"], Experiment(), {"plant.vehicle.mass": Prior(1, 1)})
     with pytest.raises(ConfigurationError, match=r"--prior plant.vehicle.mass=-1: must be"):
-        unknowns_of(["plant.vehicle.mass"], Experiment(), {"plant.vehicle.mass": Prior(-1, 1)})
+        unknown_parameters(["plant.vehicle.mass"], Experiment(), {"plant.vehicle.mass": Prior(-1, 1)})
 
 
 def test_a_pattern_stands_for_all_that_match_it_once() -> None:
-    keys = keys_of(["plant.rope_*.modulus, plant.rope_1.modulus"], Experiment())
+    keys = estimable_keys(["plant.rope_*.modulus, plant.rope_1.modulus"], Experiment())
     assert keys == ("plant.rope_1.modulus", "plant.rope_2.modulus")
 
 

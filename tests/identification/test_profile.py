@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dualwinch.identification.diagnostics import LikelihoodProfile
+from dualwinch.identification.estimate import starts_of
 from dualwinch.identification.identify import identify
-from dualwinch.identification.optima import starts_of
-from dualwinch.identification.profile import Profile
-from dualwinch.identification.result import Identified
-from dualwinch.identification.unknowns import Prior, keys_of, unknowns_of
+from dualwinch.identification.result import IdentificationResult
+from dualwinch.identification.unknowns import Prior, estimable_keys, unknown_parameters
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -19,13 +19,13 @@ KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient")
 
 
 @pytest.fixture(scope="module")
-def found() -> Identified:
+def found() -> IdentificationResult:
     right = machine()
     believed = override(right, {"plant.vehicle.mass": 1.1e4})
     return identify([logged(right)], KEYS, believed, profiles=["plant.vehicle.mass"], starts=3, seed=4)
 
 
-def test_where_a_log_tells_enough_a_profile_is_the_parabola_of_the_deviation(found: Identified) -> None:
+def test_where_a_log_tells_enough_a_profile_is_the_parabola_of_the_deviation(found: IdentificationResult) -> None:
     (profile,) = found.profiles
     expected = ((profile.values - found.values[0]) / found.deviations[0]) ** 2
     np.testing.assert_allclose(profile.rise, expected, rtol=0.08, atol=0.05)  # drag makes it a little lopsided
@@ -34,14 +34,14 @@ def test_where_a_log_tells_enough_a_profile_is_the_parabola_of_the_deviation(fou
 
 
 def test_where_it_does_not_rise_there_is_no_end() -> None:
-    flat = Profile("a", np.array([-2.0, -1.0, 0.0, 1.0, 2.0]), np.array([16.0, 4.0, 0.0, 1.0, 1.5]))
+    flat = LikelihoodProfile("a", np.array([-2.0, -1.0, 0.0, 1.0, 2.0]), np.array([16.0, 4.0, 0.0, 1.0, 1.5]))
     assert flat.interval == (pytest.approx(-np.sqrt(3.841459) / 2), np.inf)
 
 
-def test_searches_from_several_starts_come_to_one_optimum(found: Identified) -> None:
+def test_searches_from_several_starts_come_to_one_optimum(found: IdentificationResult) -> None:
     (optimum,) = found.optima
     assert optimum.searches == 3
-    assert optimum.worse == 0
+    assert optimum.deviance == 0
     np.testing.assert_allclose(optimum.values, found.values)
 
 
@@ -56,7 +56,9 @@ def test_optima_that_differ_are_two() -> None:
 
 
 def test_starts_lie_within_what_is_known_and_what_is_possible() -> None:
-    unknowns = unknowns_of(keys_of([*KEYS], Experiment()), Experiment(), {"plant.vehicle.mass": Prior(1e4, 10.0)})
+    unknowns = unknown_parameters(
+        estimable_keys([*KEYS], Experiment()), Experiment(), {"plant.vehicle.mass": Prior(1e4, 10.0)}
+    )
     starts = np.array(starts_of(unknowns, 200, seed=1))
     np.testing.assert_array_equal(starts[0], [1e4, 0.3])
     assert starts[1:, 0].std() == pytest.approx(10, rel=0.2)

@@ -39,11 +39,11 @@ def test_a_machine_and_its_ensemble_come_out(log: Path, tmp_path: Path, capsys: 
         ]
     )
     said = capsys.readouterr().out
-    assert "3 numbers from 19.99" in said or "3 numbers from 20 s" in said
+    assert "3 parameters from 19.99" in said or "3 parameters from 20 s" in said
     assert "plant.rope_2.modulus" in said
     assert "held out" in said
     record = json.loads(out.with_suffix(".json").read_text())
-    estimate = {each["key"]: each["estimate"] for each in record["numbers"]}
+    estimate = {each["key"]: each["estimate"] for each in record["parameters"]}
     assert estimate["plant.vehicle.mass"] == pytest.approx(1e4, rel=0.03)
     assert load(out).plant.vehicle.mass == estimate["plant.vehicle.mass"]
     ensemble = load_ensemble(tmp_path / "fitted-ensemble.toml")
@@ -56,7 +56,7 @@ def test_a_machine_and_its_ensemble_come_out(log: Path, tmp_path: Path, capsys: 
     [
         (["--fit", "plant.vehicle.mass", "--hold-out", "120%"], "--hold-out 120%: must be 0% to less than 100%"),
         (["--fit", "plant.vehicle.mass", "--prior", "plant.vehicle.mass=9"], "must be KEY=MEAN±DEVIATION"),
-        (["--fit", "nothing"], "--fit nothing: no number that a log can tell"),
+        (["--fit", "nothing"], "--fit nothing: no parameter that a log determines"),
         (["--fit", "plant.vehicle.mass", "--out", "fitted.json"], "--out fitted.json: must end in .toml"),
         (["--fit", "plant.vehicle.mass", "--column", "F1"], "--column F1: must be READING=COLUMN"),
         (["--fit", "plant.vehicle.mass", "--starts", "0"], "starts = 0: must be >= 1"),

@@ -7,21 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dualwinch.identification.excitation.motions import Room, dimensions, motion, moves_in, room_of
+from dualwinch.identification.excitation import MotionLimits, motion_dimensions, motion_limits, motion_of, moves_in
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import own_duration, setpoint
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 
-ROOM = Room(farthest=40.0, speed=1.5, acceleration=0.25, jerk=0.5, tension=6000.0)
+ROOM = MotionLimits(farthest=40.0, speed=1.5, acceleration=0.25, jerk=0.5, tension=6000.0)
 
 
 @given(seed=st.integers(0, 2**32 - 1), duration=st.floats(15, 120))
 @settings(max_examples=50)
 def test_motions_keep_to_their_limits_and_are_over_in_time(seed: int, duration: float) -> None:
-    shares = np.random.default_rng(seed).random(dimensions(moves_in(duration)))
-    reference = motion(shares, ROOM, duration)
+    shares = np.random.default_rng(seed).random(motion_dimensions(moves_in(duration)))
+    reference = motion_of(shares, ROOM, duration)
     if reference is None:
         return
     t = np.linspace(0, duration, 2000)
@@ -35,16 +35,16 @@ def test_motions_keep_to_their_limits_and_are_over_in_time(seed: int, duration: 
 
 
 def test_where_nothing_moves_there_is_no_motion() -> None:
-    slow = np.zeros(dimensions(2))
+    slow = np.zeros(motion_dimensions(2))
     slow[2::2] = 1.0
-    assert motion(slow, ROOM, 0.1) is None
+    assert motion_of(slow, ROOM, 0.1) is None
 
 
 def test_limits_are_the_experiments_unless_they_are_tightened() -> None:
-    room = room_of(Experiment())
+    room = motion_limits(Experiment())
     assert (room.farthest, room.speed) == (49, 1.8)
     assert room.tension == 6000
-    assert room_of(Experiment(), track=40, speed=1.0).farthest == 40
+    assert motion_limits(Experiment(), track=40, speed=1.0).farthest == 40
 
 
 @pytest.mark.parametrize(
@@ -58,4 +58,4 @@ def test_limits_are_the_experiments_unless_they_are_tightened() -> None:
 )
 def test_limits_out_of_range_are_refused(limits: dict, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
-        room_of(Experiment(), **limits)
+        motion_limits(Experiment(), **limits)

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from dualwinch.config.experiment_file import loads, to_toml
-from dualwinch.identification.excitation.excited import Excited
-from dualwinch.identification.excitation.motions import room_of
-from dualwinch.identification.excitation.search import excite
+from dualwinch.identification.excitation import ExcitationDesign, excite
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
 from dualwinch.model.errors import ConfigurationError
@@ -19,12 +17,12 @@ KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.mo
 
 
 @pytest.fixture(scope="module")
-def designed() -> Excited:
+def designed() -> ExcitationDesign:
     experiment = machine()
-    return excite(KEYS, experiment, room_of(experiment), duration=30.0, trials=24, seed=2)
+    return excite(KEYS, experiment, duration=30.0, trials=24, seed=2)
 
 
-def test_what_is_expected_is_what_fits_come_to(designed: Excited) -> None:
+def test_what_is_expected_is_what_fits_come_to(designed: ExcitationDesign) -> None:
     """Errors of four seeded logs, over what was expected beforehand, are of the size of 1; so are stated deviations.
 
     By the median: of a log that seems to show a force that nobody recorded, a fit says so and is less sure.
@@ -42,13 +40,13 @@ def test_what_is_expected_is_what_fits_come_to(designed: Excited) -> None:
     assert 0.5 < size < 1.6, "16 standard normal numbers: beyond that once in a thousand times"
 
 
-def test_the_motion_tells_more_than_the_present_one(designed: Excited) -> None:
+def test_the_motion_tells_more_than_the_present_one(designed: ExcitationDesign) -> None:
     volume = np.linalg.slogdet(designed.covariance)[1]
     assert designed.present is not None
     assert volume < np.linalg.slogdet(designed.present)[1] - 1
 
 
-def test_the_run_keeps_to_its_limits_and_goes_through_a_file(designed: Excited) -> None:
+def test_the_run_keeps_to_its_limits_and_goes_through_a_file(designed: ExcitationDesign) -> None:
     experiment = loads(to_toml(designed.experiment))
     run = simulate(experiment)
     assert run.outcome == "completed"
@@ -58,14 +56,14 @@ def test_the_run_keeps_to_its_limits_and_goes_through_a_file(designed: Excited) 
     assert experiment.reference == designed.experiment.reference
 
 
-def test_the_same_seed_gives_the_same_motion(designed: Excited) -> None:
+def test_the_same_seed_gives_the_same_motion(designed: ExcitationDesign) -> None:
     experiment = machine()
-    again = excite(KEYS, experiment, room_of(experiment), duration=30.0, trials=24, seed=2, threads=1)
+    again = excite(KEYS, experiment, duration=30.0, trials=24, seed=2, threads=1)
     assert again.experiment == designed.experiment
     np.testing.assert_array_equal(again.covariance, designed.covariance)
 
 
-def test_it_says_what_to_expect(designed: Excited) -> None:
+def test_it_says_what_to_expect(designed: ExcitationDesign) -> None:
     words = repr(designed)
     assert f"{designed.deviations[0]:.2g}" in words
     assert f"{designed.present_deviations[0]:.2g}" in words
@@ -84,12 +82,12 @@ def test_it_says_what_to_expect(designed: Excited) -> None:
 )
 def test_options_out_of_range_are_refused(options: dict, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
-        excite(KEYS, machine(), room_of(machine()), **options)
+        excite(KEYS, machine(), **options)
 
 
-def test_limits_that_no_motion_keeps_are_told() -> None:
+def test_limits_that_no_motion_satisfies_are_reported() -> None:
     experiment = machine()
     with pytest.raises(
-        ConfigurationError, match=r"no motion of \d+ keeps to the limits; the nearest has a motor's torq"
+        ConfigurationError, match=r"none of \d+ motions is within the limits; the nearest has a motor's torq"
     ):
-        excite(KEYS, experiment, room_of(experiment, torque=20.0), duration=20.0, trials=8)
+        excite(KEYS, experiment, torque=20.0, duration=20.0, trials=8)

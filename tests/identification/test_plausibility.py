@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.identification.doubts import check_log
+from dualwinch.identification.diagnostics import check_log
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
-from dualwinch.identification.summary import notes
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
@@ -25,7 +24,7 @@ def columns(*names: str) -> tuple[np.ndarray, ...]:
 
 def test_columns_that_never_change_are_refused() -> None:
     still = np.full_like(logged(machine()).t, 5.0)
-    with pytest.raises(ConfigurationError, match="run: tau_1, tau_2: never change, and torques are what a fit goes by"):
+    with pytest.raises(ConfigurationError, match="run: tau_1, tau_2: never change, and torques drive the fit"):
         check_log(changed(tau_1=still, tau_2=still), machine())
     check_log(changed(tau_2=still), machine())
     with pytest.raises(ConfigurationError, match=r"run: F1: is 5 in every row; name another column \(--column F1=NAME"):
@@ -51,11 +50,14 @@ def test_a_key_that_other_values_fix_is_refused(key: str, gone: tuple[str, ...])
     calm = machine(disturbance__vortex=False)
     whole = logged(calm)
     log = replace(whole, columns={name: each for name, each in whole.columns.items() if name not in gone})
-    with pytest.raises(ConfigurationError, match=f"--fit {key}: nothing that these logs hold depends on it"):
+    with pytest.raises(ConfigurationError, match=f"--fit {key}: nothing in these logs depends on it"):
         identify([log], ["plant.vehicle.mass", key], calm)
 
 
-WORDS = r"run: (a force of \S+ N that|torques of \S+ N m that|\w+: what is left of it is \S+).*it is of another machine"
+WORDS = (
+    r"run: (an unrecorded force of \S+ N would|unrecorded torques of \S+ N m would|\w+: its residual is \S+)"
+    r".*it is of another machine"
+)
 
 
 @pytest.mark.parametrize(
@@ -79,10 +81,10 @@ def test_a_share_that_is_given_lets_such_a_log_pass_and_says_what_the_model_lack
         logged(override(machine(), {"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0})),
         "torques",
     )
-    with pytest.raises(ConfigurationError, match=r"run: torques of .* \(--unrecorded \d+% takes it for this one\)"):
+    with pytest.raises(ConfigurationError, match=r"run: unrecorded torques of .* \(--unrecorded \d+% accepts it\)"):
         identify([log], ["plant.vehicle.mass"], machine())
     found = identify([log], ["plant.vehicle.mass"], machine(), unrecorded=0.9)
-    assert any(f"{gear} of" in note and "the model lacks something" in note for note in notes(found))
+    assert any(f"{gear} of" in note and "the model lacks something" in note for note in found.notes)
     assert "the model lacks something" in repr(found)
     with pytest.raises(ConfigurationError, match="unrecorded = 0: must be > 0"):
         identify([log], ["plant.vehicle.mass"], machine(), unrecorded=0)

@@ -9,7 +9,7 @@ import pytest
 from dualwinch.commands.identify_run import write_forces
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
-from dualwinch.identification.result import Identified
+from dualwinch.identification.result import IdentificationResult
 from dualwinch.model.signals import Signal
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.settings import override
@@ -22,13 +22,13 @@ CALM = machine(disturbance__current_sigma=0.0, disturbance__normal_force_sigma=0
 
 
 @pytest.fixture(scope="module")
-def found() -> Identified:
+def found() -> IdentificationResult:
     force = Signal.from_arrays(T, GUST, unit="N")
     gusty = replace(CALM, disturbance=replace(CALM.disturbance, force=force))
     return identify([log_of(simulate(gusty))], ["plant.rope_*.modulus"], CALM, forces=True)
 
 
-def test_the_force_is_the_one_that_acted_as_well_as_is_said(found: Identified) -> None:
+def test_the_force_is_the_one_that_acted_as_well_as_is_said(found: IdentificationResult) -> None:
     (force,) = found.forces
     assert force.log == "run"
     np.testing.assert_allclose(np.diff(force.t), 0.01, atol=1e-9)
@@ -36,10 +36,10 @@ def test_the_force_is_the_one_that_acted_as_well_as_is_said(found: Identified) -
     assert np.sqrt(np.mean(off**2)) < 0.1 * GUST.std()
     size = np.sqrt(np.mean((off / force.deviation) ** 2))
     assert 0.2 < size < 1.5, "gusts as smooth as these are told better than a random force"
-    assert found.scatter["force"].deviation > 30, "found out by likelihood"
+    assert found.process_noise["force"].deviation > 30, "found out by likelihood"
 
 
-def test_a_file_of_it_is_a_disturbance(found: Identified, tmp_path: Path) -> None:
+def test_a_file_of_it_is_a_disturbance(found: IdentificationResult, tmp_path: Path) -> None:
     for suffix in ("csv", "parquet"):
         (file,) = write_forces(tmp_path / f"force.{suffix}", found)
         again = override(CALM, {"disturbance.force.file": str(file)})

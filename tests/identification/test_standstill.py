@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dualwinch.identification.rest import stretches
-from dualwinch.identification.sensed import READINGS
+from dualwinch.identification.predictor import READINGS
+from dualwinch.identification.resample import moving_intervals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 
@@ -20,20 +20,20 @@ def readings(speed: np.ndarray, name: str) -> np.ndarray:
 def test_rest_is_left_out_where_drums_stick() -> None:
     speed = np.where((T > 3) & (T < 12), 1.0, 0.0) - np.where((T > 20) & (T < 26), 0.5, 0.0)
     for name in ("x", "theta_2"):
-        first, second = stretches(readings(speed, name), STICKY)
+        first, second = moving_intervals(readings(speed, name), STICKY)
         np.testing.assert_allclose([first.start, first.stop], [3000, 12000], atol=260)
         np.testing.assert_allclose([second.start, second.stop], [20000, 26000], atol=260)
-        assert stretches(readings(speed, name), Experiment()) == [slice(0, len(T))]
+        assert moving_intervals(readings(speed, name), Experiment()) == [slice(0, len(T))]
 
 
 def test_where_hardly_anything_moves_nothing_is_left_out() -> None:
     short = np.where((T > 3) & (T < 6), 1.0, 0.0)
-    assert stretches(readings(short, "x"), STICKY) == [slice(0, len(T))]
-    assert stretches(np.full((len(T), len(READINGS)), np.nan), STICKY) == [slice(0, len(T))]
+    assert moving_intervals(readings(short, "x"), STICKY) == [slice(0, len(T))]
+    assert moving_intervals(np.full((len(T), len(READINGS)), np.nan), STICKY) == [slice(0, len(T))]
 
 
 def test_gaps_are_bridged() -> None:
     given = readings(np.ones(len(T)), "x")
     given[5000:9000] = np.nan
-    (whole,) = stretches(given, STICKY)
+    (whole,) = moving_intervals(given, STICKY)
     assert whole.stop - whole.start > 29_000

@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.drivers.prediction import FilterCovariances, FilterData, compile_predictor
-from dualwinch.identification.levels import Levels
-from dualwinch.identification.noise import first_noise
-from dualwinch.identification.predictor import machine_of, parameter_names, predicted
-from dualwinch.identification.sections import Filters, sections_of
-from dualwinch.identification.unrecorded import described
+from dualwinch.identification.filter import LogFilters
+from dualwinch.identification.noise import initial_measurement_noise
+from dualwinch.identification.options import DEFAULTS
+from dualwinch.identification.predictor import (
+    NoiseCovariances,
+    described_disturbances,
+    parameter_names,
+    predicted_system,
+    predictor_structure,
+)
+from dualwinch.identification.resample import sections_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 from tests.identification.conftest import logged, machine
@@ -30,12 +36,17 @@ START = slice(0, 160)
 
 def filters(
     experiment: Experiment = MACHINE, fitted: Sequence[str] = FITTED, window: slice = WINDOW
-) -> tuple[Filters, Levels]:
-    structure = machine_of(experiment)
+) -> tuple[LogFilters, NoiseCovariances]:
+    structure = predictor_structure(experiment)
     (section,) = sections_of([logged(MACHINE)], MACHINE)
     section = replace(section, inputs=section.inputs[window].copy(), readings=section.readings[window].copy())
-    levels = Levels(first_noise(section.readings, MACHINE.sensors), described(MACHINE))
-    return Filters(compile_predictor(predicted(structure, tuple(fitted))), structure, [section], None), levels
+    noise = NoiseCovariances(
+        initial_measurement_noise(section.readings, MACHINE.sensors, DEFAULTS.noise),
+        described_disturbances(MACHINE, DEFAULTS.noise),
+    )
+    return LogFilters(
+        compile_predictor(predicted_system(structure, tuple(fitted))), structure, [section], DEFAULTS
+    ), noise
 
 
 @dataclass
@@ -51,7 +62,7 @@ class Textbook:
 
 def in_numpy(experiment: Experiment, vector: np.ndarray, course: FilterData, spread: FilterCovariances) -> Textbook:
     """An extended Kalman filter as in a textbook, all sensors at once."""
-    system = predicted(machine_of(experiment), FITTED)
+    system = predicted_system(predictor_structure(experiment), FITTED)
     n, motion = len(course.start), system.move.size1_in("motion")
     x, P = course.start.copy(), spread.initial.copy()
     found = Textbook([], [], [], [], 0.0)
@@ -110,30 +121,30 @@ def smoothed(found: Textbook, walk: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 @pytest.mark.parametrize(("experiment", "window"), [(MACHINE, WINDOW), (MACHINE, START), (IN_PARTS, WINDOW)])
 def test_the_filter_is_the_textbooks(experiment: Experiment, window: slice) -> None:
-    found, levels = filters(experiment, window=window)
+    found, noise = filters(experiment, window=window)
     (section,) = found.sections
-    (weights,) = found.weigh(experiment, levels, rows=True)
-    course, covariance = found.course(experiment, levels, section)
-    spread = FilterCovariances(covariance, found.walk(experiment, levels), levels.noise)
-    textbook = in_numpy(experiment, found.vector(experiment, levels), course, spread)
+    (filtered,) = found.run(experiment, noise, rows=True, robust=False)
+    course, covariance = found.data(experiment, noise, section)
+    spread = FilterCovariances(covariance, found.process_variances(experiment, noise), noise.measurement)
+    textbook = in_numpy(experiment, found.parameters(experiment, noise), course, spread)
     states, deviations = np.array(textbook.states), np.sqrt([np.diag(each) for each in textbook.covariances])
-    assert weights.states is not None
-    assert weights.deviations is not None
-    assert (np.abs(weights.states - states) <= 1e-5 * deviations + 1e-9).all()
-    np.testing.assert_allclose(weights.deviations[:, :6], deviations[:, :6], rtol=1e-4)
-    assert weights.negative_log_likelihood == pytest.approx(textbook.negative_log_likelihood, rel=1e-6)
+    assert filtered.states is not None
+    assert filtered.deviations is not None
+    assert (np.abs(filtered.states - states) <= 1e-5 * deviations + 1e-9).all()
+    np.testing.assert_allclose(filtered.deviations[:, :6], deviations[:, :6], rtol=1e-4)
+    assert filtered.negative_log_likelihood == pytest.approx(textbook.negative_log_likelihood, rel=1e-6)
 
 
 def test_the_smoother_is_the_textbooks() -> None:
-    found, levels = filters()
+    found, noise = filters()
     (section,) = found.sections
-    course, covariance = found.course(MACHINE, levels, section)
-    walk = found.walk(MACHINE, levels)
+    course, covariance = found.data(MACHINE, noise, section)
+    walk = found.process_variances(MACHINE, noise)
     textbook = in_numpy(
-        MACHINE, found.vector(MACHINE, levels), course, FilterCovariances(covariance, walk, levels.noise)
+        MACHINE, found.parameters(MACHINE, noise), course, FilterCovariances(covariance, walk, noise.measurement)
     )
     states, deviations = smoothed(textbook, walk)
-    ((_, means, covariances),) = found.smooth(MACHINE, levels)
+    ((_, means, covariances),) = found.smooth(MACHINE, noise)
     spreads = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     acting = slice(-means.shape[1], None)
     np.testing.assert_allclose(spreads, deviations[:, acting], rtol=1e-3)
@@ -143,10 +154,10 @@ def test_the_smoother_is_the_textbooks() -> None:
 
 
 def test_gains_written_in_the_place_of_others_are_the_same() -> None:
-    found, levels = filters()
+    found, noise = filters()
     off = replace(MACHINE, plant=machine(plant__vehicle__mass=1.03e4).plant)
-    (fresh,), (other,) = found.weigh(MACHINE, levels), found.weigh(off, levels)
-    (again,) = found.weigh(MACHINE, levels, into=[other])
+    (fresh,), (other,) = found.run(MACHINE, noise, robust=False), found.run(off, noise, robust=False)
+    (again,) = found.run(MACHINE, noise, into=[other], robust=False)
     assert again.gains is other.gains
     np.testing.assert_array_equal(again.gains, fresh.gains)
     np.testing.assert_array_equal(again.whitening, fresh.whitening)
@@ -154,13 +165,13 @@ def test_gains_written_in_the_place_of_others_are_the_same() -> None:
 
 
 def test_with_its_own_gains_a_prediction_is_the_filters() -> None:
-    found, levels = filters()
-    (weights,) = found.weigh(MACHINE, levels)
-    (prediction,) = found.predict(found.vector(MACHINE, levels), MACHINE, levels, [weights], rows=True)
+    found, noise = filters()
+    (filtered,) = found.run(MACHINE, noise, robust=False)
+    (prediction,) = found.predict(found.parameters(MACHINE, noise), MACHINE, noise, [filtered], rows=True)
     assert prediction.innovations is not None
     squares = np.nansum(prediction.innovations**2, axis=0)
-    np.testing.assert_allclose(squares, weights.squares, rtol=1e-9)
-    assert prediction.normal[-1, -1] == pytest.approx(weights.squares.sum(), rel=1e-9)
+    np.testing.assert_allclose(squares, filtered.squares, rtol=1e-9)
+    assert prediction.normal[-1, -1] == pytest.approx(filtered.squares.sum(), rel=1e-9)
 
 
 @pytest.mark.parametrize("experiment", [MACHINE, IN_PARTS])
@@ -170,17 +181,17 @@ def test_slopes_are_those_of_differences(key: str, share: float, experiment: Exp
 
     A rope's modulus decides which samples take one step; a small change changes none.
     """
-    found, levels = filters(experiment)
+    found, noise = filters(experiment)
     off = replace(experiment, plant=machine(plant__vehicle__mass=1.03e4).plant)  # where the gradient is no noise
-    weights = found.weigh(off, levels)
-    base = found.vector(off, levels)
-    column, index = parameter_names(machine_of(experiment)).index(key), FITTED.index(key)
+    filtered = found.run(off, noise, robust=False)
+    base = found.parameters(off, noise)
+    column, index = parameter_names(predictor_structure(experiment)).index(key), FITTED.index(key)
     step = share * (abs(base[column]) or 1e-3)
 
     def squares(change: float) -> np.ndarray:
         vector = base.copy()
         vector[column] += change
-        (prediction,) = found.predict(vector, off, levels, weights)
+        (prediction,) = found.predict(vector, off, noise, filtered)
         return prediction.normal
 
     slope = (squares(step)[-1, -1] - squares(-step)[-1, -1]) / (2 * step)
@@ -189,15 +200,15 @@ def test_slopes_are_those_of_differences(key: str, share: float, experiment: Exp
 
 def test_in_parts_or_in_one_step_slopes_are_those_of_differences() -> None:
     """Where samples of both kinds take turns."""
-    found, levels = filters(window=START)
+    found, noise = filters(window=START)
     off = machine(plant__vehicle__mass=1.03e4)
-    weights, base = found.weigh(off, levels), found.vector(off, levels)
-    column = parameter_names(machine_of(MACHINE)).index("plant.vehicle.mass")
+    filtered, base = found.run(off, noise, robust=False), found.parameters(off, noise)
+    column = parameter_names(predictor_structure(MACHINE)).index("plant.vehicle.mass")
 
     def squares(change: float) -> np.ndarray:
         vector = base.copy()
         vector[column] += change
-        (prediction,) = found.predict(vector, off, levels, weights)
+        (prediction,) = found.predict(vector, off, noise, filtered)
         return prediction.normal
 
     slope = (squares(1e-3)[-1, -1] - squares(-1e-3)[-1, -1]) / 2e-3
@@ -205,24 +216,29 @@ def test_in_parts_or_in_one_step_slopes_are_those_of_differences() -> None:
 
 
 def test_numbers_that_are_zero_may_be_left_out() -> None:
-    structure, keys = machine_of(MACHINE), FITTED
+    structure, keys = predictor_structure(MACHINE), FITTED
     zeros = zeros_of(structure, parameters_of(MACHINE), varying=keys)
-    found, levels = filters()
-    without = Filters(compile_predictor(predicted(structure, keys, zeros)), structure, found.sections, None)
-    assert predicted(structure, keys, zeros).sense.n_instructions() < predicted(structure, keys).sense.n_instructions()
-    (weights,), (same,) = (each.weigh(MACHINE, levels) for each in (found, without))
-    np.testing.assert_allclose(same.squares, weights.squares, rtol=1e-6)
-    (liked,) = without.weigh(MACHINE, levels, gains=False)
+    found, noise = filters()
+    without = LogFilters(
+        compile_predictor(predicted_system(structure, keys, zeros)), structure, found.sections, DEFAULTS
+    )
+    assert (
+        predicted_system(structure, keys, zeros).sense.n_instructions()
+        < predicted_system(structure, keys).sense.n_instructions()
+    )
+    (filtered,), (same,) = (each.run(MACHINE, noise, robust=False) for each in (found, without))
+    np.testing.assert_allclose(same.squares, filtered.squares, rtol=1e-6)
+    (liked,) = without.run(MACHINE, noise, gains=False, robust=False)
     assert liked.gains.size == 0
     assert liked.negative_log_likelihood == pytest.approx(same.negative_log_likelihood, rel=1e-12)
 
 
 def test_missing_sensors_are_never_looked_at() -> None:
     """A log without load cells and with one encoder: what is not there has no influence."""
-    found, levels = filters()
+    found, noise = filters()
     (section,) = found.sections
     section.readings[:, [2, 3, 5]] = np.nan
-    (weights,) = found.weigh(MACHINE, levels)
-    assert weights.outcome == 0
-    np.testing.assert_array_equal(weights.counts[[2, 3, 5]], 0)
-    assert np.isnan(weights.noise[[2, 3, 5]]).all()
+    (filtered,) = found.run(MACHINE, noise, robust=False)
+    assert filtered.outcome == 0
+    np.testing.assert_array_equal(filtered.counts[[2, 3, 5]], 0)
+    assert np.isnan(filtered.noise[[2, 3, 5]]).all()

@@ -1,11 +1,12 @@
 """Logs in files: names, units, gaps, and what is wrong with them."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dualwinch.identification.log_file import column_map, read_log
+from dualwinch.identification.log import column_map, log, read_log
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import save
@@ -29,22 +30,22 @@ def test_runs_come_back_from_every_format_as_their_sensors_said(tmp_path: Path, 
     noisy = {"simulation.duration": 0.5, "simulation.readings": True, "sensors.tension_noise": 5.0}
     run = simulate(override(case(4), noisy))
     save(run, tmp_path / f"run.{suffix}")
-    log = read_log(tmp_path / f"run.{suffix}")
-    np.testing.assert_array_equal(log.columns["F1"], run["F1_read"])
-    np.testing.assert_array_equal(log.columns["tau_2"], run["tau_2"])
-    assert log.readings == ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_1", "omega_2")
-    assert np.abs(log.columns["F1"] - run["F1"]).max() > 1, "noise"
+    found = read_log(tmp_path / f"run.{suffix}")
+    np.testing.assert_array_equal(found.columns["F1"], run["F1_read"])
+    np.testing.assert_array_equal(found.columns["tau_2"], run["tau_2"])
+    assert found.readings == ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_1", "omega_2")
+    assert np.abs(found.columns["F1"] - run["F1"]).max() > 1, "noise"
 
 
 @pytest.mark.parametrize("gap", ["", "nan", "NA", "-"])
 def test_columns_of_other_names_and_units(tmp_path: Path, gap: str) -> None:
     file = csv(tmp_path / "rig.csv", "zeit,m1,m2,pos,left", gap=gap)
-    log = read_log(file, column_map(["t=zeit:s", "tau_1=m1", "tau_2=m2:kN m", "x = pos:mm", "F1=left:kN"]))
-    np.testing.assert_allclose(log.columns["tau_2"], 1e3 * (20 - np.arange(ROWS)))
-    np.testing.assert_allclose(log.columns["x"], 1e-3 * np.arange(ROWS))
-    assert np.isnan(log.columns["F1"][5])
-    assert log.columns["F1"][6] == 6e3
-    assert log.name == "rig.csv"
+    found = read_log(file, column_map(["t=zeit:s", "tau_1=m1", "tau_2=m2:kN m", "x = pos:mm", "F1=left:kN"]))
+    np.testing.assert_allclose(found.columns["tau_2"], 1e3 * (20 - np.arange(ROWS)))
+    np.testing.assert_allclose(found.columns["x"], 1e-3 * np.arange(ROWS))
+    assert np.isnan(found.columns["F1"][5])
+    assert found.columns["F1"][6] == 6e3
+    assert found.name == "rig.csv"
 
 
 @pytest.mark.parametrize(
@@ -52,6 +53,8 @@ def test_columns_of_other_names_and_units(tmp_path: Path, gap: str) -> None:
     [
         (["F1"], "must be READING=COLUMN"),
         (["force=left"], "unknown reading 'force'"),
+        (["tau1=left"], "unknown reading 'tau1'; did you mean 'tau_1'"),
+        (["tau_1=left:kNm"], "unit \"kNm\": must be one of .*; did you mean 'kN m'"),
         (["F1=left:bar"], 'unit "bar": must be one of N, mN, kN, MN'),
     ],
 )
@@ -69,10 +72,44 @@ def test_wrong_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"odd.parquet: not a .parquet file"):
         read_log(tmp_path / "odd.parquet")
     file = csv(tmp_path / "rig.csv", "zeit,tau_1,tau_2,x")
-    with pytest.raises(ConfigurationError, match="t: no such column; name the one of times with --column t=NAME"):
+    with pytest.raises(ConfigurationError, match=r"t: no such column; did you mean 'zeit' \(--column t=zeit\)"):
         read_log(file)
     with pytest.raises(ConfigurationError, match="unknown column 'left'; it has zeit, tau_1, tau_2, x"):
         read_log(file, column_map(["t=zeit", "F1=left"]))
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        (
+            "t,tau1,tau2,x",
+            r"tau_1: no such column; did you mean 'tau1' \(--column tau_1=tau1\)\? It has t, tau1, tau2",
+        ),
+        ("t,tau_1,Tau 2,x", r"tau_2: no such column; did you mean 'Tau 2' \(--column tau_2=Tau 2\)\?"),
+        ("zeit,tau_1,tau_2,x", r"t: no such column; did you mean 'zeit' \(--column t=zeit\)\?"),
+        ("t,m,n,x", r"tau_1: no such column; name it with --column tau_1=NAME; it has t, m, n, x"),
+        ("t,tau_1,tau_2,theta1", r"must have a position or an encoder: x, theta_1 or theta_2; did you mean 'theta1'"),
+        ("t,tau_1,tau_2,v,F1", r"must have a position or an encoder: .*; it has t, tau_1, tau_2, v, F1"),
+    ],
+)
+def test_a_missing_column_names_the_nearest_and_what_the_file_has(tmp_path: Path, header: str, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        read_log(csv(tmp_path / "rig.csv", header))
+
+
+def test_a_column_that_was_named_and_is_missing_names_the_nearest(tmp_path: Path) -> None:
+    file = csv(tmp_path / "rig.csv", "t,tau_1,tau_2,x,left_cell")
+    words = "unknown column 'left'; did you mean 'left_cell'? It has t, tau_1, tau_2, x, left_cell"
+    with pytest.raises(ConfigurationError, match=re.escape(words)):
+        read_log(file, column_map(["F1=left"]))
+
+
+def test_arrays_of_a_wrong_name_name_the_nearest() -> None:
+    t = np.arange(ROWS, dtype=float)
+    with pytest.raises(ConfigurationError, match="unknown column 'tau1'; did you mean 'tau_1'"):
+        log({"t": t, "tau1": t, "tau_2": t, "x": t})
+    with pytest.raises(ConfigurationError, match="tau_1: no such column; it has tau_2, x"):
+        log({"t": t, "tau_2": t, "x": t})
 
 
 def test_a_column_may_be_left_out(tmp_path: Path) -> None:

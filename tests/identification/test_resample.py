@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from dualwinch.identification.course import REPEATS, samples_of
 from dualwinch.identification.log import log
-from dualwinch.identification.sensed import READINGS
+from dualwinch.identification.options import ResamplingOptions
+from dualwinch.identification.predictor import READINGS
+from dualwinch.identification.resample import resampled
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 
 ROWS = 400
+REPEATS = ResamplingOptions().repeats
 
 
 def columns(**changed: np.ndarray) -> dict[str, np.ndarray]:
@@ -27,7 +29,7 @@ def at(readings: np.ndarray, name: str) -> np.ndarray:
 def test_torques_arrive_late_and_readings_do_not() -> None:
     given = columns()
     for late in (0, 1, 3):
-        inputs, readings = samples_of(log(given), override(Experiment(), {"simulation.delay_samples": late}))
+        inputs, readings = resampled(log(given), override(Experiment(), {"simulation.delay_samples": late}))
         assert len(inputs) == len(readings) == ROWS - late
         np.testing.assert_array_equal(inputs[:, 1], given["tau_1"][: ROWS - late])
         np.testing.assert_allclose(inputs[:, 0], given["t"][late:], atol=1e-12)
@@ -38,10 +40,10 @@ def test_samples_that_jitter_are_when_the_log_says() -> None:
     early = np.random.default_rng(1).uniform(-5e-5, 5e-5, ROWS)
     given = columns()
     given["t"] = given["t"] + early
-    steady, _ = samples_of(log(given), Experiment())
+    steady, _ = resampled(log(given), Experiment())
     np.testing.assert_allclose(np.diff(steady[:, 0]), 1e-3)
     np.testing.assert_allclose(steady[:, 3], 1e-3)
-    inputs, readings = samples_of(log(given), override(Experiment(), {"simulation.jitter": 5e-5}))
+    inputs, readings = resampled(log(given), override(Experiment(), {"simulation.jitter": 5e-5}))
     np.testing.assert_allclose(inputs[:, 0], given["t"], atol=1e-12)
     np.testing.assert_allclose(inputs[:-1, 3], np.diff(given["t"]), atol=1e-12)
     np.testing.assert_array_equal(at(readings, "x"), given["x"])
@@ -51,7 +53,7 @@ def test_samples_that_jitter_and_have_no_row_are_in_between() -> None:
     given = columns()
     given["t"] = given["t"] + 3e-5 * np.sin(np.arange(ROWS))
     thinned = {name: values[::2] for name, values in given.items()}
-    inputs, _ = samples_of(log(thinned), override(Experiment(), {"simulation.jitter": 5e-5}))
+    inputs, _ = resampled(log(thinned), override(Experiment(), {"simulation.jitter": 5e-5}))
     np.testing.assert_allclose(inputs[::2, 0], thinned["t"], atol=1e-12)
     assert np.diff(inputs[:, 0]).min() > 0.9e-3
 
@@ -61,7 +63,7 @@ def test_rows_between_samples_and_gaps() -> None:
     given = columns()
     given = {name: np.tile(values, 3)[::3] for name, values in given.items()} | {"t": np.arange(ROWS) * 3e-3}
     given["x"][10:20] = np.nan
-    inputs, readings = samples_of(log(given), Experiment())
+    inputs, readings = resampled(log(given), Experiment())
     assert len(inputs) == 3 * ROWS - 2
     np.testing.assert_array_equal(inputs[:9, 1], np.repeat(given["tau_1"][:3], 3))
     read = np.isfinite(at(readings, "x"))
@@ -74,7 +76,7 @@ def test_a_sensor_that_repeats_itself_says_nothing() -> None:
     x = columns()["x"].copy()
     x[100 : 100 + REPEATS] = x[100]
     x[200 : 200 + REPEATS - 1] = x[200]
-    _, readings = samples_of(log(columns(x=x)), Experiment())
+    _, readings = resampled(log(columns(x=x)), Experiment())
     read = np.isfinite(at(readings, "x"))
     assert read[100]
     assert not read[101 : 100 + REPEATS].any(), "silent"
@@ -87,7 +89,7 @@ def test_encoders_say_where_they_are_when_they_count(rate: float) -> None:
     count = 1e-3
     angle = count * (0.2 + rate * np.arange(ROWS))
     read = count * np.floor(angle / count + 0.5)
-    _, readings = samples_of(log(columns(theta_1=read)), Experiment())
+    _, readings = resampled(log(columns(theta_1=read)), Experiment())
     found = at(readings, "theta_1")
     kept = np.isfinite(found)
     kept[: np.flatnonzero(kept)[1]] = False  # before the first there is no telling how long it took
@@ -98,9 +100,9 @@ def test_encoders_say_where_they_are_when_they_count(rate: float) -> None:
 
 def test_drum_speeds_count_only_without_angles() -> None:
     omega = np.linspace(0, 1, ROWS)
-    _, alone = samples_of(log(columns(omega_1=omega)), Experiment())
+    _, alone = resampled(log(columns(omega_1=omega)), Experiment())
     np.testing.assert_array_equal(at(alone, "omega_1"), omega)
-    _, beside = samples_of(log(columns(omega_1=omega, theta_1=omega)), Experiment())
+    _, beside = resampled(log(columns(omega_1=omega, theta_1=omega)), Experiment())
     assert np.isnan(at(beside, "omega_1")).all()
 
 
@@ -108,7 +110,7 @@ def test_drum_speeds_count_only_without_angles() -> None:
     ("changed", "words"),
     [
         ({"t": 1 - np.arange(ROWS) * 1e-3}, r"t = 0.999 s in row 2 after 1 s: must ascend"),
-        ({"tau_1": np.full(ROWS, np.nan)}, "tau_1: there is none"),
+        ({"tau_1": np.full(ROWS, np.nan)}, "tau_1: has no value in any row"),
         ({"x": np.full(3, 0.0)}, "x: must be a list of 400 numbers"),
         ({"t": np.full(ROWS, np.nan)}, "t: must be a finite number in every row"),
     ],
@@ -120,7 +122,7 @@ def test_what_is_no_log_is_refused(changed: dict[str, np.ndarray], words: str) -
 
 def test_too_short_a_log_and_an_unknown_column_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="has 100 rows: must be 200 or more"):
-        log({name: values[:100] for name, values in columns().items()})
+        resampled(log({name: values[:100] for name, values in columns().items()}), Experiment())
     with pytest.raises(ConfigurationError, match="unknown column 'speed'"):
         log(columns(speed=np.zeros(ROWS)))
 
@@ -129,4 +131,4 @@ def test_torques_that_are_missing_for_long_are_refused() -> None:
     tau = columns()["tau_2"].copy()
     tau[50:250] = np.nan
     with pytest.raises(ConfigurationError, match=r"tau_2: none for 0.201 s after t = 0.049 s: must be <= 0.1 s"):
-        samples_of(log(columns(tau_2=tau)), Experiment())
+        resampled(log(columns(tau_2=tau)), Experiment())

@@ -1,0 +1,372 @@
+"""Diagnostics: plausible logs and fits, white innovations, unidentifiable directions, profile likelihoods."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
+from dualwinch.identification.likelihood import Likelihood
+from dualwinch.identification.log import TORQUES, Log
+from dualwinch.identification.noise import noise_by_differences
+from dualwinch.identification.options import DEFAULTS, DiagnosticsOptions, EstimationOptions, PlausibilityOptions
+from dualwinch.identification.predictor import READINGS
+from dualwinch.identification.resample import LogSection
+from dualwinch.identification.unknowns import UnknownParameter, covariance_of
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.plant import holding_torques
+from dualwinch.simulation.experiment import Experiment
+
+Floats = NDArray[np.float64]
+
+
+def check_log(log: Log, experiment: Experiment, options: PlausibilityOptions = DEFAULTS.plausibility) -> None:
+    """Refuse a log with implausible columns.
+
+    Raises:
+        ConfigurationError: a column that never changes, or one that must be in another unit.
+    """
+    if all(np.nanmin(log.columns[name]) == np.nanmax(log.columns[name]) for name in TORQUES):
+        raise ConfigurationError(f"{log.name}: tau_1, tau_2: never change, and torques drive the fit")
+    for name in log.readings:
+        low, high = float(np.nanmin(log.columns[name])), float(np.nanmax(log.columns[name]))
+        if low == high:
+            raise ConfigurationError(
+                f"{log.name}: {name}: is {low:g} in every row; name another column (--column {name}=NAME) or leave it "
+                f"out (--column {name}=-)"
+            )
+    for name, (low, high) in plausible_ranges(experiment, options).items():
+        if name not in log.columns:
+            continue
+        least, most = float(np.nanmin(log.columns[name])), float(np.nanmax(log.columns[name]))
+        if least < low or most > high:
+            worst = least if least < low else most
+            raise ConfigurationError(
+                f"{log.name}: {name} = {worst:.4g}: must be {low:.3g} to {high:.3g} on this machine; is it in another "
+                f"unit (--column {name}=NAME:UNIT)?"
+            )
+
+
+def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> dict[str, tuple[float, float]]:
+    """Column → lowest and highest value, in SI units, of a log of such a machine."""
+    plant, strongest = experiment.plant, options.beyond_limits * experiment.controller.limits.tension_max
+    length, radius_1, radius_2 = plant.track.length, plant.winch_1.drum_radius, plant.winch_2.drum_radius
+    beyond, torques = options.beyond_track * length, holding_torques(2 * strongest, plant)
+    whole = length + beyond
+    return {
+        "x": (-beyond, whole),
+        "F1": (-strongest, strongest),
+        "F2": (-strongest, strongest),
+        "theta_1": (-whole / radius_1, whole / radius_1),
+        "theta_2": (-whole / radius_2, whole / radius_2),
+        "tau_1": (-float(torques.tau_1), float(torques.tau_1)),
+        "tau_2": (-float(torques.tau_2), float(torques.tau_2)),
+    }
+
+
+def check_fit(
+    estimate: ParameterEstimate,
+    sections: Sequence[LogSection],
+    experiment: Experiment,
+    options: EstimationOptions = DEFAULTS,
+    unrecorded: float | None = None,
+) -> tuple[str, ...]:
+    """Refuse a fit whose unrecorded disturbances or noise are implausibly large.
+
+    Args:
+        estimate: of the logs.
+        sections: of the logs.
+        experiment: gives the winches.
+        options: thresholds.
+        unrecorded: threshold in the place of ``options.plausibility.unrecorded``.
+
+    Returns:
+        Notes on disturbances above the threshold of the options but below `unrecorded`.
+
+    Raises:
+        ConfigurationError: unrecorded torques or forces as large as recorded ones, or noise of a sensor that is far
+            larger than its own jumps.
+    """
+    plausibility, name = options.plausibility, sections[0].name
+    most = plausibility.unrecorded if unrecorded is None else unrecorded
+    recorded = np.concatenate([section.torques for section in sections])
+    held = holding_torques(2.0, experiment.plant)  # 1 N in each rope
+    pulls = recorded[:, 0] / float(held.tau_1), recorded[:, 1] / float(held.tau_2)
+    torque, force = float(np.sqrt(np.mean(recorded**2))), float(np.sqrt(np.mean(pulls[0] ** 2 + pulls[1] ** 2)))
+    further = {key: each.deviation for key, each in estimate.noise.process.items()}
+    readings = np.concatenate([section.readings for section in sections])
+    counts = np.isfinite(readings).sum(axis=0)
+    seen = counts[[READINGS.index(reading) for reading in ("x", "v", "F1", "F2")]].any()
+    excess = {
+        f"unrecorded torques of {further['torque_1']:.3g} N m would have to act beside the recorded {torque:.3g} N m": (
+            further["torque_1"] / torque
+        ),
+        f"an unrecorded force of {further['force']:.3g} N would have to act on the vehicle beside the {force:.3g} N of "
+        "the ropes": further["force"] / force if seen else 0.0,
+    }
+    unlike = "it is of another machine, or tau_1 or tau_2 is of another sign, unit or time"
+    for words, share in excess.items():
+        if share > most:
+            accept = f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless else ""
+            raise ConfigurationError(f"{name}: {words}: {unlike}{accept}")
+    jumps = noise_by_differences(readings, options.noise)
+    ratios = np.sqrt(estimate.noise.measurement) / jumps
+    for index, reading in enumerate(READINGS):
+        if counts[index] and ratios[index] > plausibility.noisier:
+            raise ConfigurationError(
+                f"{name}: {reading}: its residual is {jumps[index] * ratios[index]:.3g} (s.d.), its own noise "
+                f"{jumps[index]:.3g}: {unlike}"
+            )
+    return tuple(
+        f"{words}: the model lacks something" for words, share in excess.items() if share > plausibility.unrecorded
+    )
+
+
+@dataclass(frozen=True)
+class WhitenessTest:
+    """Whether the whitened innovations of a sensor are white noise.
+
+    Attributes:
+        name: of the reading.
+        count: readings.
+        variance: of the whitened innovations; 1 where the model is right.
+        correlation, lag: the largest autocorrelation in magnitude, and after how many samples.
+        torque_correlation, torque_lag: the largest correlation with changes of the torques, and how many samples later.
+        bound: magnitude up to which a correlation is chance, or negligible.
+    """
+
+    name: str
+    count: int
+    variance: float
+    correlation: float
+    lag: int
+    torque_correlation: float
+    torque_lag: int
+    bound: float
+
+    @property
+    def white(self) -> bool:
+        """Whether no correlation is beyond the bound."""
+        return max(abs(self.correlation), abs(self.torque_correlation)) <= self.bound
+
+    @property
+    def words(self) -> str:
+        """The verdict in words."""
+        if self.white:
+            return "white"
+        if abs(self.torque_correlation) > abs(self.correlation):
+            return f"follows torques: {self.torque_correlation:+.2f} after {self.torque_lag} samples"
+        return f"correlated: {self.correlation:+.2f} after {self.lag} samples"
+
+
+def whiteness_tests(
+    innovations: Sequence[Floats], torques: Sequence[Floats], options: DiagnosticsOptions = DEFAULTS.diagnostics
+) -> tuple[WhitenessTest, ...]:
+    """Test the whitened innovations of every sensor against its past and that of the torques.
+
+    Args:
+        innovations: of each section, (samples, readings), whitened; NaN where nothing was read.
+        torques: of each section, (samples, 2).
+        options: lags and confidence.
+    """
+    found, lags = [], options.lags
+    for column, name in enumerate(READINGS):
+        values = [section[:, column] for section in innovations]
+        count = sum(int(np.isfinite(each).sum()) for each in values)
+        if count < 2 * lags:
+            continue
+        variance = sum(float(np.nansum(each**2)) for each in values) / count
+        own = _correlations(values, values, lags)
+        changes = [[np.diff(each[:, side], prepend=each[0, side]) for each in torques] for side in (0, 1)]
+        sides = np.array([_correlations(each, values, lags) for each in changes])
+        by = np.where(np.abs(sides[0]) >= np.abs(sides[1]), *sides)
+        most, torque = int(np.argmax(np.abs(own))), int(np.argmax(np.abs(by)))
+        chance = float(norm.ppf(1 - (1 - options.confidence) / (2 * lags)) / np.sqrt(max(count, 1)))
+        found.append(
+            WhitenessTest(
+                name=name,
+                count=count,
+                variance=variance,
+                correlation=float(own[most]),
+                lag=most + 1,
+                torque_correlation=float(by[torque]),
+                torque_lag=torque + 1,
+                bound=max(chance, options.negligible_correlation),
+            )
+        )
+    return tuple(found)
+
+
+def _correlations(first: Sequence[Floats], second: Sequence[Floats], lags: int) -> Floats:
+    """Correlation of the first with the second, 1 to `lags` samples later; (lags,)."""
+    sums = np.zeros((3, lags))
+    for early, late in zip(first, second, strict=True):
+        known, there = np.isfinite(early), np.isfinite(late)
+        a, b = np.where(known, early, 0.0), np.where(there, late, 0.0)
+        pairs = (a, b), (a**2, there.astype(float)), (known.astype(float), b**2)
+        sums += [[np.einsum("i,i->", x[:-lag], y[lag:]) for lag in range(1, lags + 1)] for x, y in pairs]
+    products, size = sums[0], np.sqrt(sums[1] * sums[2])
+    return np.divide(products, size, out=np.zeros(lags), where=size > 0)
+
+
+def rms_innovations(
+    innovations: Sequence[Floats], step: float, options: DiagnosticsOptions = DEFAULTS.diagnostics
+) -> dict[str, Floats]:
+    """Reading → (2, windows) time in s, and root mean square of the whitened innovations, in windows of time."""
+    every = np.concatenate(innovations)
+    count = max(1, min(options.windows, len(every) // options.window_samples))
+    windows = np.array_split(np.arange(len(every)), count)
+    times = np.array([step * window.mean() for window in windows])
+    found = {}
+    for column, name in enumerate(READINGS):
+        values = every[:, column]
+        if np.isfinite(values).any():
+            squares = [
+                float(np.mean(kept**2)) if len(kept := part[np.isfinite(part)]) else np.nan
+                for part in (values[window] for window in windows)
+            ]
+            found[name] = np.array([times, np.sqrt(squares)])
+    return found
+
+
+@dataclass(frozen=True)
+class UnidentifiableDirection:
+    """A direction in which parameters can change together without any effect on the readings.
+
+    Attributes:
+        keys: the parameters that take part, the largest component first.
+        deviation: of the direction by the logs alone, over the parameters' uncertainties; infinite: no information.
+    """
+
+    keys: tuple[str, ...]
+    deviation: float
+
+    @property
+    def words(self) -> str:
+        """The direction in a sentence."""
+        first, *others = self.keys
+        if not others:
+            return f"{first}: these logs have next to no information on it"
+        return f"{first}: identifiable only together with {' and '.join(others)}"
+
+
+def unidentifiable_directions(
+    information: Floats,
+    unknowns: Sequence[UnknownParameter],
+    options: DiagnosticsOptions = DEFAULTS.diagnostics,
+) -> tuple[UnidentifiableDirection, ...]:
+    """Eigenvectors of the information matrix of which the logs know less than the priors, the worst first.
+
+    Args:
+        information: (p, p) of the logs alone.
+        unknowns: p.
+        options: thresholds.
+    """
+    by = np.array([each.uncertainty for each in unknowns])
+    eigenvalues, vectors = np.linalg.eigh(information * np.outer(by, by))
+    found = []
+    for eigenvalue, vector in zip(eigenvalues, vectors.T, strict=True):
+        if eigenvalue * options.unidentifiable**2 >= 1:
+            continue
+        size, order = np.abs(vector), np.argsort(-np.abs(vector))
+        taking = [int(index) for index in order if size[index] >= options.participation * size[order[0]]]
+        deviation = float(1 / np.sqrt(eigenvalue)) if eigenvalue > 0 else np.inf
+        found.append(UnidentifiableDirection(tuple(unknowns[index].key for index in taking), deviation))
+    return tuple(found)
+
+
+def uninformed_keys(
+    unknowns: Sequence[UnknownParameter],
+    deviations: Floats,
+    options: DiagnosticsOptions = DEFAULTS.diagnostics,
+) -> tuple[str, ...]:
+    """Keys whose deviation after a fit is hardly less than that of their prior."""
+    return tuple(
+        unknown.key
+        for unknown, deviation in zip(unknowns, deviations.tolist(), strict=True)
+        if unknown.prior and deviation > options.uninformed * unknown.prior.deviation
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class LikelihoodProfile:
+    """The profile likelihood of a parameter: all others are estimated anew at each of its values.
+
+    Where it is a parabola, the standard deviation says all; where it is not, its own interval counts (Raue et al.,
+    Bioinformatics 25 (2009) 1923).
+
+    Attributes:
+        key: of the parameter.
+        values: (n,) of it, ascending.
+        rise: (n,) of the deviance above the best.
+    """
+
+    key: str
+    values: Floats
+    rise: Floats
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Of 95 %; infinite where the profile does not rise so far."""
+        bound = np.sqrt(float(chi2.ppf(0.95, 1)))
+        best = int(np.argmin(self.rise))
+        ends = []
+        for side in (slice(best, None, -1), slice(best, None)):
+            values, root = self.values[side], np.sqrt(np.maximum(self.rise[side], 0.0))
+            beyond = np.flatnonzero(root >= bound)
+            if not len(beyond) or beyond[0] == 0:
+                ends.append(np.inf * (1 if ends else -1))
+                continue
+            two = slice(beyond[0] - 1, beyond[0] + 1)  # the root of a parabola is a straight line
+            ends.append(float(np.interp(bound, root[two], values[two])))
+        return ends[0], ends[1]
+
+
+def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimate, key: str) -> LikelihoodProfile:
+    """The profile likelihood of a parameter, with R and Q as they are at the best.
+
+    Args:
+        method: of the logs.
+        estimate: the best.
+        key: of the parameter.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    options, unknowns = method.options.diagnostics, method.unknowns
+    index = next(number for number, unknown in enumerate(unknowns) if unknown.key == key)
+    covariance = covariance_of(estimate.information, unknowns)
+    likelihood = method.likelihood(method.coordinates(itself=index))
+    unknown, deviation, coordinates = unknowns[index], np.sqrt(covariance[index, index]), likelihood.coordinates
+    best, least = _maximised(likelihood, coordinates.of(estimate.values), estimate, None, options)
+    value = float(coordinates.values(best)[index])
+    found, along = {value: 0.0}, covariance[:, index] / covariance[index, index]
+    points = options.profile_points
+    for way in (-1, 1):
+        at, last = best, value
+        for number in range(1, points + 1):
+            wanted = value + way * options.profile_reach * deviation * number / points
+            fixed = float(np.clip(wanted, unknown.lower, unknown.upper))
+            if fixed in found:
+                break
+            start = coordinates.of(coordinates.values(at) + along * (fixed - last))
+            at, deviance = _maximised(likelihood, start, estimate, index, options)
+            found[fixed], last = deviance - least, fixed
+    return LikelihoodProfile(key, np.array(sorted(found)), np.array([found[each] for each in sorted(found)]))
+
+
+def _maximised(
+    likelihood: Likelihood, at: Floats, estimate: ParameterEstimate, fixed: int | None, options: DiagnosticsOptions
+) -> tuple[Floats, float]:
+    """Coordinates of the largest likelihood, and the deviance there; one coordinate may be fixed."""
+    step = None
+    for _ in range(options.profile_steps):
+        found = likelihood.step(at, estimate.noise, step, fixed)
+        if found is None:
+            return at, np.inf
+        step, at = found, found.at
+        if step.fall < options.profile_tolerance:
+            break
+    return at, np.inf if step is None else step.deviance

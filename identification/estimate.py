@@ -1,0 +1,333 @@
+"""The prediction-error method: from a start to the maximum of the likelihood of the innovations.
+
+L. Ljung, System Identification, 2nd ed., Section 7; N. R. Kristensen, H. Madsen and S. B. Jørgensen, Automatica 40
+(2004) 225, for filters with unrecorded disturbances.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
+from dualwinch.identification.filter import LogFilters, all_completed
+from dualwinch.identification.likelihood import FixedGainLeastSquares, Likelihood
+from dualwinch.identification.noise import NoiseEstimator, initial_noise
+from dualwinch.identification.options import DEFAULTS, EstimationOptions
+from dualwinch.identification.predictor import (
+    NoiseCovariances,
+    parameter_names,
+    predicted_system,
+    predictor_structure,
+)
+from dualwinch.identification.resample import LogSection
+from dualwinch.identification.unknowns import SearchCoordinates, UnknownParameter, covariance_of, unwrapped
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of, zeros_of
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """A maximum of the likelihood.
+
+    Attributes:
+        values: (p,) of the unknowns.
+        information: (p, p) of the logs alone, without priors.
+        noise: R and Q.
+        experiment: with these values.
+        deviance: minus twice the log-likelihood, but for a constant.
+        passes: passes through the logs so far.
+        converged: whether the last step found no likelier values.
+    """
+
+    values: Floats
+    information: Floats
+    noise: NoiseCovariances
+    experiment: Experiment
+    deviance: float
+    passes: int
+    converged: bool
+
+
+class PredictionErrorMethod:
+    """Maximum likelihood of the innovations of extended Kalman filters.
+
+    1. Where the filters diverge at the start, process noise Q is widened until they do not.
+    2. Rounds of least squares: with the filters' gains given, the whitened innovations are a least-squares problem with
+       exact derivatives. Solve it, filter anew, until values are near. Parameters with a prior stay near it in the
+       first rounds; then Q (by maximum likelihood) and R (by expectation maximisation) are estimated along.
+    3. Newton steps by differences of the likelihood, Q and R along with them, until the deviance falls no more.
+    """
+
+    def __init__(
+        self,
+        sections: Sequence[LogSection],
+        experiment: Experiment,
+        unknowns: Sequence[UnknownParameter],
+        options: EstimationOptions = DEFAULTS,
+        threads: int | None = None,
+    ) -> None:
+        """A method for some sections and unknowns; compiles the filter."""
+        self.unknowns, self.options = tuple(unknowns), options
+        self._experiment, self._search, self._threads = experiment, options.search, threads
+        keys, self.structure = tuple(unknown.key for unknown in unknowns), predictor_structure(experiment)
+        zeros = zeros_of(self.structure, parameters_of(experiment), varying=keys)
+        self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
+        self.filters = self.filters_of(sections)
+        columns = [parameter_names(self.structure).index(key) for key in keys]
+        self.least_squares = FixedGainLeastSquares(self.filters, self.with_values, columns, options.search)
+        self._noise = NoiseEstimator(self.filters, experiment, options.noise)
+        self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
+
+    @property
+    def passes(self) -> int:
+        """Passes through the logs so far."""
+        return self.filters.passes
+
+    def filters_of(self, sections: Sequence[LogSection]) -> LogFilters:
+        """Filters over other sections."""
+        return LogFilters(self._predictor, self.structure, sections, self.options, self._threads)
+
+    def with_values(self, values: Floats) -> Experiment:
+        """The experiment with other values of the unknowns."""
+        keys = (unknown.key for unknown in self.unknowns)
+        return with_leaves(self._experiment, dict(zip(keys, values.tolist(), strict=True)))
+
+    def initial_noise(self) -> NoiseCovariances:
+        """R and Q to begin with."""
+        readings = np.concatenate([section.readings for section in self.filters.sections])
+        return initial_noise(readings, self._experiment, self.options.noise)
+
+    def likelihood(self, coordinates: SearchCoordinates) -> Likelihood:
+        """The likelihood of the logs in some coordinates of the unknowns."""
+        machine = self.with_values
+        return Likelihood(self.filters, self.least_squares, machine, self._filtered, coordinates, self._search)
+
+    def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
+        """Coordinates of the unknowns; arguments as of `SearchCoordinates`."""
+        return SearchCoordinates(self.unknowns, within, itself, self._search)
+
+    def information(self, values: Floats) -> Floats | None:
+        """(p, p) information of the logs at some values with the initial noise; None: filters diverge."""
+        noise = self.initial_noise()
+        filtered = self._filtered(values, noise)
+        if not all_completed(filtered):
+            return None
+        normal = self.least_squares.normal(values, noise, filtered)
+        return normal[:-1, :-1] if np.isfinite(normal).all() else None
+
+    def run(
+        self, start: Floats, progress: Callable[[float], None] = lambda _: None, noise: NoiseCovariances | None = None
+    ) -> ParameterEstimate:
+        """Search from a start.
+
+        Args:
+            start: (p,) where the search begins.
+            progress: called now and then with the share that is done.
+            noise: R and Q where they are known; default: they are estimated.
+
+        Raises:
+            ConfigurationError: the filter diverges: the log is of another machine; or a parameter without a prior has
+                no effect at all.
+            KeyboardInterrupt: interrupted.
+        """
+        estimated, search = noise is None, self._search
+        noise = noise or self.initial_noise()
+        if estimated and not all_completed(self._filtered(start, noise)):
+            noise = self._noise.tolerable(self.with_values(start), noise)
+        if not all_completed(self._filtered(start, noise)):
+            raise self._diverged()
+        values, noise = self._least_squares_rounds(start, noise, estimated, progress)
+        likelihood = self.likelihood(self.coordinates())
+        at, step, converged = likelihood.coordinates.of(values), None, False
+        for number in range(search.steps):
+            progress((1 + number / (number + 2)) / 2)  # a few steps are usual
+            experiment = self.with_values(likelihood.coordinates.values(at))
+            if estimated:
+                if number < search.process_noise_steps:
+                    noise = self._noise.with_process_noise(experiment, noise)
+                filtered = self.filters.run(experiment, noise, gains=False)
+                noise = self._noise.with_measurement_noise(experiment, noise, filtered)
+            found = likelihood.step(at, noise, step)
+            if found is None:
+                break
+            step, at = found, found.at
+            if step.fall < search.tolerance:
+                converged = step.expected_fall < search.large_gain
+                break
+        if step is None:
+            raise self._diverged()
+        values = unwrapped(likelihood.coordinates.values(at), self.unknowns)
+        return ParameterEstimate(
+            values=values,
+            information=step.information,
+            noise=noise,
+            experiment=self.with_values(values),
+            deviance=step.deviance,
+            passes=self.passes,
+            converged=converged,
+        )
+
+    def _diverged(self) -> ConfigurationError:
+        name = self.filters.sections[0].name
+        return ConfigurationError(f"{name}: no machine near the experiment's explains this log (the filter diverges)")
+
+    def _least_squares_rounds(
+        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Callable[[float], None]
+    ) -> tuple[Floats, NoiseCovariances]:
+        """Values and noise near the best, by least squares with new gains in every round."""
+        search = self._search
+        cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
+        filtered, last, before = self._filtered(values, noise), np.zeros(len(values)), np.inf
+        for number in range(search.rounds):
+            progress(number / (number + 6) / 2)  # some ten rounds are usual
+            coordinates = cautious if number < search.cautious_rounds else anywhere
+            found, information = self.least_squares.solve(
+                values, noise, filtered, coordinates, search.least_squares_tolerance
+            )
+            if number == 0:
+                self._check_effects(information)
+            variances = np.diag(covariance_of(information, self.unknowns))
+            if not (variances > 0).all():  # derivatives that have grown beyond all measure, as where a rope slackens
+                break
+            deviation = np.sqrt(variances)
+            move = (unwrapped(found, self.unknowns) - values) / deviation
+            moved = float(np.max(np.abs(move), initial=0.0))
+            there = values + deviation * damped(move, last)
+            if estimated and number >= search.cautious_rounds:
+                experiment, first = self.with_values(there), number == search.cautious_rounds
+                noise = self._noise.with_process_noise(experiment, noise, anywhere=first, roughly=True)
+            there, filtered = self._backtracked(values, there, noise)
+            if not all_completed(filtered):
+                break
+            values, last = there, move
+            if estimated and moved < search.noise_distance:
+                noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
+            if moved < search.near or (before < search.noise_distance and moved > before / 2):
+                break
+            before = moved
+        return values, noise
+
+    def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
+        """Values on the way from here to there, as far as no filter diverges, and the passes with them."""
+        for _ in range(self._search.shortenings):
+            filtered = self._filtered(there, noise)
+            if all_completed(filtered):
+                break
+            there = (here + there) / 2
+        return there, self._filtered(there, noise)
+
+    def _check_effects(self, information: Floats) -> None:
+        for unknown, own in zip(self.unknowns, np.diag(information).tolist(), strict=True):
+            if own == 0 and not unknown.prior:
+                raise ConfigurationError(
+                    f"--fit {unknown.key}: nothing in these logs depends on it: other values switch it off, or its "
+                    "sensor was not recorded"
+                )
+
+    def _filtered(self, values: Floats, noise: NoiseCovariances) -> list[FilterPass]:
+        """Passes at some values; those of the last call where it was for the same, else in the place of them."""
+        parameters = self.filters.parameters(self.with_values(values), noise)
+        last_parameters, last_noise, filtered = self._last
+        if last_noise is not noise or not np.array_equal(parameters, last_parameters):
+            filtered = self.filters.run(self.with_values(values), noise, into=filtered)
+            self._last = parameters, noise, filtered
+        return filtered
+
+
+def damped(move: Floats, last: Floats) -> Floats:
+    """A move, shorter where it reverses the last one (Aitken's extrapolation).
+
+    New gains may take a fit from one side of its optimum to the other. Were each move r times the one before, all of
+    them would add up to 1 / (1 - r) of this one.
+    """
+    ratio = float(move @ last) / max(float(last @ last), np.finfo(float).tiny)
+    return move / (1 - np.clip(ratio, -1.0, 0.0))
+
+
+@dataclass(frozen=True)
+class LocalOptimum:
+    """Where one or several searches converged.
+
+    Attributes:
+        values: (p,) of the unknowns.
+        deviance: above that of the best.
+        searches: number of searches that converged there.
+    """
+
+    values: tuple[float, ...]
+    deviance: float
+    searches: int
+
+
+def multistart(
+    method: PredictionErrorMethod, starts: int, seed: int, progress: Callable[[float], None]
+) -> list[ParameterEstimate]:
+    """Estimates from several starts, the likeliest first.
+
+    Args:
+        method: of the logs.
+        starts: number of searches; the first begins at the start of the unknowns.
+        seed: of the other starts.
+        progress: called now and then with the share that is done.
+
+    Raises:
+        ConfigurationError: the filter diverges at the first start.
+        KeyboardInterrupt: interrupted.
+    """
+    found: list[ParameterEstimate] = []
+    for number, start in enumerate(starts_of(method.unknowns, starts, seed)):
+        begun = number / starts
+
+        def report(part: float, begun: float = begun) -> None:
+            progress(begun + part / starts)
+
+        try:
+            found.append(method.run(start, report))
+        except ConfigurationError:
+            if number == 0:
+                raise
+    return sorted(found, key=lambda estimate: estimate.deviance)
+
+
+def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> list[Floats]:
+    """Starts: the unknowns' own, then draws of their priors, or between half and twice their own."""
+    drawn, starts = np.random.default_rng(seed), [np.array([unknown.start for unknown in unknowns])]
+    for _ in range(count - 1):
+        moved = [
+            drawn.normal(unknown.prior.mean, unknown.prior.deviation)
+            if unknown.prior
+            else unknown.start * 2 ** drawn.uniform(-1, 1)
+            if unknown.start
+            else drawn.uniform(-1, 1) * unknown.scale
+            for unknown in unknowns
+        ]
+        starts.append(np.clip(moved, [each.lower for each in unknowns], [each.upper for each in unknowns]))
+    return starts
+
+
+def distinct_optima(
+    estimates: Sequence[ParameterEstimate], covariance: Floats, distance: float
+) -> tuple[LocalOptimum, ...]:
+    """The distinct optima of some estimates, the best first.
+
+    Args:
+        estimates: the likeliest first.
+        covariance: (p, p) of the first.
+        distance: in standard deviations of the parameter furthest apart, from which on two optima are distinct.
+    """
+    deviations, distinct = np.sqrt(np.diag(covariance)), list[LocalOptimum]()
+    for estimate in estimates:
+        for index, other in enumerate(distinct):
+            if np.max(np.abs(estimate.values - other.values) / deviations) <= distance:
+                distinct[index] = LocalOptimum(other.values, other.deviance, other.searches + 1)
+                break
+        else:
+            above = estimate.deviance - estimates[0].deviance
+            distinct.append(LocalOptimum(tuple(estimate.values.tolist()), above, 1))
+    return tuple(distinct)

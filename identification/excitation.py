@@ -1,0 +1,463 @@
+"""Experiment design: the motion whose log determines some parameters best.
+
+Candidates go from rest to rest through way-points, within limits of track, speed, acceleration, tension and torque. The
+information of each simulated log gives the covariance of the estimates; CMA-ES searches for the best candidate.
+D-optimal motions have the smallest joint confidence region, A-optimal ones the smallest mean variance, each parameter
+over its prior deviation (Pukelsheim, Optimal Design of Experiments; Goodwin and Payne, Dynamic System Identification:
+Experiment Design and Data Analysis).
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from dualwinch.identification.estimate import PredictionErrorMethod
+from dualwinch.identification.log import log_of
+from dualwinch.identification.options import DEFAULTS, EstimationOptions, ExcitationOptions
+from dualwinch.identification.resample import sections_of
+from dualwinch.identification.unknowns import (
+    Prior,
+    UnknownParameter,
+    covariance_of,
+    problem_of,
+    unknown_parameters,
+)
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.motions import Limits, gaining_time, top_speed
+from dualwinch.model.quantities.quantity import behind_number
+from dualwinch.model.quantities.tables import markdown, page, table
+from dualwinch.model.reference import Reference, cruise_speed, own_duration
+from dualwinch.simulation.batch.threads import run_all
+from dualwinch.simulation.check import check
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.page import GivenAxes
+from dualwinch.simulation.results.run import Run
+from dualwinch.simulation.simulate import simulate
+
+Floats = NDArray[np.float64]
+Criterion = Literal["D", "A"]
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits of a run.
+
+    Attributes:
+        farthest: position in m.
+        speed: in m/s.
+        acceleration: in m/s².
+        jerk: in m/s³.
+        tension: largest tension of a rope in N.
+        torque: largest torque of a motor in N m; infinite: any.
+    """
+
+    farthest: float
+    speed: float
+    acceleration: float
+    jerk: float
+    tension: float
+    torque: float = math.inf
+
+
+def motion_limits(
+    experiment: Experiment,
+    *,
+    track: float | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    torque: float | None = None,
+    options: ExcitationOptions = DEFAULTS.excitation,
+) -> MotionLimits:
+    """The limits of an experiment, some of them tightened; arguments as of `excite`.
+
+    Raises:
+        ConfigurationError: a limit out of range.
+    """
+    length, limits = experiment.plant.track.length, experiment.controller.limits
+    if track is not None and not 0 < track <= length:
+        raise ConfigurationError(f"track = {track:g}: must be > 0 and <= plant.track.length = {length:g} m")
+    given = {"speed": speed, "acceleration": acceleration, "torque": torque}
+    for name, value in given.items():
+        if value is not None and not 0 < value < math.inf:
+            raise ConfigurationError(f"{name} = {value:g}: must be > 0")
+    largest = acceleration or options.force_share * float(limits.force) / experiment.plant.vehicle.mass
+    return MotionLimits(
+        farthest=track or max(length - 1.0, length / 2),
+        speed=speed or cruise_speed(experiment.reference),
+        acceleration=largest,
+        jerk=experiment.reference.jerk_limit or largest / options.jerk_time,
+        tension=limits.tension_max,
+        torque=torque or math.inf,
+    )
+
+
+def moves_in(duration: float, options: ExcitationOptions = DEFAULTS.excitation) -> int:
+    """Number of moves of a motion of some duration in s."""
+    return int(np.clip(duration // options.time_per_move, options.fewest_moves, options.most_moves))
+
+
+def motion_dimensions(moves: int) -> int:
+    """Number of coordinates of a motion."""
+    return 2 + 2 * moves
+
+
+def motion_of(
+    shares: Floats, limits: MotionLimits, duration: float, options: ExcitationOptions = DEFAULTS.excitation
+) -> Reference | None:
+    """The motion with some coordinates, in round numbers; None: nothing moves.
+
+    The duration is divided among the moves. Each goes as far towards its target as there is time, and rests for the
+    remainder: so every motion is over in time, and changes little where its coordinates do.
+
+    Args:
+        shares: (dimensions,) between 0 and 1: speed and acceleration, then of every move its target and its time.
+        limits: of the run.
+        duration: in s.
+        options: of the search.
+    """
+    speed, acceleration = (
+        min(_two_digits(options.slowest ** (1 - share) * largest), largest)
+        for share, largest in zip(shares[:2], (limits.speed, limits.acceleration), strict=True)
+    )
+    own = Limits(speed, acceleration, _two_digits(limits.jerk))
+    targets, weights = shares[2::2] * limits.farthest, shares[3::2] ** 2 + 1e-6
+    points, pauses, position, late = list[float](), list[float](), 0.0, 0.0
+    for target, time in zip(targets, np.diff(duration * np.cumsum(weights) / weights.sum(), prepend=0.0), strict=True):
+        late += time
+        way = _floor(min(abs(target - position), _farthest(late, own, options)))
+        if way < options.shortest_way:
+            continue
+        position = round(position + float(np.copysign(way, target - position)), 2)
+        points.append(position)
+        pauses.append(max(_floor(late - _move_time(way, own)) - 0.01, 0.0))
+        late -= _move_time(way, own) + pauses[-1]
+    if not points:
+        return None
+    return Reference(
+        kind="way-points",
+        speed=speed,
+        acceleration=acceleration,
+        jerk_limit=own.jerk,
+        points=tuple(points),
+        pauses=tuple(round(pause, 2) for pause in pauses),
+    )
+
+
+def _move_time(way: float, limits: Limits) -> float:
+    """Time in s from rest to rest over a way in m."""
+    speed = top_speed(way, limits)
+    return gaining_time(speed, limits) + way / speed
+
+
+def _farthest(time: float, limits: Limits, options: ExcitationOptions) -> float:
+    """The longest way in m for a time in s, by bisection."""
+    low, high = 0.0, max(limits.speed * time, options.shortest_way)
+    for _ in range(options.bisections):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _move_time(middle, limits) <= time else (low, middle)
+    return low
+
+
+def _floor(value: float) -> float:
+    """A number in m or s, or a little less, with two decimals."""
+    return float(np.floor(100 * value) / 100)
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedCovariance:
+    """The covariance to expect of a run's estimates.
+
+    Attributes:
+        covariance: (p, p) of the estimates' errors, priors included; None: the run violates a limit.
+        violation: of the limit that is violated most, as a share of it; 0: none.
+        words: that limit; empty: none.
+    """
+
+    covariance: Floats | None
+    violation: float = 0.0
+    words: str = ""
+
+
+def with_motion(experiment: Experiment, reference: Reference, duration: float) -> Experiment:
+    """An experiment with another motion, whose rows have the sensors' readings."""
+    simulation = replace(experiment.simulation, duration=duration, readings=True)
+    return replace(experiment, reference=reference, simulation=simulation)
+
+
+def expected_covariance(
+    experiment: Experiment,
+    unknowns: Sequence[UnknownParameter],
+    limits: MotionLimits | None,
+    options: EstimationOptions = DEFAULTS,
+) -> ExpectedCovariance:
+    """The covariance of estimates from a run's log, by the information of its simulated log.
+
+    Args:
+        experiment: of `with_motion`.
+        unknowns: the parameters to estimate.
+        limits: of the run; None: any run will do.
+        options: of the estimation.
+    """
+    run = simulate(experiment)
+    violation, words = _violation(run, limits, options.excitation) if limits else (0.0, "")
+    if run.outcome != "completed":
+        violation, words = 1.0, f"the run {run.outcome.replace('_', ' ')}"
+    if violation:
+        return ExpectedCovariance(None, violation, words)
+    sections = sections_of([log_of(run)], experiment, options.resampling)
+    method = PredictionErrorMethod(sections, experiment, unknowns, options, threads=1)
+    information = method.information(np.array([unknown.start for unknown in unknowns]))
+    if information is None:
+        return ExpectedCovariance(None, 1.0, "a filter that diverges")
+    return ExpectedCovariance(covariance_of(information, unknowns))
+
+
+def _violation(run: Run, limits: MotionLimits, options: ExcitationOptions) -> tuple[float, str]:
+    """The limit that a run violates most: the share by which it does, and the limit in words."""
+    peak, slack = float(run.metrics.peak_tension), float(run.metrics.slack_share)
+    torque = max(float(np.abs(run[name]).max()) for name in ("tau_1", "tau_2"))
+    speed, fastest = float(np.abs(run["v"]).max()), (1 + options.overshoot) * limits.speed
+    most = options.slack
+    found = [
+        (peak / limits.tension - 1, f"a rope's tension of {peak:.4g} N: must be <= {limits.tension:g} N"),
+        (torque / limits.torque - 1, f"a motor's torque of {torque:.4g} N m: must be <= {limits.torque:g} N m"),
+        (speed / fastest - 1, f"a speed of {speed:.3g} m/s: must be <= {fastest:.3g} m/s"),
+        (slack - most, f"a rope without tension for {slack:.2%} of the run: must be <= {most:.1%}"),
+    ]
+    worst = max(found, key=lambda each: each[0])
+    return worst if worst[0] > 0 else (0.0, "")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExcitationDesign:
+    """A motion that determines some parameters.
+
+    Attributes:
+        experiment: with the motion as its reference; its rows have the sensors' readings.
+        unknowns: the parameters to estimate.
+        covariance: (p, p) of the estimates' errors to expect, priors included.
+        present: the same of the experiment's own motion; None: its run does not complete.
+        criterion: ``D`` or ``A``.
+        duration: of the run in s.
+        tried: motions that were simulated.
+        seed: of the search.
+        seconds: wall time.
+    """
+
+    experiment: Experiment
+    unknowns: tuple[UnknownParameter, ...]
+    covariance: Floats
+    present: Floats | None
+    criterion: str
+    duration: float
+    tried: int
+    seed: int
+    seconds: float
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the parameters to estimate."""
+        return tuple(unknown.key for unknown in self.unknowns)
+
+    @property
+    def deviations(self) -> Floats:
+        """(p,) standard deviations to expect."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def present_deviations(self) -> Floats:
+        """(p,) the same of the experiment's own motion; NaN: its run does not complete."""
+        return np.full(len(self.keys), np.nan) if self.present is None else np.sqrt(np.diag(self.present))
+
+    @property
+    def headline(self) -> str:
+        """The search in a line."""
+        return f"the best of {self.tried} motions of {self.duration:g} s, {self.criterion}-criterion, seed {self.seed}"
+
+    @property
+    def motion(self) -> str:
+        """The motion in a line."""
+        reference = self.experiment.reference
+        points = ", ".join(f"{point:g}" for point in reference.points)
+        return f"way-points {points} m at up to {reference.speed:g} m/s and {reference.acceleration:g} m/s^2"
+
+    @property
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Headings and rows: the standard deviations to expect of the present motion, and of this one."""
+        rows = []
+        for unknown, before, after in zip(self.unknowns, self.present_deviations, self.deviations, strict=True):
+            known = np.isfinite(before)
+            rows.append([
+                unknown.key,
+                f"{unknown.start:.6g}",
+                f"{before:.2g}" if known else "",
+                f"{after:.2g}",
+                f"{after / abs(unknown.start):.2%}" if after < abs(unknown.start) else "",
+                f"{before / after:.3g}" if known else "",
+                behind_number(unknown.unit).strip(),
+            ])  # fmt: skip
+        return ["", "start", "± 1 s.d. so far", "± 1 s.d. now", "", "times smaller", ""], rows
+
+    def __repr__(self) -> str:
+        return "\n".join([f"Excited: {self.headline}", "", markdown(*self.table), "", self.motion])
+
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        return page("Excited", f"{self.headline}. {self.motion}", table(*self.table))
+
+    def plot(self, *, ax: GivenAxes = None) -> Figure:
+        """Draw the motion, and the deviations to expect beside those of the present motion.
+
+        Args:
+            ax: two axes to draw into; default: a figure of its own.
+        """
+        from dualwinch.identification.plots import excitation_figure
+
+        reference, present = self.experiment.reference, self.present_deviations
+        return excitation_figure(
+            self.headline, reference, self.duration, self.unknowns, present, self.deviations, ax=ax
+        )
+
+
+def excite(
+    keys: str | Sequence[str],
+    experiment: Experiment | None = None,
+    *,
+    duration: float = 60.0,
+    ensemble: str | PathLike[str] | Ensemble | None = None,
+    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
+    criterion: Criterion = "D",
+    track: float | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    torque: float | None = None,
+    trials: int | None = None,
+    seconds: float | None = None,
+    seed: int = 0,
+    options: EstimationOptions = DEFAULTS,
+    threads: int | None = None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> ExcitationDesign:
+    """Design the motion whose log determines some parameters best, by CMA-ES on the information of simulated logs.
+
+    1. Candidates go from rest to rest through way-points; the closed loop follows each in a simulation.
+    2. The information of its log in the filter of `identify`, with the priors, gives the covariance of the estimates.
+    3. CMA-ES (Hansen) searches for the smallest criterion of that; a violated limit counts as a penalty.
+
+    Args:
+        keys: parameters to estimate, as for `identify`.
+        experiment: machine, sensors and sea; its controller follows the motion; default: the ensemble's, or
+            ``Experiment()``.
+        duration: of the run in s.
+        ensemble: name or file of an ensemble, such as ``rig``: what it draws is estimated as well, as in `identify`.
+        priors: key → mean and standard deviation of a normal prior.
+        criterion: ``D``: the volume of the estimates' confidence region; ``A``: the mean of their variances, each over
+            its prior.
+        track: farthest position in m; default: a metre before the end.
+        speed: largest in m/s; default: the reference's.
+        acceleration: largest in m/s²; default: by half of the ropes' largest net force (``options.excitation``).
+        torque: largest of a motor in N m; default: any. Tensions stay within the controller's limits anyway.
+        trials: motions that are simulated; default: 200, or any number within `seconds`.
+        seconds: time after which no further generation of motions begins.
+        seed: of the search.
+        options: of estimation and search.
+        threads: default: one a core.
+        progress: called after every generation with the share that is done.
+
+    Returns:
+        The experiment with that motion, and the standard deviations to expect beside those of its own motion.
+
+    Raises:
+        ConfigurationError: a key, prior or limit out of range, or no motion within the limits.
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    import cmaes
+
+    began, search = perf_counter(), options.excitation
+    if not search.shortest <= duration <= search.longest:
+        raise ConfigurationError(f"duration = {duration:g}: must be {search.shortest:g} to {search.longest:g} s")
+    if criterion not in {"D", "A"}:
+        raise ConfigurationError(f"criterion = {criterion}: must be D or A")
+    if trials is not None and trials < 1:
+        raise ConfigurationError(f"trials = {trials}: must be >= 1")
+    trials = trials or (search.trials if seconds is None else None)
+    experiment, names, known = problem_of(keys, experiment, ensemble, priors)
+    limits = motion_limits(
+        experiment, track=track, speed=speed, acceleration=acceleration, torque=torque, options=search
+    )
+    unknowns = unknown_parameters(names, experiment, known, options.search)
+    present = expected_covariance(_present_motion(experiment, duration), unknowns, None, options)
+    size = motion_dimensions(moves_in(duration, search))
+    strategy = cmaes.CMA(np.full(size, 0.5), search.sigma, np.tile([0.0, 1.0], (size, 1)), seed=seed)
+    nothing = ExpectedCovariance(None, np.inf, "no time for any motion")
+    best: tuple[float, Reference | None, ExpectedCovariance] = (np.inf, None, nothing)
+    tried = 0
+    while (trials is None or tried < trials) and (seconds is None or perf_counter() - began < seconds or not tried):
+        points = [strategy.ask() for _ in range(strategy.population_size)]
+        found: list[tuple[float, Reference | None, ExpectedCovariance]] = [best] * len(points)
+
+        def evaluate(index: int, points: list[Floats] = points, found: list = found) -> None:
+            reference = motion_of(points[index], limits, duration, search)
+            there = (
+                expected_covariance(with_motion(experiment, reference, duration), unknowns, limits, options)
+                if reference
+                else replace(nothing, violation=2.0)
+            )
+            found[index] = _cost(there, unknowns, criterion, search), reference, there
+
+        if not run_all([lambda index=index: evaluate(index) for index in range(len(points))], threads):
+            raise KeyboardInterrupt
+        strategy.tell([(point, each[0]) for point, each in zip(points, found, strict=True)])
+        best, tried = min([best, *found], key=lambda each: each[0]), tried + len(points)
+        spent = 0.0 if seconds is None else (perf_counter() - began) / seconds
+        progress(min(max(spent, 0.0 if trials is None else tried / trials), 1.0))
+    _, reference, there = best
+    if reference is None or there.covariance is None:
+        raise ConfigurationError(f"none of {tried} motions is within the limits; the nearest has {there.words}")
+    return ExcitationDesign(
+        experiment=with_motion(experiment, reference, duration),
+        unknowns=unknowns,
+        covariance=there.covariance,
+        present=present.covariance,
+        criterion=criterion,
+        duration=duration,
+        tried=tried,
+        seed=seed,
+        seconds=perf_counter() - began,
+    )
+
+
+def _present_motion(experiment: Experiment, duration: float) -> Experiment:
+    """The experiment's own motion for the same time; for its own where it would leave the track by then."""
+    longer = with_motion(experiment, experiment.reference, duration)
+    try:
+        check(longer)
+    except ConfigurationError:
+        return with_motion(experiment, experiment.reference, min(own_duration(experiment.reference), duration))
+    return longer
+
+
+def _cost(
+    there: ExpectedCovariance, unknowns: Sequence[UnknownParameter], criterion: Criterion, options: ExcitationOptions
+) -> float:
+    """The logarithm of a typical standard deviation over its prior; of a motion that violates a limit, a penalty."""
+    if there.covariance is None:
+        return options.infeasible + there.violation
+    by = np.array([each.uncertainty for each in unknowns])
+    scaled = there.covariance / np.outer(by, by)
+    if criterion == "A":
+        return float(np.log(np.mean(np.diag(scaled))) / 2)
+    return float(np.linalg.slogdet(scaled)[1] / (2 * len(by)))

@@ -1,1 +1,0 @@
-"""Which run to make: references that make a machine's numbers visible."""

@@ -1,0 +1,196 @@
+"""Logs on the samples of the filter: torques as they reach the motors, and readings that carry information.
+
+A reading that repeats the last one carries little or none: encoders count in steps, and sensors that fail often repeat
+themselves. Where drums stick, standstill is left out: there the direction of friction is unknown, and the filter, which
+linearises friction at its estimate of the speed, would take that slope for information.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.identification.log import TORQUES, Log
+from dualwinch.identification.options import DEFAULTS, ResamplingOptions
+from dualwinch.identification.predictor import READINGS
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import Experiment
+
+Floats = NDArray[np.float64]
+
+ANGLES = ("theta_1", "theta_2")
+"""Readings without noise, in steps."""
+
+
+@dataclass(frozen=True)
+class LogSection:
+    """A section of a log: resampled inputs (samples, 4) and readings (samples, readings)."""
+
+    name: str
+    inputs: Floats
+    readings: Floats
+
+    @property
+    def torques(self) -> Floats:
+        """(samples, 2) commands in N m."""
+        return self.inputs[:, 1:3]
+
+    def upto(self, samples: int) -> "LogSection":
+        """Its first samples."""
+        return replace(self, inputs=self.inputs[:samples], readings=self.readings[:samples])
+
+
+def sections_of(
+    logs: Sequence[Log], experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling
+) -> tuple[LogSection, ...]:
+    """All logs, resampled, interval of motion by interval of motion.
+
+    They are not cut further: the disturbances at the end of a section and at the beginning of the next are the same,
+    and a filter that starts anew would count them twice.
+
+    Raises:
+        ConfigurationError: as `resampled`.
+    """
+    found: list[LogSection] = []
+    for log in logs:
+        inputs, readings = resampled(log, experiment, options)
+        moving = moving_intervals(readings, experiment, options)
+        found.extend(_section(log, inputs[interval], readings[interval]) for interval in moving)
+    return tuple(found)
+
+
+def whole_section(log: Log, experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling) -> LogSection:
+    """All of a log, standstill included.
+
+    Raises:
+        ConfigurationError: as `resampled`.
+    """
+    return _section(log, *resampled(log, experiment, options))
+
+
+def _section(log: Log, inputs: Floats, readings: Floats) -> LogSection:
+    return LogSection(log.name, np.ascontiguousarray(inputs), np.ascontiguousarray(readings))
+
+
+def resampled(
+    log: Log, experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling
+) -> tuple[Floats, Floats]:
+    """Resampled inputs (samples, 4) and readings (samples, readings) of a log.
+
+    Each reading goes to the nearest sample; where samples jitter (``simulation.jitter``), the times of the samples are
+    those of the log, else multiples of the sample time. Torque commands are held until the next, and reach the motors
+    ``simulation.delay_samples`` later; the samples before the first of them arrives are left out.
+
+    Raises:
+        ConfigurationError: too few rows, or no torque for longer than ``options.longest_gap``.
+    """
+    if len(log.t) < options.least_rows:
+        raise ConfigurationError(f"{log.name}: has {len(log.t)} rows: must be {options.least_rows} or more")
+    step, late = experiment.simulation.sample_time, experiment.simulation.delay_samples
+    numbers = np.rint((log.t - log.t[0]) / step).astype(int)
+    count = int(numbers[-1]) + 1
+    torques = np.column_stack([_held_torque(log, name, numbers, count, step, options) for name in TORQUES])
+    readings = np.full((count, len(READINGS)), np.nan)
+    for column, name in enumerate(READINGS):
+        if name in log.columns and not _is_difference(name, log):
+            values = log.columns[name]
+            kept = np.isfinite(values)
+            fresh = _counted(values[kept]) if name in ANGLES else _without_repeats(values[kept], options.repeats)
+            readings[numbers[kept], column] = fresh
+    t = _times(log.t, numbers, count, step) if experiment.simulation.jitter > 0 else log.t[0] + step * np.arange(count)
+    durations = np.diff(t, append=t[-1] + step)
+    arrived = torques[: count - late] if late else torques
+    inputs = np.column_stack([t[late:], arrived, durations[late:]])
+    return np.ascontiguousarray(inputs), np.ascontiguousarray(readings[late:])
+
+
+def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Floats:
+    """The time of every sample: that of its last row, and in between by the number of samples."""
+    last = np.append(np.diff(numbers) > 0, True)
+    own = numbers[last] * step
+    return np.arange(count) * step + np.interp(np.arange(count) * step, own, t[last] - own)
+
+
+def _is_difference(name: str, log: Log) -> bool:
+    """Whether it is a drum speed beside an angle: most likely that angle's difference, half a sample late."""
+    return name.startswith("omega") and name.replace("omega", "theta") in log.readings
+
+
+def _held_torque(
+    log: Log, name: str, numbers: NDArray[np.int_], count: int, step: float, options: ResamplingOptions
+) -> Floats:
+    """A torque at every sample: that of the latest row that has one."""
+    values = log.columns[name]
+    rows = np.flatnonzero(np.isfinite(values))
+    gaps = np.diff(numbers[rows], prepend=0, append=count - 1)
+    longest = max(options.longest_gap, 2 * float(np.median(np.diff(log.t))))
+    if gaps.max() * step > longest:
+        at = int(np.argmax(gaps))
+        begins = log.t[0] + step * (numbers[rows[at - 1]] if at else 0)
+        raise ConfigurationError(
+            f"{log.name}: {name}: none for {gaps.max() * step:g} s after t = {begins:g} s: must be <= {longest:g} s"
+        )
+    latest = np.clip(np.searchsorted(numbers[rows], np.arange(count), side="right") - 1, 0, None)
+    return values[rows[latest]]
+
+
+def _without_repeats(values: Floats, repeats: int) -> Floats:
+    """Readings, NaN where a sensor has repeated itself so many times or more."""
+    begins = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, int)
+    lengths = np.diff(begins, append=len(values))
+    fresh = values.copy()
+    for begin, length in zip(begins[lengths >= repeats], lengths[lengths >= repeats], strict=True):
+        fresh[begin + 1 : begin + length] = np.nan
+    return fresh
+
+
+def _counted(values: Floats) -> Floats:
+    """Angles of an encoder at the samples at which its count changes.
+
+    When a slow drum has just moved by one count, its angle is at the edge of the count from which it came, and beyond
+    it, on average, by the way of half a sample: one over the number of samples since the last count.
+    """
+    changes = np.flatnonzero(np.diff(values) != 0) + 1
+    fresh = np.full_like(values, np.nan)
+    if not len(changes):
+        fresh[:1] = values[:1]
+        return fresh
+    moved = np.diff(values)[changes - 1]
+    count = np.abs(moved).min()
+    since = np.diff(changes, prepend=0).astype(float)
+    single = np.abs(moved) < 1.5 * count
+    edge = np.where(single, np.sign(moved) * count / 2 * (1 - 1 / np.maximum(since, 1.0)), 0.0)
+    fresh[changes] = values[changes] - edge
+    return fresh
+
+
+def moving_intervals(
+    readings: Floats, experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling
+) -> list[slice]:
+    """Intervals of samples in which the machine moves; one of all samples where no drum sticks, or hardly any moves.
+
+    Args:
+        readings: (samples, readings) of `resampled`.
+        experiment: gives friction, drum radii and sample time.
+        options: what counts as standstill.
+    """
+    winches, step = (experiment.plant.winch_1, experiment.plant.winch_2), experiment.simulation.sample_time
+    whole = [slice(0, len(readings))]
+    if not any(winch.coulomb_friction for winch in winches):
+        return whole
+    positions = {"theta_1": winches[0].drum_radius, "theta_2": winches[1].drum_radius, "x": 1.0}
+    for name, radius in positions.items():
+        values = radius * readings[:, READINGS.index(name)]
+        known = np.flatnonzero(np.isfinite(values))
+        if len(known) > 1:
+            break
+    else:
+        return whole
+    half = max(1, round(options.standstill_window / 2 / step))
+    position = np.interp(np.arange(-half, len(values) + half), known, values[known])
+    fast = np.abs(position[2 * half :] - position[: -2 * half]) > options.standstill_speed * 2 * half * step
+    edges = np.flatnonzero(np.diff(fast.astype(int), prepend=0, append=0))
+    found = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * step >= options.shortest_move]
+    moving = sum(each.stop - each.start for each in found) * step
+    return found if moving >= options.least_moving_time else whole

@@ -1,0 +1,84 @@
+"""The unrecorded force on the vehicle, smoothed: estimated at each time from all readings, later ones included."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
+from dualwinch.identification.log import Log
+from dualwinch.identification.predictor import DISTURBANCES, state_template
+from dualwinch.identification.resample import whole_section
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.signals import Signal
+from dualwinch.model.vehicle import drag, friction
+from dualwinch.simulation.results.content import Content
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedForce:
+    """An unrecorded force over the time of a log.
+
+    Attributes:
+        log: its name.
+        t: (n,) in s.
+        force: (n,) in N: the force on the vehicle that would have acted without current and changes of the rail load;
+            vortices, which the model has, are not part of it.
+        deviation: (n,) standard deviation in N, for the machine as estimated.
+    """
+
+    log: str
+    t: Floats
+    force: Floats
+    deviation: Floats
+
+    @property
+    def signal(self) -> Signal:
+        """As ``disturbance.force`` takes it; current and changes of the rail load are in it already."""
+        return Signal.from_arrays(self.t, self.force, unit="N")
+
+    @property
+    def content(self) -> Content:
+        """As a file has it."""
+        quantities = {"t": Quantity("s", "time"), "force": Quantity("N", "force on the vehicle along the track")}
+        return Content({"t": self.t, "force": self.force}, quantities, {"log": self.log})
+
+
+def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterEstimate) -> SmoothedForce:
+    """Estimate the unrecorded force on the vehicle over a log, by the modified Bryson–Frazier smoother.
+
+    Args:
+        method: of the logs.
+        log: one of them.
+        estimate: of the method.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    experiment, options = estimate.experiment, method.options.diagnostics
+    filters = method.filters_of([whole_section(log, experiment, method.options.resampling)])
+    ((states, smoothed, covariances),) = filters.smooth(experiment, estimate.noise)
+    (section,), vehicle, change = filters.sections, experiment.plant.vehicle, options.force_difference
+    rows = slice(None, None, max(1, round(options.force_spacing / experiment.simulation.sample_time)))
+    v = states[rows, list(leaves(state_template(method.structure))).index("motion.plant.v")]
+    current, load, force = (smoothed[rows, DISTURBANCES.index(name)] for name in DISTURBANCES[:3])
+
+    def resistance(current: Floats, load: Floats) -> Floats:
+        pairs = zip(v.tolist(), current.tolist(), load.tolist(), strict=True)
+        return np.array([friction(v, vehicle, load) + drag(v - current, vehicle) for v, current, load in pairs], float)
+
+    none = np.zeros_like(v)
+    here = resistance(current, load)
+    slopes = np.column_stack([
+        (here - resistance(current + change, load)) / change, here - resistance(current, load + 1), none + 1,
+    ])  # fmt: skip
+    variance = np.einsum("ki,kij,kj->k", slopes, covariances[rows, :3, :3], slopes)
+    return SmoothedForce(
+        log=log.name,
+        t=section.inputs[rows, 0],
+        force=force + resistance(none, none) - here,
+        deviation=np.sqrt(np.maximum(variance, 0.0)),
+    )

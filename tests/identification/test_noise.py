@@ -1,0 +1,57 @@
+"""Noise and scatter that logs tell, beside what was simulated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dualwinch.identification.estimate import PredictionErrorMethod
+from dualwinch.identification.noise import NoiseEstimator
+from dualwinch.identification.options import NoiseOptions
+from dualwinch.identification.resample import sections_of
+from dualwinch.identification.unknowns import estimable_keys, unknown_parameters
+from dualwinch.model.signals import Signal
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
+from tests.identification.conftest import logged, machine
+
+T = np.linspace(0, 20, 2001)
+
+
+def search(right: Experiment, believed: Experiment) -> tuple[NoiseEstimator, PredictionErrorMethod]:
+    unknowns = unknown_parameters(estimable_keys(["plant.vehicle.mass"], believed), believed, {})
+    fitting = PredictionErrorMethod(sections_of([logged(right)], believed), believed, unknowns)
+    return NoiseEstimator(fitting.filters, believed, NoiseOptions()), fitting
+
+
+def test_a_force_that_nobody_describes_is_found() -> None:
+    """First-order noise of 300 N that lasts a second, as the filter takes it for."""
+    calm = machine()
+    drawn, kept = np.random.default_rng(2).normal(size=len(T)), np.exp(-(T[1] - T[0]))
+    gust = np.zeros(len(T))
+    for k in range(1, len(T)):
+        gust[k] = kept * gust[k - 1] + 300 * np.sqrt(1 - kept**2) * drawn[k]
+    force = Signal.from_arrays(T, gust, unit="N")
+    estimator, fitting = search(replace(calm, disturbance=replace(calm.disturbance, force=force)), calm)
+    found = estimator.with_process_noise(calm, fitting.initial_noise(), anywhere=True)
+    assert found.process["force"].deviation == pytest.approx(300, rel=0.35)
+    assert found.process["torque_1"].deviation < 0.1
+    quiet, calmly = search(calm, calm)
+    assert quiet.with_process_noise(calm, calmly.initial_noise(), anywhere=True).process["force"].deviation < 30
+
+
+def test_noise_is_found_from_far_off() -> None:
+    right = machine()
+    estimator, fitting = search(right, override(right, {"sensors.tension_noise": 60.0, "sensors.speed_noise": 1e-3}))
+    noise = fitting.initial_noise()
+    filtered = fitting.filters.run(right, noise, gains=False)
+    found = estimator.with_measurement_noise(right, noise, filtered)
+    assert np.sqrt(found.measurement[1]) == pytest.approx(2e-3, rel=0.05)
+    np.testing.assert_allclose(np.sqrt(found.measurement[2:4]), 10, rtol=0.1)
+
+
+def test_scatter_that_filters_bear_is_not_widened() -> None:
+    right = machine()
+    estimator, fitting = search(right, right)
+    noise = fitting.initial_noise()
+    assert estimator.tolerable(right, noise).process["torque_1"] == noise.process["torque_1"]
