@@ -40,7 +40,7 @@ from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.files import save
+from dualwinch.simulation.plots.page import save
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 

@@ -164,16 +164,15 @@ def _draw(
     systems: Sequence[LinearSystem], experiment: Experiment, swept: str | None, plot: Path, figure: FigureName | None
 ) -> None:
     from dualwinch.simulation.plots import linear
-    from dualwinch.simulation.plots import modes as mode_plots
     from dualwinch.simulation.plots import save as save_figure
 
     chosen = figure or ("modes" if swept else "bode")
     drawn = {
         "bode": lambda: linear.bode(systems, swept),
-        "modes": lambda: mode_plots.modal_frequencies(
+        "modes": lambda: linear.modal_frequencies(
             systems, swept or "", experiment.plant, experiment.simulation.sample_time
         ),
-        "poles": lambda: mode_plots.pole_map(systems, swept or "", experiment.plant),
+        "poles": lambda: linear.pole_map(systems, swept or "", experiment.plant),
         "shapes": lambda: linear.mode_shapes(systems[0], experiment.plant),
     }[chosen]()
     save_figure(drawn, plot)

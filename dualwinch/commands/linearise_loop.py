@@ -64,7 +64,7 @@ def linearise_loop(
         console.print(f"wrote {out}")
     if plot:
         from dualwinch.simulation.plots import save as save_figure
-        from dualwinch.simulation.plots.loop import amplitude_margins, closed_loop_poles, loop_bode
+        from dualwinch.simulation.plots.linear import amplitude_margins, closed_loop_poles, loop_bode
 
         if loop == "closed":
             picture = closed_loop_poles(systems, swept)

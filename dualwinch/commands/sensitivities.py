@@ -66,7 +66,7 @@ def run_sensitivities(
         console.print(f"wrote {out}")
     if plot:
         from dualwinch.simulation.plots import save as save_figure
-        from dualwinch.simulation.plots.effects import effects_figure
+        from dualwinch.simulation.plots.analyses import effects_figure
 
         save_figure(effects_figure(experiment, effects.changes(), effects.found.quantities), plot)
         console.print(f"wrote {plot}")

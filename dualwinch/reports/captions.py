@@ -6,8 +6,8 @@ from itertools import combinations
 import numpy as np
 
 from dualwinch.simulation.paper import CONTROLLERS
-from dualwinch.simulation.plots.motion import COMPARABLE
-from dualwinch.simulation.plots.thin import largest, within
+from dualwinch.simulation.plots.runs import COMPARABLE
+from dualwinch.simulation.plots.traces import largest, within
 from dualwinch.simulation.results.result import Result
 
 DRAWN = {"trajectory": ("x",), "error": ("e",), "commands": ("F1_cmd", "F2_cmd"), "tensions": ("F1", "F2")}

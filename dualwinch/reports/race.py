@@ -6,7 +6,7 @@ from pathlib import Path
 from dualwinch.codegen.files import atomic
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri
-from dualwinch.simulation.plots.files import encode
+from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.benchmark.comparison import RULE
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.summary import (

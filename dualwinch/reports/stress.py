@@ -5,7 +5,7 @@ from pathlib import Path
 from dualwinch.codegen.files import atomic
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri
-from dualwinch.simulation.plots.files import encode
+from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.robustness.result import RobustnessResult
 from dualwinch.tuning.robustness.summary import heading, notes, stress_table
 

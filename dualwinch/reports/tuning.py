@@ -11,7 +11,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri, number_text
 from dualwinch.reports.tuning_words import ASSUMED, costs, gained, next_steps
-from dualwinch.simulation.plots.files import encode
+from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.plots import (
     before_and_after,
     front,

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from dualwinch.simulation.plots.motion import length_unit
+from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.tuning.result import TuningResult, advice
 
 COSTS = {

@@ -23,11 +23,10 @@ from dualwinch.simulation.animation.machine import (
     machine_of,
 )
 from dualwinch.simulation.animation.svg import Play, add, move, number, path, picture, text, written
-from dualwinch.simulation.plots.headings import case_number, scenario
-from dualwinch.simulation.plots.motion import length_unit
-from dualwinch.simulation.plots.ropes import KILO
+from dualwinch.simulation.plots.page import case_number, scenario
+from dualwinch.simulation.plots.runs import KILO, length_unit
 from dualwinch.simulation.plots.style import GREY, INK, LIGHT, ROPE_COLOURS, VERMILION, law_colour, law_label
-from dualwinch.simulation.plots.thin import drawable, largest, thin
+from dualwinch.simulation.plots.traces import drawable, largest, thin
 from dualwinch.simulation.results.result import Result
 
 Floats = NDArray[np.float64]

@@ -3,17 +3,18 @@
 Every function returns a `matplotlib.figure.Figure` of its own; nothing here touches pyplot or global settings.
 """
 
-from dualwinch.simulation.plots.bars import steady_state_bars
-from dualwinch.simulation.plots.certificate import lyapunov
-from dualwinch.simulation.plots.comparison import comparison
-from dualwinch.simulation.plots.ensemble import fan_chart
-from dualwinch.simulation.plots.files import encode, save
-from dualwinch.simulation.plots.loop import amplitude_margins, closed_loop_poles, loop_bode
-from dualwinch.simulation.plots.modes import modal_frequencies, pole_map
-from dualwinch.simulation.plots.motion import error, trajectory
-from dualwinch.simulation.plots.overview import overview
-from dualwinch.simulation.plots.preloads import preloads
-from dualwinch.simulation.plots.ropes import commands, tensions
+from dualwinch.simulation.plots.analyses import lyapunov, preloads
+from dualwinch.simulation.plots.ensembles import comparison, fan_chart
+from dualwinch.simulation.plots.linear import (
+    amplitude_margins,
+    closed_loop_poles,
+    loop_bode,
+    modal_frequencies,
+    pole_map,
+)
+from dualwinch.simulation.plots.overview import overview, steady_state_bars
+from dualwinch.simulation.plots.page import encode, save
+from dualwinch.simulation.plots.runs import commands, error, tensions, trajectory
 
 __all__ = [
     "amplitude_margins",

@@ -1,6 +1,9 @@
-"""Where a figure is drawn: on a page of its own, or into the axes of a caller's figure."""
+"""The page of a figure, its headings, and files of it."""
 
 from collections.abc import Sequence
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -10,9 +13,57 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.style import legend_below, new_figure, time_axis
+from dualwinch.simulation.paper import CASES, FIGURES, case
+from dualwinch.simulation.plots.style import house_style, legend_below, new_figure, time_axis
+
+
+def case_number(experiment: Experiment) -> int | None:
+    """The paper's case whose reference and disturbance an experiment has; ``None`` for another."""
+    for number in CASES:
+        paper = case(number)
+        if (paper.reference, paper.disturbance) == (experiment.reference, experiment.disturbance):
+            return number
+    return None
+
+
+def scenario(experiment: Experiment) -> str:
+    """Reference and disturbances in words."""
+    number = case_number(experiment)
+    if number is not None:
+        return CASES[number]
+    disturbance = experiment.disturbance
+    sources = {
+        "vortex shedding": disturbance.vortex,
+        "current": disturbance.current_sigma > 0 or disturbance.current.given,
+        "varying rail load": disturbance.normal_force_sigma > 0 or disturbance.normal_force_variation.given,
+        "given force": disturbance.force.given,
+    }
+    words = [name for name, present in sources.items() if present]
+    reference = {"uniform": "uniform speed", "file": "recorded motion"}
+    return ", ".join(
+        [reference.get(experiment.reference.kind, experiment.reference.kind), *(words or ["no disturbance"])]
+    )
+
+
+def headings(experiments: Sequence[Experiment], content: str, words: str) -> tuple[str, str]:
+    """Title and subtitle of a figure of runs; the paper's number of the figure where all are of one of its cases.
+
+    Args:
+        experiments: what was run.
+        content: one of `simulation.paper.CONTENTS`.
+        words: what is drawn, for the title.
+    """
+    numbers = {case_number(experiment) for experiment in experiments}
+    shown = [figure for figure in FIGURES if {figure.case} == numbers and figure.content == content]
+    title = words[0].upper() + words[1:]
+    for figure in shown:
+        title = f"Figure {figure.number} · Case {figure.case}: {words}"
+    scenarios = dict.fromkeys(map(scenario, experiments))
+    return title, "; ".join(scenarios).capitalize()
+
 
 GivenAxes: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None
 """Argument `ax` of a figure: axes to draw its panels into, in their order; where there are fewer, only the first panels
@@ -91,3 +142,46 @@ def _checked(ax: Axes | Sequence[Axes] | NDArray[Any]) -> list[Axes]:
 def _root(axes: Axes) -> Figure:
     figure = axes.figure
     return figure.figure if isinstance(figure, SubFigure) else figure
+
+
+RESOLUTION = 200
+"""Dots per inch of a PNG."""
+
+METADATA = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+"""Suffix → what to keep out of the file: anything that changes from day to day or machine to machine."""
+
+
+def encode(figure: Figure, suffix: str) -> bytes:
+    """A figure as the content of a file.
+
+    Args:
+        figure: what to write.
+        suffix: ``.png`` (200 dots per inch), ``.svg`` or ``.pdf``.
+
+    Raises:
+        ConfigurationError: another suffix.
+    """
+    form = suffix.lower()
+    if form not in METADATA:
+        raise ConfigurationError(f"unknown suffix {suffix!r}; must be one of {', '.join(METADATA)}")
+    stream = BytesIO()
+    with house_style():
+        figure.savefig(stream, format=form.removeprefix("."), dpi=RESOLUTION, metadata=METADATA[form])
+    return stream.getvalue()
+
+
+def save(figure: Figure, path: str | PathLike[str]) -> None:
+    """Write a figure to a file, which appears whole or not at all.
+
+    Args:
+        figure: what to write.
+        path: its suffix chooses the format: png, svg, pdf.
+
+    Raises:
+        ConfigurationError: another suffix.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    content = encode(figure, path.suffix)
+    with atomic(path) as unfinished:
+        unfinished.write_bytes(content)

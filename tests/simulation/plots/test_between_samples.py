@@ -11,7 +11,7 @@ from dualwinch.model.actuators import Motor
 from dualwinch.model.plant import Environment, PlantState, Torques, derivative, tensions
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.between_samples import POINTS, finely
+from dualwinch.simulation.plots.traces import POINTS, finely
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 

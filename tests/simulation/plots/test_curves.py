@@ -12,7 +12,7 @@ from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import plots
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.curves import PALETTE, curves
+from dualwinch.simulation.plots.runs import PALETTE, curves
 from dualwinch.simulation.plots.style import BLUE, DASHES, VERMILION
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override

@@ -6,8 +6,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
-from dualwinch.simulation.plots.linear import bode, mode_shapes
-from dualwinch.simulation.plots.modes import modal_frequencies, pole_map
+from dualwinch.simulation.plots.linear import bode, modal_frequencies, mode_shapes, pole_map
 
 X = np.arange(0.0, 51.0, 5.0)
 

@@ -21,9 +21,15 @@ from dualwinch.simulation.analysis.stability import certify
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.linear import bode, mode_shapes
-from dualwinch.simulation.plots.loop import amplitude_margins, closed_loop_poles, loop_bode
-from dualwinch.simulation.plots.modes import modal_frequencies, pole_map
+from dualwinch.simulation.plots.linear import (
+    amplitude_margins,
+    bode,
+    closed_loop_poles,
+    loop_bode,
+    modal_frequencies,
+    mode_shapes,
+    pole_map,
+)
 from dualwinch.simulation.plots.style import house_style
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

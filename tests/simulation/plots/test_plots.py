@@ -20,9 +20,9 @@ from dualwinch.simulation import plots
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import CONTROLLERS, FIGURES, case, percent, reductions, steady_change
-from dualwinch.simulation.plots.motion import length_unit
+from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.simulation.plots.style import law_colour
-from dualwinch.simulation.plots.thin import peaks, thin
+from dualwinch.simulation.plots.traces import peaks, thin
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
