@@ -7,13 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable, readable_unit
-from dualwinch.simulation.analysis.stability import Certificate
 from dualwinch.simulation.analysis.preload import Preloads
+from dualwinch.simulation.analysis.stability import Certificate
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes, Page, scenario
 from dualwinch.simulation.plots.runs import PALETTE, Look, length_unit
@@ -161,9 +160,6 @@ def _draw(axes: Axes, t: Floats, values: Floats, colour: str) -> None:
 def _words(name: str, found: Preloads) -> str:
     run = {"constant": found.constant, "best constant": found.best}.get(name)
     return name if run is None else f"{name}, {run.experiment.controller.limits.preload:.0f} N"
-
-
-Floats = NDArray[np.float64]
 
 
 READABLE = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
