@@ -99,13 +99,14 @@ def export_fmu(
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
     from dualwinch.commands.export_fmu import export_fmu as run
+    from dualwinch.commands.progress import ProgressLine
     from dualwinch.commands.simulate import experiment
     from dualwinch.commands.terminal import terminal
 
     use_parts(plugin)
     chosen, console = experiment(case, config, None, set_ or []), terminal(stderr=True)
-    with console.status("generating") as status:
-        words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=status.update)
+    with ProgressLine("generating") as progress:
+        words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=progress)
     console.print(f"wrote {words}", soft_wrap=True)
 
 

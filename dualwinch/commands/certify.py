@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.progress import Progress
 from rich.table import Table
 from rich.text import Text
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
@@ -42,11 +42,10 @@ def certify(
         check_folder(out.parent)
     check_plot(plot)
     console = terminal(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("simulating", total=1.0)
-        certificate = judge(asked, progress=lambda share: bar.update(task, completed=share))
-        task = bar.add_task("searching nearby gains", total=1.0)
-        near = nearby_gains(certificate, progress=lambda share: bar.update(task, completed=share))
+    with ProgressLine("simulating") as progress:
+        certificate = judge(asked, progress=progress)
+        progress(0.0, "searching nearby gains")
+        near = nearby_gains(certificate, progress=progress)
     print_certificate(certificate, near)
     if out:
         with atomic(out) as unfinished:

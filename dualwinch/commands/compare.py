@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
@@ -98,11 +98,9 @@ def compare(
         check_folder(out.parent)
     check_plot(plot)
     console = terminal(stderr=True)
-    shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-        result = run(wanted, drawn, scenarios, seed, progress=lambda share: bar.update(task, completed=share))
-    with console.status("finding infeasible scenarios"):
+    with ProgressLine("simulating") as progress:
+        result = run(wanted, drawn, scenarios, seed, progress=progress)
+        progress(0.0, "finding infeasible scenarios")
         facts = as_json(result)
     print_comparison(result, facts)
     if out:

@@ -6,7 +6,8 @@ from typing import Literal
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.folders import check_folder
-from dualwinch.commands.identify_run import believed_from, prior_from, progress_bar
+from dualwinch.commands.identify_run import believed_from, prior_from
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.terminal import terminal
 from dualwinch.commands.tune import seconds_from
@@ -50,7 +51,7 @@ def run_excite(
     check_plot(plot)
     experiment, drawn = believed_from(case, config, ensemble, assignments)
     console = terminal(stderr=True)
-    with progress_bar(console) as progress:
+    with ProgressLine("searching") as progress:
         found = excite(
             fit,
             experiment,

@@ -1,6 +1,5 @@
 """``dualwinch export fmu``: controller, plant or closed loop as a Functional Mock-up Unit."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -24,6 +23,7 @@ from dualwinch.commands.folders import check_folder
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import Progress, no_progress
 
 SAMPLE_TIME = "simulation.sample_time"
 """A constant of every FMU: FMI has no way to change it."""
@@ -58,7 +58,7 @@ def export_fmu(
     fmi: Version = 2,
     kind: Kind | None = None,
     platforms: str | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> str:
     """Write an FMU. Everything that can be wrong with the request is found before anything is compiled.
 
@@ -69,7 +69,7 @@ def export_fmu(
         fmi: version, 2 or 3.
         kind: which interfaces; default: all there can be.
         platforms: names with commas, or ``all``; default: this machine's.
-        progress: called with what is going on.
+        progress: receives the fraction of the platforms that are done, and what is being compiled.
 
     Returns:
         What was written, in words.
@@ -94,7 +94,10 @@ def export_fmu(
         model,
         targets,
         about,
-        lambda name: progress(f"compiling for {name} (the first time for a platform takes up to a minute)"),
+        lambda name: progress(
+            [target.name for target in targets].index(name) / len(targets),
+            f"compiling for {name} (the first time for a platform takes up to a minute)",
+        ),
     )
     with atomic(out) as unfinished:
         unfinished.write_bytes(archive(files))

@@ -2,17 +2,14 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
@@ -60,7 +57,7 @@ def run_identify(
         check_folder(disturbance.parent)
     experiment, drawn = believed_from(case, config, ensemble, assignments)
     console = terminal(stderr=True)
-    with progress_bar(console) as progress:
+    with ProgressLine("fitting") as progress:
         found = identify(
             list(logs),
             fit,
@@ -113,15 +110,6 @@ def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     for path, force in zip(files, found.forces, strict=True):
         format_of(path).write(force.content, path)
     return files
-
-
-@contextmanager
-def progress_bar(console: Console) -> Iterator[Callable[[float], None]]:
-    """A bar on a terminal, to be told the share that is done."""
-    shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda done: bar.update(task, completed=done)
 
 
 def write_identified(out: Path, found: IdentificationResult, seed: int) -> list[Path]:

@@ -5,11 +5,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from rich.progress import Progress
-
 from dualwinch import __version__
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.lab.assemble import assemble
@@ -58,10 +57,8 @@ def show(run: Path, out: Path | None, *, browser: bool) -> None:
 
 
 def _page(own: dict[str, Any] | None = None) -> str:
-    console = terminal(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("building the lab", total=1.0)
-        made = content(load_ensemble("rig"), __version__, progress=lambda share: bar.update(task, completed=share))
+    with ProgressLine("building the lab") as progress:
+        made = content(load_ensemble("rig"), __version__, progress=progress)
     return assemble(made.catalogue, made.modules, own)
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.progress import Progress
 from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
@@ -55,13 +55,8 @@ def preload(
         check_folder(out.parent)
     check_plot(plot)
     console = terminal(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("solving and simulating", total=1.0)
-
-        def say(share: float) -> None:
-            bar.update(task, completed=share)
-
-        found = preloads(asked, least, error=error, torque_rate=torque_rate, progress=say)
+    with ProgressLine("solving and simulating") as progress:
+        found = preloads(asked, least, error=error, torque_rate=torque_rate, progress=progress)
     print_preloads(found)
     if out:
         with atomic(out) as unfinished:

@@ -4,17 +4,18 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from itertools import count
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.engine import engine_here
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.commands.folders import made_folder
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.reproduce_print import new_table, print_claims, print_tables
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
@@ -116,13 +117,11 @@ def _of_case(runs: Runs, number: int) -> dict[str, Result]:
 
 @contextmanager
 def _progress(steps: int) -> Iterator:
-    columns = (TextColumn("{task.description:<44}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    console = terminal(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=steps, completed=-1)
+    with ProgressLine() as progress:
+        done = count()
 
-        def step(description: str) -> None:
-            bar.update(task, advance=1, description=description)
+        def step(phase: str) -> None:
+            progress(next(done) / steps, phase)
 
         yield step
 

@@ -5,13 +5,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from rich.progress import Progress
 from rich.table import Table
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.engine import engine_here
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment
@@ -87,9 +87,8 @@ def simulate(
         check_folder(animate.parent)
     engine = engine or engine_here()
     console = terminal(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("simulating", total=1.0)
-        result = run(asked, stride=stride, engine_name=engine, progress=lambda share: bar.update(task, completed=share))
+    with ProgressLine("simulating") as progress:
+        result = run(asked, stride=stride, engine_name=engine, progress=progress)
     print_result(result)
     if out:
         notes = {f"version_{name}": version for name, version in versions().items()}

@@ -3,13 +3,12 @@
 from pathlib import Path
 
 from rich import box
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TimeRemainingColumn
 from rich.table import Table
-from rich.text import Text
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.measured import measured
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
@@ -22,14 +21,6 @@ from dualwinch.simulation.metrics.metrics import metric_quantities
 
 SCENARIOS, SEED = 100, 0
 """How many scenarios are drawn, and from which seed, where nothing else is asked for."""
-
-
-class Rate(ProgressColumn):
-    """Scenarios a second."""
-
-    def render(self, task: Task) -> Text:
-        """The rate so far."""
-        return Text(f"{task.speed:.0f} scenarios/s" if task.speed else "")
 
 
 def ensemble(
@@ -60,12 +51,8 @@ def simulate_ensemble(
         check_folder(out.parent)
     check_plot(plot)
     console = terminal(stderr=True)
-    shown = (BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
-    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=count)
-        result = run_ensemble(
-            asked, count, seed, traces=plot is not None, progress=lambda done: bar.update(task, completed=done)
-        )
+    with ProgressLine(f"simulating {count} scenarios") as progress:
+        result = run_ensemble(asked, count, seed, traces=plot is not None, progress=progress)
     print_ensemble(result)
     if out:
         notes = {"configuration": ensemble_to_toml(asked), **{f"version_{k}": v for k, v in versions().items()}}

@@ -9,11 +9,10 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
-
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import made_folder
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.stress import stress
 from dualwinch.commands.terminal import terminal
@@ -51,10 +50,7 @@ def run_stress(
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = experiment_from(case, file, None, assignments)
     console = terminal(stderr=True)
-    shown = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    bars = Progress(*shown, console=console, transient=True, disable=not console.is_terminal)
-    with made_folder(out) if out else nullcontext(), bars as bar:
-        task = bar.add_task("", total=1.0)
+    with made_folder(out) if out else nullcontext(), ProgressLine("simulating") as progress:
         found = stress(
             experiment,
             ensemble=ensemble,
@@ -65,7 +61,7 @@ def run_stress(
             scenarios=scenarios,
             seed=seed,
             name=file.name if file else f"case {case}",
-            progress=lambda share: bar.update(task, completed=share),
+            progress=progress,
         )
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     if out:

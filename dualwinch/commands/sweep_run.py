@@ -7,9 +7,8 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
-
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.sweep_axes import axes_from
 from dualwinch.commands.sweep_tables import as_json, content_of, print_sweep
@@ -57,10 +56,8 @@ def run_sweep(
     write = writer(out) if out else None
     check_plot(plot)
     console = terminal(stderr=True)
-    bars = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*bars, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-        found = sweep(experiment, axes, progress=lambda share: bar.update(task, completed=share))
+    with ProgressLine("simulating") as progress:
+        found = sweep(experiment, axes, progress=progress)
     if json:
         sys.stdout.write(as_json(found) + "\n")
     else:

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-
+from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.stress import SCENARIOS, base_and_ensemble, stress
 from dualwinch.commands.stress_run import write_stress
 from dualwinch.commands.terminal import terminal
@@ -34,10 +33,7 @@ def check_stress(problem: TuningProblem) -> None:
 def print_stress(tuned: TuningResult, out: Path, status: StatusLine) -> None:
     """Find out, print, write, and have the report show it."""
     problem = tuned.problem
-    bars = (TextColumn("what breaks first"), BarColumn(), TaskProgressColumn())
-    console = terminal(stderr=True)
-    with Progress(*bars, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
+    with ProgressLine("what breaks first") as progress:
         found = stress(
             tuned.best,
             ensemble=ENSEMBLE,
@@ -46,7 +42,7 @@ def print_stress(tuned: TuningResult, out: Path, status: StatusLine) -> None:
             scenarios=SCENARIOS,
             seed=problem.seed,
             name="best.toml",
-            progress=lambda share: bar.update(task, completed=share),
+            progress=progress,
         )
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     status.say(f"wrote {', '.join(write_stress(out, found))} in {out}")

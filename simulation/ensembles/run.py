@@ -15,6 +15,7 @@ from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
+from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 
@@ -164,7 +165,7 @@ def run_ensemble(
     *,
     traces: bool = True,
     workers: int | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[float], None] = no_progress,
 ) -> EnsembleResult:
     """Run scenarios of an ensemble.
 
@@ -176,7 +177,7 @@ def run_ensemble(
         seed: of the draws; the same seed gives the same scenarios, bit for bit, however many there are.
         traces: whether traces are kept, for figures.
         workers: threads (default: one a core).
-        progress: called after each scenario with the number that are done; they come in portions.
+        progress: receives the fraction of the scenarios that are done.
 
     Raises:
         ConfigurationError: a count or seed out of range, or values that do not fit together.
@@ -193,8 +194,7 @@ def run_ensemble(
     try:
         for run in finished:
             kept.add(run)
-            if progress:
-                progress(len(kept))
+            progress(len(kept) / scenarios)
     except KeyboardInterrupt:
         if not len(kept):
             raise

@@ -178,9 +178,7 @@ def test_the_first_line_is_there_before_the_rest_of_the_program(
     with pytest.raises(GoneError):
         main(["tune", "--case", "4"])
     assert capsys.readouterr().err == "tune: reading the problem\n"
-    light = (
-        "import sys, dualwinch.commands.tuning_progress; sys.exit('numpy' in sys.modules or 'casadi' in sys.modules)"
-    )
+    light = "import sys, dualwinch.commands.progress; sys.exit('numpy' in sys.modules or 'casadi' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", light], check=False).returncode == 0
 
 

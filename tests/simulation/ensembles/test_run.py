@@ -112,8 +112,8 @@ def test_statistics_look_at_the_bad_end(ten: EnsembleResult) -> None:
 
 
 def test_an_interrupt_keeps_the_finished_scenarios() -> None:
-    def interrupt(done: int) -> None:
-        if done == 4:
+    def interrupt(done: float) -> None:
+        if done == 4 / 1000:
             raise KeyboardInterrupt
 
     ensemble = lasting(0.5)
@@ -128,7 +128,10 @@ def test_a_signal_in_the_middle_is_such_an_interrupt() -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         result = run_ensemble(
-            lasting(0.5), 1000, 7, progress=lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 4 else None
+            lasting(0.5),
+            1000,
+            7,
+            progress=lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 4 / 1000 else None,
         )
     finally:
         signal.signal(signal.SIGINT, before)
