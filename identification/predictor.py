@@ -8,7 +8,6 @@ are constant.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cache
 from typing import Annotated, Any
 
 import casadi as ca
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.sampled import PredictedSystem
-from dualwinch.codegen.source.expressions import built_once
+from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.identification.options import InitialStateOptions, NoiseOptions
@@ -156,7 +155,7 @@ def state_template(structure: Structure) -> PredictorState:
     return PredictorState(MOTION_TEMPLATE, actuator, actuator, UnrecordedDisturbances())
 
 
-@cache
+@GRAPHS.cached
 def parameter_names(structure: Structure) -> tuple[str, ...]:
     """Keys of all parameters of the predictor, in their order."""
     begins = tuple(f"{group}." for group in GROUPS)

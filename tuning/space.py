@@ -5,12 +5,13 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Tunable, behind_number, nearest
@@ -342,7 +343,7 @@ class _Gains:
         return (name,)
 
 
-@cache
+@GRAPHS.cached
 def _effective(structure: Structure) -> frozenset[str]:
     """Parameters that the closed loop of a structure depends on."""
     loop = closed_loop(structure)

@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -17,7 +16,7 @@ from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
-from dualwinch.codegen.source.expressions import BUILDING, elements_read
+from dualwinch.codegen.source.expressions import BUILDING, GRAPHS, elements_read
 
 Floats = NDArray[np.float64]
 
@@ -114,7 +113,7 @@ class Batch:
         return outcome, done, rows
 
 
-@cache
+@GRAPHS.cached
 def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""
     chosen = compiler or find_compiler()

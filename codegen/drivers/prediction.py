@@ -2,7 +2,6 @@
 
 import ctypes
 from dataclasses import dataclass
-from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -14,6 +13,7 @@ from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobi
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import PredictedSystem
 from dualwinch.codegen.source.c_source import LaneLayout, c_source, lane_flags, lane_sizes
+from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
@@ -297,7 +297,7 @@ def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
     return ca.Function(f"linear_{function.name()}", [*inputs.values()], every, [*inputs], names, {"cse": True})
 
 
-@cache
+@GRAPHS.cached
 def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None) -> Predictor:
     """Compile (or find in the cache) and load a filter.
 

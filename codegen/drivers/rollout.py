@@ -2,7 +2,6 @@
 
 import ctypes
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.expressions import GRAPHS
 
 FLAGS = ("-ffp-contract=fast",)
 """Beside the flags of every build. Contracted products change last bits, each compiler and processor in its own way."""
@@ -72,7 +72,7 @@ class Rollout:
         return Outcome(outcome), done.value, rows[: -(-done.value // stride) if stride else 0]
 
 
-@cache
+@GRAPHS.cached
 def compile_rollout(system: Sampled, compiler: Compiler | None = None) -> Rollout:
     """Compile (or find in the cache) and load the rollout of a sampled system.
 

@@ -4,7 +4,6 @@ import ctypes
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -18,7 +17,7 @@ from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobi
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
-from dualwinch.codegen.source.expressions import as_written
+from dualwinch.codegen.source.expressions import GRAPHS, as_written
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.operations import Style
 
@@ -196,7 +195,7 @@ class Sensitivity:
         return Kept(Outcome(outcome), done.value, first[ends], first_tangents[ends], rows[ends], row_tangents[ends])
 
 
-@cache
+@GRAPHS.cached
 def compile_sensitivity(
     system: Sampled, smooth: Sampled, varied: Varied, compiler: Compiler | None = None
 ) -> Sensitivity:

@@ -17,7 +17,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
-from dualwinch.codegen.source.expressions import elements_read
+from dualwinch.codegen.source.expressions import GRAPHS, elements_read
 
 DRIVER = ("sampled_lanes.h", "stepping.c")
 
@@ -99,7 +99,7 @@ class Stepping:
     step: Callable[..., int]
 
 
-@cache
+@GRAPHS.cached
 def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | None = None) -> Stepping:
     """Compile (or find in the cache) and load what moves runs on; see `compile_rollout`.
 

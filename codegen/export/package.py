@@ -13,14 +13,13 @@ import re
 import zlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 
 import casadi as ca
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from dualwinch.codegen.block import NO_READING, Block, Variable
 from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.expressions import applied, as_written, elements_read
+from dualwinch.codegen.source.expressions import GRAPHS, applied, as_written, elements_read
 from dualwinch.codegen.source.hoist import hoisted_together
 from dualwinch.codegen.source.loops import rolled_statements
 from dualwinch.codegen.source.operations import PRECISIONS, Precision, Style, literal
@@ -52,7 +51,7 @@ def of_structures(
     return element
 
 
-@cache
+@GRAPHS.cached
 def compensated(step: ca.Function) -> ca.Function:
     """A step whose states keep what rounding takes from them, as far as it adds something to them (cached).
 

@@ -1,13 +1,17 @@
-"""CasADi's expressions: how they are built, and the instructions that a function of SX expressions consists of.
+"""CasADi's expressions: how they are built and kept, and the instructions of a function of SX expressions.
 
-They are built on one thread at a time, and as they are written where that matters.
+They are built on one thread at a time, and as they are written where that matters; what is built of them is kept
+within a number of bytes.
 """
 
+import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache, lru_cache, wraps
-from typing import NamedTuple, ParamSpec, TypeVar
+from dataclasses import fields, is_dataclass
+from functools import wraps
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import casadi as ca
 
@@ -21,9 +25,113 @@ BUILDING = threading.RLock()
 is one setting for all. Functions that are built may be called on any thread."""
 
 
+class _Call:
+    """A call as a key of the cache; its hash, which goes through all numbers of a plant, is computed once."""
+
+    __slots__ = ("arguments", "hash")
+
+    def __init__(self, *arguments: Any) -> None:
+        self.arguments = arguments
+        self.hash = hash(arguments)
+
+    def __hash__(self) -> int:
+        return self.hash
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Call) and self.arguments == other.arguments
+
+
+class GraphCache:
+    """Cache of what functions build of hashable arguments, by least recent use within a number of bytes.
+
+    One cache for all functions: a process that has gone through many laws, estimators and ropes keeps the graphs of the
+    latest ones. The result of the last call stays, however large it is.
+
+    Args:
+        limit: most bytes, as estimated, of all results and the arguments they were built of.
+        per_instruction: bytes of one instruction of a CasADi function: its node and its place in the algorithm take 75,
+            the rest is for sparsity patterns and what CasADi keeps of derivatives.
+    """
+
+    def __init__(self, limit: int = 512 << 20, per_instruction: int = 100) -> None:
+        self.limit = limit
+        self.per_instruction = per_instruction
+        self.size = 0
+        """Estimated bytes of what is kept now."""
+        self._kept: OrderedDict[_Call, tuple[Any, set[ca.Function], int]] = OrderedDict()
+        self._users = Counter[ca.Function]()
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        """How many results are kept now."""
+        return len(self._kept)
+
+    def cached(self, build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
+        """Decorator: a function whose results this cache keeps. Two threads may build the same result at once."""
+
+        @wraps(build)
+        def found(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
+            call = _Call(build, args, frozenset(kwargs.items()))
+            with self._lock:
+                if call in self._kept:
+                    self._kept.move_to_end(call)
+                    return self._kept[call][0]
+            result = build(*args, **kwargs)
+            functions = set[ca.Function]()
+            rest = _bytes_beside_functions((call.arguments, result), functions)
+            with self._lock:
+                if call not in self._kept:
+                    self._kept[call] = result, functions, rest
+                    self._count(functions, rest, 1)
+                while self.size > self.limit and len(self._kept) > 1:
+                    _, (_, functions, rest) = self._kept.popitem(last=False)
+                    self._count(functions, rest, -1)
+            return result
+
+        return found
+
+    def _count(self, functions: Iterable[ca.Function], rest: int, sign: int) -> None:
+        """Add the bytes of an entry, or take them away; a function that several entries have counts once."""
+        self.size += sign * rest
+        for function in functions:
+            users = self._users[function]
+            self._users[function] = users + sign
+            if 0 in {users, users + sign}:
+                self.size += sign * self.per_instruction * _instructions(function)
+            if users + sign == 0:
+                del self._users[function]
+
+
+def _instructions(function: ca.Function) -> int:
+    """The number of instructions, or of numbers in the work vectors of what has none, as a solver."""
+    if function.is_a("SXFunction") or function.is_a("MXFunction"):
+        return function.n_instructions()
+    return function.sz_w() + function.sz_iw()
+
+
+def _bytes_beside_functions(value: object, functions: set[ca.Function]) -> int:
+    """Estimated bytes of a value without CasADi functions, which are added to those given."""
+    if isinstance(value, ca.Function):
+        functions.add(value)
+        return 0
+    if isinstance(value, Mapping):
+        parts = value.values()
+    elif isinstance(value, tuple | list | frozenset):
+        parts = value
+    elif is_dataclass(value) and not isinstance(value, type):
+        parts = (getattr(value, field.name) for field in fields(value))
+    else:
+        parts = ()
+    return sys.getsizeof(value) + sum(_bytes_beside_functions(part, functions) for part in parts)
+
+
+GRAPHS = GraphCache()
+"""What the functions of this process build of structures, and what is compiled of them."""
+
+
 def built_once(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
-    """A cache of what a function of hashable arguments builds, on one thread at a time."""
-    cached = cache(build)
+    """Decorator: `GRAPHS` keeps what a function of hashable arguments builds, on one thread at a time."""
+    cached = GRAPHS.cached(build)
 
     @wraps(build)
     def found(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
@@ -61,7 +169,7 @@ class Instruction(NamedTuple):
     constant: float
 
 
-@lru_cache(maxsize=64)
+@GRAPHS.cached
 def instructions(function: ca.Function) -> tuple[Instruction, ...]:
     """The instructions of a function in their order.
 

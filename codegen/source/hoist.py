@@ -6,11 +6,10 @@ Expressions are rewritten with cheaper instructions before: fewer divisions, few
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
 
 import casadi as ca
 
-from dualwinch.codegen.source.expressions import Instruction, applied, as_written, instructions, operands_of
+from dualwinch.codegen.source.expressions import GRAPHS, Instruction, applied, as_written, instructions, operands_of
 
 SCALINGS = {ca.OP_NEG: -1.0, ca.OP_TWICE: 2.0}
 """Operations that are products with a constant."""
@@ -139,7 +138,7 @@ def hoisted(step: ca.Function, *, exact: bool = False) -> tuple[ca.Function, ca.
     return derive, lean
 
 
-@cache
+@GRAPHS.cached
 def hoisted_together(
     functions: tuple[ca.Function, ...], *, exact: bool = False
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:

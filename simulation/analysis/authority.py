@@ -6,14 +6,13 @@ will do, on ropes that do not stretch. A real controller knows less, and has ela
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.codegen.source.expressions import built_once
+from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import Environment, Plant, symbolic_plant, vehicle_acceleration
 from dualwinch.model.quantities.tree import numbers, with_leaves
@@ -193,7 +192,7 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int 
     return float(found["f"]) / MILLIMETRES**2
 
 
-@cache
+@GRAPHS.cached
 def _solver(instants: int, step: float) -> ca.Function:
     """The optimal control problem: deviations from the reference in mm at so many instants, `step` s apart."""
     law = force_law()

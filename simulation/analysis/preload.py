@@ -14,7 +14,6 @@ millimetres a second. Drums have the radius of the data sheet, and the friction 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Literal, TypeAlias, get_args
 
 import casadi as ca
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
@@ -176,7 +176,7 @@ def _with_tangent_ropes(experiment: Experiment) -> Plant:
     return replace(plant, rope_1=rope_1, rope_2=rope_2)
 
 
-@cache
+@GRAPHS.cached
 def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool) -> tuple[ca.Function, ca.Function]:
     """Solver of the optimal control problem, and what follows from its solution.
 

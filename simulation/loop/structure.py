@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import NamedTuple
 
+from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
 from dualwinch.model.actuators import Actuator
@@ -163,7 +164,7 @@ def _alike(controller: Controller) -> Controller:
     return found
 
 
-@cache
+@GRAPHS.cached
 def described_parameters(structure: Structure) -> dict[str, Leaf]:
     """What every parameter of a closed loop is, by its key (`parameters_of`)."""
     template = template_of(structure)

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.stepping import Commanded, SteppedRuns, Stepping
+from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.check import check
@@ -193,7 +194,7 @@ class Scenarios:
         return Lane(scenario, experiment, parameters, np.array(list(initial_state_of(experiment).values())))
 
 
-@cache
+@GRAPHS.cached
 def _commanded(
     structure: Structure, zeros: frozenset[str], command: CommandName, signals: tuple[str, ...]
 ) -> Commanded:
