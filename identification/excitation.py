@@ -39,7 +39,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
-from dualwinch.simulation.results.run import Run
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]
@@ -224,7 +224,7 @@ def expected_covariance(
     return ExpectedCovariance(covariance_of(information, unknowns))
 
 
-def _violation(run: Run, limits: MotionLimits, options: ExcitationOptions) -> tuple[float, str]:
+def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) -> tuple[float, str]:
     """The limit that a run violates most: the share by which it does, and the limit in words."""
     peak, slack = float(run.metrics.peak_tension), float(run.metrics.slack_share)
     torque = max(float(np.abs(run[name]).max()) for name in ("tau_1", "tau_2"))

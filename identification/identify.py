@@ -31,9 +31,9 @@ from dualwinch.identification.unknowns import (
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.results.run import Run
+from dualwinch.simulation.results.result import Result
 
-Source = Log | Run | str | PathLike[str]
+Source = Log | Result | str | PathLike[str]
 
 
 def identify(
@@ -147,12 +147,12 @@ def identify(
 
 
 def _logs(logs: Source | Sequence[Source], columns: Sequence[str]) -> list[Log]:
-    sources = [logs] if isinstance(logs, (Log, Run, str, PathLike)) else list(logs)
+    sources = [logs] if isinstance(logs, (Log, Result, str, PathLike)) else list(logs)
     if not sources:
         raise ConfigurationError("logs: must be at least one")
     named = column_map(columns)
     return [
-        source if isinstance(source, Log) else log_of(source) if isinstance(source, Run) else read_log(source, named)
+        source if isinstance(source, Log) else log_of(source) if isinstance(source, Result) else read_log(source, named)
         for source in sources
     ]
 

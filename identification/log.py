@@ -17,7 +17,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.model.recordings import csv_units, factor
-from dualwinch.simulation.results.run import Run
+from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.rows import READ
 
 Floats = NDArray[np.float64]
@@ -120,7 +120,7 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
     return Log(arrays.pop("t"), arrays, name)
 
 
-def log_of(run: Run, name: str = "run") -> Log:
+def log_of(run: Result, name: str = "run") -> Log:
     """The log of a simulated run: its sensor readings where the run has them (``simulation.readings``), else the truth.
 
     Raises:

@@ -13,7 +13,7 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.signals import Signal
 from dualwinch.model.vehicle import drag, friction
-from dualwinch.simulation.results.content import Content
+from dualwinch.simulation.results.file_formats import FileContent
 
 Floats = NDArray[np.float64]
 
@@ -41,10 +41,10 @@ class SmoothedForce:
         return Signal.from_arrays(self.t, self.force, unit="N")
 
     @property
-    def content(self) -> Content:
+    def content(self) -> FileContent:
         """As a file has it."""
         quantities = {"t": Quantity("s", "time"), "force": Quantity("N", "force on the vehicle along the track")}
-        return Content({"t": self.t, "force": self.force}, quantities, {"log": self.log})
+        return FileContent({"t": self.t, "force": self.force}, quantities, {"log": self.log})
 
 
 def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterEstimate) -> SmoothedForce:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.results.content import plain
+from dualwinch.simulation.results.file_formats import plain
 from dualwinch.simulation.results.result import Result
 
 MOST_ROWS = 100_000

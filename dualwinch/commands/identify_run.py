@@ -20,7 +20,7 @@ from dualwinch.identification.result import IdentificationResult
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.results.formats import format_of
+from dualwinch.simulation.results.file_formats import format_of
 
 
 def run_identify(

@@ -17,7 +17,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.sensitivities import Sensitivities, described
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.results.content import Content, plain
+from dualwinch.simulation.results.file_formats import FileContent, plain
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class Effects:
         }
 
 
-def content_of(effects: Effects) -> Content:
+def content_of(effects: Effects) -> FileContent:
     """What a file holds: time, columns, and the derivatives of each, ``COLUMN by KEY``."""
     found, sample_time = effects.found, effects.experiment.simulation.sample_time
     t: Floats = np.arange(effects.experiment.samples, dtype=np.float64) * sample_time
@@ -85,7 +85,7 @@ def content_of(effects: Effects) -> Content:
         for key, slope in zip(effects.values, found.column_slopes[name][0, 0].T, strict=True):
             unit = per(quantity.unit, effects.units[key])
             columns[f"{name} by {key}"] = slope, Quantity(unit, f"derivative of {name} by {key}")
-    return Content(
+    return FileContent(
         columns={name: values for name, (values, _) in columns.items()},
         quantities={name: quantity for name, (_, quantity) in columns.items()},
         facts={"differentiated_by": ", ".join(effects.values), "experiment": plain(leaves(effects.experiment))},

@@ -20,7 +20,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.loop.structure import is_automatic, solver_of
 from dualwinch.simulation.paper import case as paper_case
-from dualwinch.simulation.results.formats import format_of
+from dualwinch.simulation.results.file_formats import format_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.settings import override

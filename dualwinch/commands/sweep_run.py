@@ -17,8 +17,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import BUILT_IN
-from dualwinch.simulation.results.content import Content
-from dualwinch.simulation.results.formats import FORMATS
+from dualwinch.simulation.results.file_formats import FORMATS, FileContent
 from dualwinch.simulation.sweep import sweep
 
 SUFFIXES = (".csv", ".parquet", ".npz")
@@ -74,7 +73,7 @@ def run_sweep(
         raise KeyboardInterrupt
 
 
-def writer(out: Path) -> Callable[[Content, Path], None]:
+def writer(out: Path) -> Callable[[FileContent, Path], None]:
     """What writes a file of words and numbers.
 
     Raises:

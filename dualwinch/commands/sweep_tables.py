@@ -13,11 +13,11 @@ from dualwinch.commands.terminal import styled, terminal
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.results.content import Content, plain
+from dualwinch.simulation.results.file_formats import FileContent, plain
 from dualwinch.simulation.sweep import Sweep
 
 
-def content_of(found: Sweep) -> Content:
+def content_of(found: Sweep) -> FileContent:
     """What a file holds: a row for each run, with the values of the keys, outcome, end and figures of merit."""
     points = list(product(*found.values))
     columns: dict[str, tuple[np.ndarray, Quantity]] = {
@@ -29,7 +29,7 @@ def content_of(found: Sweep) -> Content:
     }
     merits = found.merits
     columns |= {name: (values.ravel(), merits[name]) for name, values in found.metrics.items()}
-    return Content(
+    return FileContent(
         columns={name: values for name, (values, _) in columns.items()},
         quantities={name: quantity for name, (_, quantity) in columns.items()},
         facts={"swept": ", ".join(found.keys), "experiment": plain(leaves(found.experiment))},

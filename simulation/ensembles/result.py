@@ -20,8 +20,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
-from dualwinch.simulation.results.content import Content, plain
-from dualwinch.simulation.results.formats import FORMATS
+from dualwinch.simulation.results.file_formats import FORMATS, FileContent, plain
 
 KINDS = ("mean", "median", "p95", "worst")
 """What a statistic can be: ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
@@ -188,7 +187,7 @@ class EnsembleResult:
         return statistic.over(self.metrics[statistic.metric][self.completed])
 
 
-def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> Content:
+def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
     """What a file holds: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
     experiment = result.ensemble.experiment
     drawn = {**describe(Experiment), **describe_parts(experiment)}
@@ -214,7 +213,7 @@ def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> Content:
         },
     }
     values = {name: values for name, (values, _) in columns.items()}
-    return Content(values, {name: quantity for name, (_, quantity) in columns.items()}, plain(facts))
+    return FileContent(values, {name: quantity for name, (_, quantity) in columns.items()}, plain(facts))
 
 
 def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
@@ -237,7 +236,7 @@ def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapp
     ensemble_writer(path)(content_of(result, notes or {}), path)
 
 
-def ensemble_writer(path: str | PathLike[str]) -> Callable[[Content, Path], None]:
+def ensemble_writer(path: str | PathLike[str]) -> Callable[[FileContent, Path], None]:
     """What writes the format of a path's suffix.
 
     Raises:
@@ -251,7 +250,7 @@ def ensemble_writer(path: str | PathLike[str]) -> Callable[[Content, Path], None
         raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
 
 
-def _write_json(content: Content, path: Path) -> None:
+def _write_json(content: FileContent, path: Path) -> None:
     rows = zip(*(values.tolist() for values in content.columns.values()), strict=True)
     scenarios = [plain(dict(zip(content.columns, row, strict=True))) for row in rows]
     text = json.dumps({**content.facts, "units": content.units, "scenarios": scenarios}, indent=1, allow_nan=False)
@@ -259,7 +258,7 @@ def _write_json(content: Content, path: Path) -> None:
         unfinished.write_text(text + "\n", encoding="utf-8")
 
 
-WRITERS: dict[str, Callable[[Content, Path], None]] = {
+WRITERS: dict[str, Callable[[FileContent, Path], None]] = {
     **{suffix: FORMATS[suffix].write for suffix in (".csv", ".parquet", ".npz")},
     ".json": _write_json,
 }

@@ -1,26 +1,97 @@
-"""The result of a run: a run with ways to show it, sample it anew and hand it to other libraries."""
+"""The result of a run: named columns with units, figures of merit, an outcome and where it came from."""
 
+import math
+from collections.abc import Iterator, KeysView, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.simulation.loop.structure import solver_of
-from dualwinch.simulation.results import frames, view
-from dualwinch.simulation.results.resampling import instants, resampled
-from dualwinch.simulation.results.run import Run
+from dualwinch.model.errors import MissingExtraError, UnknownNameError
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.tables import page, readable, readable_unit, section, table
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import is_automatic, solver_of
+from dualwinch.simulation.metrics.metrics import BUILT_IN, Metrics
+from dualwinch.simulation.results.file_formats import about
+from dualwinch.simulation.results.resampling import instants, interpolation, resampled
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
 
+SHOWN = ("mse", "max_abs_error", "chatter")
+"""Built-in figures of merit that stand in the text of a result; an experiment's own all do."""
+
+TIME = "t"
+"""The column that becomes index or coordinate."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Run):
+class Result:
     """One run. By name it gives its columns, as a mapping does: ``result["F1"]``, ``"F1" in result``, ``dict(result)``.
 
-    Two results are equal where all they hold is, number for number. Fields are those of `Run`.
+    Two results are equal where all they hold is, number for number.
+
+    Attributes:
+        columns: name → (rows,) float64, one row a kept control sample at its beginning: what every run has
+            (`simulation.rows.COLUMNS`), and the signals of the controller's own.
+        metrics: figures of merit over every sample, kept or not; NaN where the run was not completed.
+        outcome: ``completed``, ``diverged`` or ``left_track``.
+        end_time: time in s at which the run ended.
+        final_state: name → value of every state after the last sample.
+        experiment: what was run.
+        quantities: name → unit and meaning of every column.
+        nominal: the plant the controller was designed for, where that is not the simulated one.
     """
+
+    columns: dict[str, NDArray[np.float64]]
+    metrics: Metrics
+    outcome: str
+    end_time: float
+    final_state: dict[str, float]
+    experiment: Experiment
+    quantities: Mapping[str, Quantity]
+    nominal: Plant | None = None
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Column name → unit."""
+        return {name: quantity.unit for name, quantity in self.quantities.items()}
+
+    @property
+    def interpolation(self) -> dict[str, str]:
+        """Column name → how `resample` fills it in between two rows: ``linear`` or ``held``."""
+        return interpolation(self.columns)
+
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        """One column by its name.
+
+        Raises:
+            UnknownNameError: there is no such column; the message names the nearest.
+        """
+        try:
+            return self.columns[column]
+        except (KeyError, TypeError):
+            raise UnknownNameError(
+                f"unknown column {column!r}; did you mean '{nearest(str(column), self.columns)}'?"
+            ) from None
+
+    def __contains__(self, column: object) -> bool:
+        """Whether there is a column of this name."""
+        return column in self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the columns."""
+        return iter(self.columns)
+
+    def keys(self) -> KeysView[str]:
+        """Names of the columns."""
+        return self.columns.keys()
 
     @property
     def integrator(self) -> str:
@@ -55,7 +126,7 @@ class Result(Run):
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        return frames.data_frame(self)
+        return _data_frame(self)
 
     def to_xarray(self) -> "xr.Dataset":
         """The rows as an `xarray.Dataset`, a variable over ``t`` for each column.
@@ -66,11 +137,117 @@ class Result(Run):
         Raises:
             MissingExtraError: xarray is not installed.
         """
-        return frames.data_set(self)
+        return _data_set(self)
 
     def __repr__(self) -> str:
-        return view.text(self)
+        return _text(self)
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
-        return view.html(self)
+        return _html(self)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Result):
+            return NotImplemented
+        plain = ("outcome", "end_time", "experiment", "nominal", "quantities")
+        return (
+            all(getattr(self, name) == getattr(other, name) for name in plain)
+            and _same(self.columns, other.columns)
+            and self.metrics.quantities == other.metrics.quantities
+            and _same(vars(self.metrics), vars(other.metrics))
+            and _same(self.final_state, other.final_state)
+        )
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]  # its columns can be written to
+
+
+def _same(ours: Mapping[str, ArrayLike], theirs: Mapping[str, ArrayLike]) -> bool:
+    """Whether numbers by name are the same, in their order; NaN is NaN."""
+    return list(ours) == list(theirs) and all(np.array_equal(ours[name], theirs[name], equal_nan=True) for name in ours)
+
+
+def _data_frame(result: Result) -> "pd.DataFrame":
+    """See `Result.to_pandas`."""
+    pandas = _extra("pandas")
+    index = pandas.Index(result[TIME], name=TIME)
+    frame = pandas.DataFrame({name: result[name] for name in result if name != TIME}, index=index)
+    meanings = {name: quantity.meaning for name, quantity in result.quantities.items()}
+    frame.attrs = {"units": result.units, "meanings": meanings, **_facts(result)}
+    return frame
+
+
+def _data_set(result: Result) -> "xr.Dataset":
+    """See `Result.to_xarray`."""
+    xarray = _extra("xarray")
+    arrays = {name: xarray.Variable(TIME, result[name], _attributes(result, name)) for name in result}
+    return xarray.Dataset(
+        {name: array for name, array in arrays.items() if name != TIME}, {TIME: arrays[TIME]}, _facts(result)
+    )
+
+
+def _attributes(result: Result, name: str) -> Mapping[str, str]:
+    """As the climate and forecast conventions name them: xarray writes them on the axes of its figures."""
+    said = about(result.quantities[name])
+    return {"units": said["unit"], "long_name": said["meaning"], "interpolation": result.interpolation[name]}
+
+
+def _facts(result: Result) -> dict[str, Any]:
+    return {"outcome": result.outcome, "end_time": result.end_time, **result.metrics}
+
+
+def _extra(name: str) -> ModuleType:
+    """An optional library.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ImportError:
+        raise MissingExtraError(f"{name} is not installed; install it with: pip install 'dualwinch[{name}]'") from None
+
+
+def _text(result: Result) -> str:
+    """A line that says what was run and what came out."""
+    metrics, known = result.metrics, result.metrics.quantities
+    own = [name for name in metrics if name not in BUILT_IN]
+    merits = [
+        f"{name} {metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()
+        for name in (*SHOWN, *own)
+        if not math.isnan(metrics[name])
+    ]
+    return f"Result({_law(result)}: {'; '.join([_words(result), *merits])})"
+
+
+def _html(result: Result) -> str:
+    """Outcome, figures of merit and columns."""
+    rows = []
+    for name, quantity in result.quantities.items():
+        values = result[name]
+        low, high = (np.fmin.reduce(values), np.fmax.reduce(values)) if values.size else (np.nan, np.nan)
+        ends = [f"{end:.4g}" if np.isfinite(end) else "–" for end in (low, high)]
+        rows.append([name, *ends, readable_unit(quantity.unit), readable(quantity.meaning)])
+    columns = table(["column", "lowest", "highest", "unit", "meaning"], rows, numbers=(1, 2))
+    return page(
+        _law(result),
+        _words(result),
+        section("figures of merit", result.metrics._repr_html_(), is_open=True),
+        section(f"{len(rows)} columns", columns),
+    )
+
+
+def _law(result: Result) -> str:
+    law = result.experiment.controller.law
+    return law.label or law.kind
+
+
+def _words(result: Result) -> str:
+    ending, rows = result.outcome.replace("_", " "), len(next(iter(result.columns.values())))
+    return f"{ending} at {result.end_time:g} s, {rows} rows of {len(result.columns)} columns{_solver(result)}"
+
+
+def _solver(result: Result) -> str:
+    """The integrator that the ropes ask for, in place of the experiment's."""
+    return f", {solver_of(result.experiment)}" if is_automatic(result.experiment) else ""

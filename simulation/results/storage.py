@@ -12,13 +12,38 @@ from typing import Any
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Mark, nearest
+from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metrics_with
-from dualwinch.simulation.results.content import Content, number, plain
-from dualwinch.simulation.results.formats import format_of
-from dualwinch.simulation.results.kept_experiment import rebuilt
+from dualwinch.simulation.results.file_formats import FileContent, format_of, number, plain
 from dualwinch.simulation.results.result import Result
+
+
+def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
+    """The experiment of which these are the `leaves`.
+
+    Args:
+        values: dotted key → value; what is missing is taken from `base`.
+        base: an experiment; parts that no registry knows are taken from here.
+
+    Raises:
+        ConfigurationError: a part of a kind that is not known here, a key that is not, or a value out of range.
+    """
+    for key, leaf in describe_parts(base).items():
+        if key in values and not {Mark.PART, Mark.PARTS}.isdisjoint(leaf.marks) and not leaf.admits(values[key]):
+            raise ConfigurationError(
+                f"{key} = {shown(values[key])}: no such part is registered; "
+                "register it, dw.register(YourClass), or give an experiment that has it, as load_result(path, base)"
+            )
+    experiment = with_leaves(base, values)
+    known = leaves(experiment)
+    for key in values:
+        if key not in known:
+            raise ConfigurationError(f"unknown key '{key}'; did you mean '{nearest(key, known)}'?")
+    return experiment
+
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, NotImplementedError, EOFError)
 """What the libraries raise where a file is not what its suffix says."""
@@ -42,7 +67,7 @@ def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | N
     """
     path = Path(path)
     facts = dict(notes or {}) | _facts(result)
-    format_of(path).write(Content(result.columns, result.quantities, facts), path)
+    format_of(path).write(FileContent(result.columns, result.quantities, facts), path)
 
 
 def load_result(path: str | PathLike[str], base: Experiment | None = None) -> Result:
@@ -84,7 +109,7 @@ def _facts(result: Result) -> dict[str, Any]:
     return plain(facts)
 
 
-def _result_of(content: Content, base: Experiment) -> Result:
+def _result_of(content: FileContent, base: Experiment) -> Result:
     facts = {key: content.facts[key] for key in ("end_time", "metrics", "final_state", "experiment")}
     facts |= {"nominal": content.facts.get("nominal")}
     facts = {key: json.loads(value) if isinstance(value, str) else value for key, value in facts.items()}

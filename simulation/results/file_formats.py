@@ -1,0 +1,283 @@
+"""Formats of result files: CSV, MATLAB, NumPy and Parquet, each with units and what travels with the columns."""
+
+import json
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.files import atomic
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import Quantity
+
+INFINITE = {"INF": math.inf, "-INF": -math.inf}
+"""How infinite numbers are written in JSON, which has none: as XML Schema and the W3C's "CSV on the Web" write them."""
+
+
+@dataclass(frozen=True)
+class FileContent:
+    """What a file holds.
+
+    Attributes:
+        columns: name → (rows,).
+        quantities: name → unit and meaning of every column.
+        facts: name → text, or what JSON holds (`plain`).
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    quantities: Mapping[str, Quantity]
+    facts: Mapping[str, Any]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Column → unit."""
+        return {name: quantity.unit for name, quantity in self.quantities.items()}
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON holds it: NaN as null, infinite numbers as words."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else ("INF" if value > 0 else "-INF")
+    return value
+
+
+def number(value: Any) -> float:
+    """A number that `plain` has written."""
+    if value is None:
+        return math.nan
+    return INFINITE[value] if value in INFINITE else float(value)
+
+
+def about(quantity: Quantity) -> dict[str, str]:
+    """A quantity in texts; what it does not say is left out."""
+    given = {"unit": quantity.unit, "meaning": quantity.meaning, "source": quantity.source}
+    return {name: text for name, text in given.items() if text or name != "source"}
+
+
+CSV_OURS = "dualwinch:"
+"""What the names of our own entries begin with."""
+
+
+def metadata_path(path: Path) -> Path:
+    """``FILE-metadata.json``, where readers of "CSV on the Web" look for it."""
+    return path.with_name(path.name + "-metadata.json")
+
+
+def _write_csv(content: FileContent, path: Path) -> None:
+    """Write a file and its metadata; NaN becomes empty."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    table = pa.table({name: pa.array(values, from_pandas=True) for name, values in content.columns.items()})
+    with atomic(path) as unfinished, atomic(metadata_path(path)) as unfinished_metadata:
+        csv.write_csv(table, unfinished, csv.WriteOptions(quoting_style="none", quoting_header="none"))
+        text = json.dumps(_csv_metadata(content, path.name), indent=2, allow_nan=False)
+        unfinished_metadata.write_text(text + "\n", encoding="utf-8")
+
+
+def _read_csv(path: Path) -> FileContent:
+    """Read a file of numbers and its metadata.
+
+    Raises:
+        ConfigurationError: there is no metadata.
+    """
+    import pyarrow as pa
+    from pyarrow import csv
+
+    beside = metadata_path(path)
+    if not beside.exists():
+        raise ConfigurationError(f"{beside.name} is not beside it; units and the experiment stand there")
+    described = json.loads(beside.read_text(encoding="utf-8"))
+    quantities = {
+        column["name"]: Quantity(column[f"{CSV_OURS}unit"], column["titles"], column.get(f"{CSV_OURS}source", ""))
+        for column in described["tableSchema"]["columns"]
+    }
+    numbers = csv.ConvertOptions(column_types=dict.fromkeys(quantities, pa.float64()), null_values=[""])
+    table = csv.read_csv(path, convert_options=numbers)
+    return FileContent(
+        columns={name: table[name].to_numpy().copy() for name in quantities},
+        quantities=quantities,
+        facts={key.removeprefix(CSV_OURS): value for key, value in described.items() if key.startswith(CSV_OURS)},
+    )
+
+
+def _csv_metadata(content: FileContent, name: str) -> dict[str, Any]:
+    columns = []
+    for column, quantity in content.quantities.items():
+        kind = {"datatype": "double"} if content.columns[column].dtype.kind == "f" else {}
+        said = {f"{CSV_OURS}{key}": text for key, text in about(quantity).items() if key != "meaning"}
+        columns.append({"name": column, "titles": quantity.meaning, **kind, **said})
+    return {
+        "@context": "http://www.w3.org/ns/csvw",
+        "url": name,
+        "tableSchema": {"columns": columns},
+        **{f"{CSV_OURS}{key}": value for key, value in content.facts.items()},
+    }
+
+
+LONGEST_NAME = 63
+"""Characters of the longest name MATLAB knows."""
+
+
+def _write_matlab(content: FileContent, path: Path) -> None:
+    """Write a file; what is no letter or digit in a column's name becomes an underscore.
+
+    Raises:
+        ConfigurationError: two columns would have one name, or a column that of another entry.
+    """
+    from scipy.io import savemat
+
+    variables = {name: re.sub(r"\W", "_", name)[:LONGEST_NAME] for name in content.columns}
+    described = {variables[name]: {"name": name, **about(quantity)} for name, quantity in content.quantities.items()}
+    units = {variables[name]: unit for name, unit in content.units.items()}
+    entries: dict[str, Any] = {"units": units, "columns": json.dumps(described)}
+    entries |= {key: _matlab_entry(value) for key, value in content.facts.items()}
+    for name, variable in variables.items():
+        if variable in entries:
+            raise ConfigurationError(f"column '{name}': .mat files have another entry of this name; save as .parquet")
+        entries[variable] = content.columns[name]
+    with atomic(path) as unfinished:
+        savemat(unfinished, entries, oned_as="column", do_compression=True, long_field_names=True)
+
+
+def _matlab_entry(value: Any) -> Any:
+    """A fact as MATLAB knows it: a structure where it holds nothing but numbers by simple names, else JSON."""
+    if not isinstance(value, Mapping):
+        return value
+    simple = all(
+        str(key).isidentifier() and (item is None or isinstance(item, (int, float))) for key, item in value.items()
+    )
+    return {key: number(item) for key, item in value.items()} if simple else json.dumps(value)
+
+
+def _read_matlab(path: Path) -> FileContent:
+    """Read a file of numbers.
+
+    Raises:
+        ValueError: it is no .mat file, or damaged.
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found = loadmat(path, simplify_cells=True)
+    except MatReadError as error:
+        raise ValueError(error) from error
+    described = json.loads(found["columns"])
+    names = {variable: texts.pop("name") for variable, texts in described.items()}
+    return FileContent(
+        columns={name: np.array(found[variable], float).ravel() for variable, name in names.items()},
+        quantities={names[variable]: Quantity(**texts) for variable, texts in described.items()},
+        facts={key: value for key, value in found.items() if key not in names and not key.startswith("__")},
+    )
+
+
+def _write_numpy(content: FileContent, path: Path) -> None:
+    """Write a file.
+
+    Raises:
+        ConfigurationError: a column has the name of another entry.
+    """
+    described = {name: about(quantity) for name, quantity in content.quantities.items()}
+    facts = {"units": content.units, "columns": described, **content.facts}
+    texts = {key: np.array(value if isinstance(value, str) else json.dumps(value)) for key, value in facts.items()}
+    for name in sorted(texts.keys() & content.columns.keys()):
+        raise ConfigurationError(f"column '{name}': .npz files have another entry of this name; save as .parquet")
+    with atomic(path) as unfinished:
+        np.savez_compressed(unfinished, **content.columns, **texts)  # pyright: ignore[reportArgumentType]  # any name
+
+
+def _read_numpy(path: Path) -> FileContent:
+    """Read a file of numbers."""
+    with path.open("rb") as file, np.load(file) as arrays:
+        described = json.loads(str(arrays["columns"]))
+        return FileContent(
+            columns={name: arrays[name] for name in described},
+            quantities={name: Quantity(**texts) for name, texts in described.items()},
+            facts={name: str(arrays[name]) for name in arrays.files if name not in described},
+        )
+
+
+OURS = "dualwinch."
+"""What the names of facts begin with."""
+
+KNOWN = (b"unit", b"meaning", b"source")
+"""Metadata of a field that is ours; writers and readers add their own."""
+
+
+def _write_parquet(content: FileContent, path: Path) -> None:
+    """Write a file; NaN becomes null, and texts stand as they are among facts in JSON."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    arrays = [pa.array(content.columns[name], from_pandas=True) for name in content.quantities]
+    fields = [
+        pa.field(name, array.type, metadata=about(quantity))
+        for array, (name, quantity) in zip(arrays, content.quantities.items(), strict=True)
+    ]
+    facts = {OURS + key: value if isinstance(value, str) else json.dumps(value) for key, value in content.facts.items()}
+    with atomic(path) as unfinished:
+        table = pa.table(arrays, schema=pa.schema(fields, metadata=facts))
+        parquet.write_table(table, unfinished, compression="zstd")
+
+
+def _read_parquet(path: Path) -> FileContent:
+    """Read a file of numbers."""
+    from pyarrow import parquet
+
+    table = parquet.read_table(path)
+    said = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
+    quantities = {
+        field.name: Quantity(**{key.decode(): value.decode() for key, value in field.metadata.items() if key in KNOWN})
+        for field in table.schema
+    }
+    return FileContent(
+        columns={name: table[name].to_numpy().copy() for name in quantities},
+        quantities=quantities,
+        facts={key.removeprefix(OURS): value for key, value in said.items() if key.startswith(OURS)},
+    )
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of files.
+
+    Attributes:
+        write: writes a content to a path; the file appears whole or not at all.
+        read: the content of a path; facts that are no text may come as the text of their JSON.
+    """
+
+    write: Callable[[FileContent, Path], None]
+    read: Callable[[Path], FileContent]
+
+
+FORMATS = {
+    ".csv": Format(_write_csv, _read_csv),
+    ".parquet": Format(_write_parquet, _read_parquet),
+    ".npz": Format(_write_numpy, _read_numpy),
+    ".mat": Format(_write_matlab, _read_matlab),
+}
+"""Suffix → format."""
+
+
+def format_of(path: Path) -> Format:
+    """The format of a path's suffix.
+
+    Raises:
+        ConfigurationError: unknown suffix.
+    """
+    try:
+        return FORMATS[path.suffix.lower()]
+    except KeyError:
+        raise ConfigurationError(
+            f"{path.name}: unknown suffix {path.suffix!r}; must be one of {', '.join(FORMATS)}"
+        ) from None
