@@ -29,7 +29,7 @@ def main() -> None:
         constraints = (*default_constraints(ensemble=True), *MARGINS[:count])
         problem = tuning_problem(ensemble="sea", constraints=constraints, seed=SEED)
         evaluators.append(Evaluator(prepare(problem)))
-    problem = evaluators[0].prepared.problem
+    problem = evaluators[0].training.problem
     space, start = problem.space, problem.space.encoded(problem.start)
     random, spent = np.random.default_rng(SEED), np.zeros(len(evaluators))
     for number in range(ROUNDS + 1):

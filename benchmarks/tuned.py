@@ -58,7 +58,7 @@ def main() -> None:
         from dualwinch.tuning.plots import front
 
         last = studies[-1]
-        save(front(last.problem, last.prepared.constraints, last.trials), arguments.plot)
+        save(front(last.problem, last.training.constraints, last.trials), arguments.plot)
 
 
 if __name__ == "__main__":

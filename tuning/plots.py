@@ -27,7 +27,7 @@ from dualwinch.simulation.plots.style import (
 )
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import UNMEASURED, Constraint
-from dualwinch.tuning.problem import HELD_OUT, TuningProblem
+from dualwinch.tuning.problem import TEST, TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first, pareto_front
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.space import ContinuousDimension
@@ -262,7 +262,7 @@ BINS = 40
 def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure:
     """Error and tensions with the paper's controller and with the best, in one scenario.
 
-    With an ensemble it is the held-out scenario in which the best does as in the middle of them.
+    With an ensemble it is the test scenario with the best's median error.
     """
     runs, words = _runs(problem, verdict)
     experiment = problem.experiment
@@ -289,12 +289,14 @@ def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure
 
 
 def held_out(verdict: SelectionResult) -> Figure | None:
-    """How figures of merit spread over the held-out scenarios; ``None`` without an ensemble."""
-    if not verdict.held_out:
+    """Distribution of figures of merit over the test scenarios; ``None`` without an ensemble."""
+    if not verdict.has_test_set:
         return None
     scenarios = verdict.scored.scenarios
     with house_style():
-        figure = new_figure(4.6, "Scenarios that nobody tuned on", f"Distribution over {scenarios} held-out scenarios")
+        figure = new_figure(
+            4.6, "Test set", f"Distribution over {scenarios} scenarios that took no part in search and choice"
+        )
         for axes, metric in zip(figure.subplots(2, 2).flat, DISTRIBUTED, strict=True):
             quantity = metric_quantities()[metric]
             values = {name: _completed(verdict, name, metric) for name in CONTENDERS}
@@ -321,16 +323,16 @@ def _runs(problem: TuningProblem, verdict: SelectionResult) -> tuple[dict[str, d
     """Rows of the paper's controller and of the best in one scenario, and which one it is in words."""
     experiments = {"paper": problem.paper_experiment, "best": problem.tuned(verdict.best.point)}
     index, words = 0, "The tuned experiment"
-    if verdict.held_out:
+    if verdict.has_test_set:
         mse = verdict.scores["best"].result.metrics["mse"][0]
         index = int(np.argsort(mse)[len(mse) // 2])
-        words = f"Held-out scenario {index}, in which the best does as in the middle of all"
+        words = f"Test scenario {index}, with the best's median error"
     stride = max(1, -(-problem.experiment.samples // ROWS))
     runs: dict[str, dict[str, np.ndarray]] = {}
     for name, experiment in experiments.items():
         scenario: Experiment | Scenario = experiment
         if problem.ensemble is not None:
-            scenario = replace(problem.ensemble, experiment=experiment).scenario(index, problem.seed + HELD_OUT)
+            scenario = replace(problem.ensemble, experiment=experiment).scenario(index, problem.stream(TEST))
         columns = rollout([], [[]], [scenario], stride=stride).columns
         runs[name] = {column: values[0, 0] for column, values in columns.items() if column in {"t", "e", "F1", "F2"}}
     return runs, words

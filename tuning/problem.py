@@ -4,7 +4,7 @@ It is data and runs nothing; `tuning.scoring.training_set` makes it ready for ev
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 from dualwinch.model.errors import ConfigurationError
@@ -12,17 +12,16 @@ from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
+from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import baseline_controller
 from dualwinch.tuning.constraints import Constraint, MarginStatistic
+from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
 
-SELECTION, HELD_OUT = 1_000_000, 2_000_000
-"""Added to a study's seed: scenarios among which the best is chosen, and those that score it; never tuned on."""
-
-MARGIN = 0.005
-"""Distance that what is the worst keeps from its bound in the few scenarios of tuning, as a share: others are worse."""
+TRAINING, VALIDATION, TEST, SEARCH = "training", "validation", "test", "search"
+"""Names of the random streams of a study; no two share a draw, whatever the seed (`TuningProblem.stream`)."""
 
 REPORTED = (
     "mean.mse",
@@ -46,8 +45,9 @@ class TuningProblem:
         space: what varies.
         objectives: what is minimised.
         constraints: what must be kept to; some bounds may be factors on what the paper's controller reaches.
-        scenarios: number of scenarios a candidate is tuned on.
-        seed: of the tuning scenarios.
+        scenarios: number of training scenarios that every candidate is run in.
+        seed: of all random streams (`stream`).
+        selection: hyper-parameters of training set, ranking and choice.
     """
 
     experiment: Experiment
@@ -57,6 +57,11 @@ class TuningProblem:
     constraints: tuple[Constraint, ...]
     scenarios: int
     seed: int
+    selection: SelectionConfig = field(default_factory=SelectionConfig)
+
+    def stream(self, name: str) -> int:
+        """The seed of a named random stream: `TRAINING`, `VALIDATION`, `TEST` or `SEARCH`, maybe with a number."""
+        return named_seed(self.seed, name)
 
     def check(self) -> None:
         """Find out now whether the start makes sense.
@@ -133,8 +138,8 @@ class TuningProblem:
         return tuple(dict.fromkeys(statistic for statistic in bounded if isinstance(statistic, MarginStatistic)))
 
     def margin(self, constraint: Constraint) -> float:
-        """Distance that a constraint has to keep from its bound in tuning, as a share of the bound."""
-        return MARGIN if self.ensemble and constraint.statistic.kind == "worst" else 0.0
+        """Back-off of a constraint in training, as a share of its bound."""
+        return self.selection.back_off if self.ensemble and constraint.statistic.kind == "worst" else 0.0
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios of the ensemble as it is, or the experiment alone.

@@ -12,7 +12,7 @@ from dualwinch.codegen.text import one_line
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.tuning.problem import HELD_OUT, SELECTION
+from dualwinch.tuning.problem import TEST, TRAINING, VALIDATION
 from dualwinch.tuning.result import TuningResult, contenders, headline, margin_places, where, worth
 from dualwinch.tuning.scoring.ranking import Evaluation, pareto_front
 from dualwinch.tuning.scoring.test_set import ControllerScore
@@ -58,7 +58,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
 
 
 def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str) -> None:
-    """Write everything a report needs: the problem, every trial as columns, the best and the held-out scores.
+    """Write everything a report needs: the problem, every trial as columns, the best and the test scores.
 
     Args:
         path: the file, JSON.
@@ -66,19 +66,16 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
         facts: provenance.
         configuration: TOML of ensemble or experiment.
     """
-    problem, verdict, plan = tuned.problem, tuned.verdict, tuned.verdict.plan
+    problem, verdict, sizes = tuned.problem, tuned.verdict, tuned.verdict.sizes
     content = {
         **facts,
-        "seeds": {
-            "tuning": problem.seed,
-            "selection": problem.seed + SELECTION,
-            "held_out": problem.seed + HELD_OUT,
-        },
+        "seeds": {name: problem.stream(name) for name in (TRAINING, VALIDATION, TEST)},
         "scenarios": {
-            "tuning": len(tuned.prepared.scenarios),
-            "selection": plan.draws + plan.last_draws if verdict.held_out else 0,
-            "held_out": verdict.scored.scenarios if verdict.held_out else 0,
+            TRAINING: len(tuned.training.scenarios),
+            VALIDATION: sizes.draws + sizes.second_draws if verdict.has_test_set else 0,
+            TEST: verdict.scored.scenarios if verdict.has_test_set else 0,
         },
+        "selection": problem.selection.to_record(),
         "objectives": [{"name": objective.name, "unit": objective.unit} for objective in problem.objectives],
         "constraints": [
             {
@@ -89,7 +86,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
                 "bound": constraint.bound,
                 "unit": constraint.statistic.unit,
             }
-            for constraint in tuned.prepared.constraints
+            for constraint in tuned.training.constraints
         ],
         "space": space_to_record(problem.space),
         "units": problem.units,
@@ -97,19 +94,19 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
         "pareto_front": [tuned.trials[index].number for index in pareto_front(tuned.trials)],
         "best": {
             "trial": verdict.best.number if verdict.improved else None,
-            "trimmed": tuned.trimmed,
+            "repaired": tuned.repaired,
             "start_kept": verdict.obstacle or None,
-            "passed_over": list(verdict.passed_over),
+            "contradiction": verdict.contradiction or None,
             "settings": tuned.gains,
-            "tuning": _scores(verdict.best),
-            "selection": _scores(verdict.selection),
-            "held_out": _scores(verdict.scored if verdict.held_out else None),
+            "training": _scores(verdict.best),
+            "validation": _scores(verdict.validation),
+            "test": _scores(verdict.scored if verdict.has_test_set else None),
         },
         "margins": {name: _attained(score) for name, score in verdict.scores.items()},
         "start": _scores(verdict.scores["start"].evaluation),
         "paper": _scores(verdict.scores["paper"].evaluation),
-        "held_out": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.held_out},
-        "within_authority": verdict.within_authority.tolist() if verdict.held_out else [],
+        "test": {name: _table(score.result) for name, score in verdict.scores.items() if verdict.has_test_set},
+        "within_authority": verdict.within_authority.tolist() if verdict.has_test_set else [],
         "metric_units": {
             name: quantity.unit for name, quantity in metric_quantities(problem.experiment.metrics).items()
         },

@@ -1,4 +1,4 @@
-"""A finished study as data."""
+"""The result of a tuning study, as data and in sentences, the same on the terminal and in the report."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +12,6 @@ from dualwinch.tuning.baseline import assumptions
 from dualwinch.tuning.optimisers import default_method
 from dualwinch.tuning.plots import short, shown_unit
 from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.scoring import config as plans
 from dualwinch.tuning.scoring.evaluation import EXEMPT
 from dualwinch.tuning.scoring.progress import SearchStatus
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first
@@ -47,21 +46,21 @@ class TuningCost:
         return self.preparing + self.searching + self.judging
 
 
-@dataclass(frozen=True)
-class FinishedStudy:
-    """A finished study.
+@dataclass(frozen=True, repr=False)
+class TuningResult:
+    """The result of a tuning study; it has a representation for a prompt and for a notebook.
 
     Attributes:
-        prepared: what was tuned, with scenarios and bounds.
+        training: what was tuned, with training scenarios and bounds.
         method: name of the optimiser.
         trials: every finished trial, in order.
-        verdict: the best, and its score beside that of the start and of the paper's gains.
-        progress: what the search took.
-        cost: what all of it took.
+        verdict: the chosen gains and their score beside that of the start and of the paper's gains.
+        progress: of the search.
+        cost: number of rollouts and times.
         interrupted: whether an interrupt (Ctrl-C) ended the search.
     """
 
-    prepared: TrainingSet
+    training: TrainingSet
     method: str
     trials: tuple[Evaluation, ...]
     verdict: SelectionResult
@@ -72,11 +71,11 @@ class FinishedStudy:
     @property
     def problem(self) -> TuningProblem:
         """What was tuned."""
-        return self.prepared.problem
+        return self.training.problem
 
     @property
-    def trimmed(self) -> dict[str, tuple[float, float]]:
-        """Gains of the best that were trimmed where it was chosen → as the search had them, and as they are."""
+    def repaired(self) -> dict[str, tuple[float, float]]:
+        """Gains of the best that were repaired in validation → their values in the search, and now."""
         best = self.verdict.best
         was = next((trial.point for trial in self.trials if trial.number == best.number), best.point)
         return {name: (float(was[name]), float(now)) for name, now in best.point.items() if now != was[name]}
@@ -90,6 +89,21 @@ class FinishedStudy:
     def gains(self) -> dict[str, Any]:
         """Every tuned key of the best and its value."""
         return self.problem.space.settings(self.verdict.best.point)
+
+    def __repr__(self) -> str:
+        return f"TuningResult({'; '.join(filter(None, (worth(self), headline(self), authority(self))))})"
+
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        headings, rows = statistics_table(self)
+        words = [headline(self), endings(self), authority(self), *contenders(self)]
+        gains = [[key, f"{value:.6g}" if isinstance(value, float) else str(value)] for key, value in self.gains.items()]
+        return page(
+            worth(self),
+            ". ".join(filter(None, words)),
+            section("statistics", table(headings, rows, numbers=range(1, len(headings) - 1)), is_open=True),
+            section("tuned gains", table(["key", "value"], gains, numbers=(1,)), is_open=True),
+        )
 
 
 FEW_PER_GAIN = 30
@@ -105,7 +119,7 @@ NAMES = {"best": "best", "start": "start", "paper": "paper"}
 """Name of a score in a verdict → what it is called."""
 
 
-def headings(tuned: FinishedStudy) -> dict[str, str]:
+def headings(tuned: TuningResult) -> dict[str, str]:
     """Name of each score that says something different → its heading in a table."""
     verdict = tuned.verdict
     names = {name: NAMES[name] for name in verdict.shown}
@@ -116,7 +130,7 @@ def headings(tuned: FinishedStudy) -> dict[str, str]:
     return names
 
 
-def statistics_table(tuned: FinishedStudy) -> tuple[list[str], list[list[str]]]:
+def statistics_table(tuned: TuningResult) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of every statistic: the best's, the start's and the paper's, and the best over the paper's."""
     verdict, columns = tuned.verdict, headings(tuned)
     compared = ["best / paper"] if "paper" in columns else []
@@ -129,34 +143,36 @@ def statistics_table(tuned: FinishedStudy) -> tuple[list[str], list[list[str]]]:
     return ["", *columns.values(), *compared, ""], rows
 
 
-def where(tuned: FinishedStudy) -> str:
+def where(tuned: TuningResult) -> str:
     """Where the best was scored; how many scenarios that were."""
-    if not tuned.verdict.held_out:
+    if not tuned.verdict.has_test_set:
         return "in the tuned experiment"
-    fewer = f" ({plans.FULL.held_out} with more time)" if tuned.verdict.plan.draws < plans.FULL.draws else ""
-    return f"in {tuned.verdict.scored.scenarios} held-out scenarios{fewer}"
+    all_sizes, sizes = tuned.problem.selection.sizes, tuned.verdict.sizes
+    fewer = f" ({all_sizes.test} with more time)" if sizes.draws < all_sizes.draws else ""
+    return f"in {tuned.verdict.scored.scenarios} test scenarios{fewer}"
 
 
-def headline(tuned: FinishedStudy) -> str:
+def headline(tuned: TuningResult) -> str:
     """Which trial is the best, or why the start is kept; and where that was scored."""
     best, trials = tuned.verdict.best, len(tuned.trials)
     count = f"{trials} trial{'s' * (trials != 1)}"
     if tuned.verdict.improved:
-        trimmed = [f"{name} trimmed from {was:.4g} to {now:.4g}" for name, (was, now) in tuned.trimmed.items()]
-        having = f", with {' and '.join(trimmed)}," if trimmed else ""
+        changed = [f"{name} changed from {was:.4g} to {now:.4g}" for name, (was, now) in tuned.repaired.items()]
+        having = f", with {' and '.join(changed)}," if changed else ""
         words = f"trial {best.number} of {trials}{having} is the best; scored {where(tuned)}"
-        passed_over = len(tuned.verdict.passed_over)
-        return words + f", where {passed_over} that had looked better failed" if passed_over else words
+        return f"{words}; {tuned.verdict.contradiction}" if tuned.verdict.contradiction else words
     return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
 
 
-def worth(tuned: FinishedStudy) -> str:
+def worth(tuned: TuningResult) -> str:
     """What was gained, and what that rests on."""
     gained = comparison(tuned) if tuned.verdict.improved else "no improvement: the start is kept"
+    if tuned.verdict.contradiction:
+        gained = f"{tuned.verdict.contradiction}: {gained}"
     return f"{gained}; {assumptions(tuned.problem.ensemble)}"
 
 
-def contenders(tuned: FinishedStudy) -> list[str]:
+def contenders(tuned: TuningResult) -> list[str]:
     """What the best is compared with: what stands under each heading."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
@@ -164,7 +180,7 @@ def contenders(tuned: FinishedStudy) -> list[str]:
     return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
 
 
-def margin_places(tuned: FinishedStudy) -> list[str]:
+def margin_places(tuned: TuningResult) -> list[str]:
     """Where each bounded stability margin is the worst: the best's, and the paper's."""
     verdict, words = tuned.verdict, headings(tuned)
     return [
@@ -175,7 +191,7 @@ def margin_places(tuned: FinishedStudy) -> list[str]:
     ]
 
 
-def endings(tuned: FinishedStudy) -> str:
+def endings(tuned: TuningResult) -> str:
     """How the best's runs ended where it is scored."""
     scored = tuned.verdict.scored
     if scored.scenarios == 1:
@@ -192,7 +208,7 @@ def controller_in_words(controller: Controller) -> str:
     return f"{controller.law.kind} ({filtered}, {controller.coordination.kind})"
 
 
-def comparison(tuned: FinishedStudy) -> str:
+def comparison(tuned: TuningResult) -> str:
     """How the first objective of the best compares with the paper's, and with the start's."""
     verdict, name = tuned.verdict, tuned.problem.objectives[0].name
     words = [times(verdict.improvement(name), "the paper's")]
@@ -216,11 +232,11 @@ def _digits(ratio: float) -> str:
     return f"{rounded:,.0f}".replace(",", " ") if rounded >= 100 else f"{rounded:.3g}"
 
 
-def authority(tuned: FinishedStudy) -> str:
+def authority(tuned: TuningResult) -> str:
     """How many of the scenarios no gains can hold, and what the best is worth in the others; empty for none."""
     verdict = tuned.verdict
     beyond = int((~verdict.within_authority).sum())
-    if not (beyond and verdict.held_out):
+    if not (beyond and verdict.has_test_set):
         return ""
     within = times(verdict.improvement_within_authority(), "the paper's")
     return (
@@ -229,7 +245,7 @@ def authority(tuned: FinishedStudy) -> str:
     )
 
 
-def advice(tuned: FinishedStudy) -> list[str]:
+def advice(tuned: TuningResult) -> list[str]:
     """What would help where the start is kept or the best breaks a constraint; empty where there is no need."""
     verdict, problem = tuned.verdict, tuned.problem
     if verdict.improved and verdict.scored.feasible:
@@ -247,20 +263,20 @@ def advice(tuned: FinishedStudy) -> list[str]:
     return found or ["another start (--set), another seed (--seed), or more gains (--space)"]
 
 
-def _hardest(tuned: FinishedStudy) -> str:
+def _hardest(tuned: TuningResult) -> str:
     """The constraint that most of the complete trials break, where hardly any keeps to all."""
     whole = [trial for trial in tuned.trials if not trial.pruned]
     if sum(trial.feasible for trial in whole) > len(whole) // 10:
         return ""
     counts = {
         constraint.label: sum(trial.violations[constraint.label] > 0 for trial in whole)
-        for constraint in tuned.prepared.constraints
+        for constraint in tuned.training.constraints
     }
     label = max(counts, key=lambda name: counts[name], default="")
     return f"{counts[label]} of {len(whole)} complete trials break {label}" if label and counts[label] else ""
 
 
-def _at_bounds(tuned: FinishedStudy) -> list[str]:
+def _at_bounds(tuned: TuningResult) -> list[str]:
     """Gains that lie at a bound in all of the best trials that the search has found; at 0 nothing can be wider."""
     searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
     points = [searched[index].point for index in best_first(searched)[:LEADING]]
@@ -275,22 +291,3 @@ def _at_bounds(tuned: FinishedStudy) -> list[str]:
         and len(points) == LEADING
         and all(at_a_bound(dimension, dimension.encoded(point[dimension.name])) for point in points)
     ]
-
-
-class TuningResult(FinishedStudy):
-    """A finished study that shows what it has found; fields are those of `FinishedStudy`."""
-
-    def __repr__(self) -> str:
-        return f"Tuned({'; '.join(filter(None, (worth(self), headline(self), authority(self))))})"
-
-    def _repr_html_(self) -> str:
-        """As a notebook shows it."""
-        headings, rows = statistics_table(self)
-        words = [headline(self), endings(self), authority(self), *contenders(self)]
-        gains = [[key, f"{value:.6g}" if isinstance(value, float) else str(value)] for key, value in self.gains.items()]
-        return page(
-            worth(self),
-            ". ".join(filter(None, words)),
-            section("statistics", table(headings, rows, numbers=range(1, len(headings) - 1)), is_open=True),
-            section("tuned gains", table(["key", "value"], gains, numbers=(1,)), is_open=True),
-        )

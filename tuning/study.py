@@ -53,13 +53,13 @@ def search(
     counted = optimiser.rollouts
 
     def propose(count: int, first: bool) -> list[Candidate]:
-        given = first_candidates(evaluator.prepared.problem)[:count] if first else []
+        given = first_candidates(evaluator.training.problem)[:count] if first else []
         asked = optimiser.ask(count - len(given)) if count > len(given) else []
         return given + [Candidate(point, method) for point in asked]
 
     while True:
         budget = store.budget()
-        count = _batch(budget, progress.spent, evaluator.prepared.problem)
+        count = _batch(budget, progress.spent, evaluator.training.problem)
         if not count or (budget.until is not None and clock.now() >= budget.until):
             break
         claims = store.claim(count, budget, propose)

@@ -4,18 +4,20 @@ from dataclasses import replace
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
-from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.problem import SEARCH, TuningProblem
 from dualwinch.tuning.result import TuningCost, TuningResult
 from dualwinch.tuning.scoring import clock
-from dualwinch.tuning.scoring import config as plans
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import SEARCHING, SILENT, SearchStatus, TuningProgress
-from dualwinch.tuning.scoring.selection import judge
+from dualwinch.tuning.scoring.selection import select
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.opening import quiet
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
+
+TRIALS = 1000
+"""Trials of a search without a budget."""
 
 WORTH_COMPILING = 20.0
 """Time in s of a search from which on all that it may call is compiled before, and takes nothing of that time."""
@@ -35,19 +37,19 @@ def tune(
     keep: bool = True,
     watch: TuningProgress = SILENT,
 ) -> TuningResult:
-    """Search for gains, choose the best, and score it in scenarios that nobody saw.
+    """Search for gains, choose the best by validation, and score it in a test set.
 
     An interrupt (Ctrl-C) ends the search; the best so far is chosen and scored, unless `keep` is false.
 
     Args:
         problem: what is tuned, from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
-        trials: number of trials; this, `seconds` or `rollouts`, or several of them.
+        trials: number of trials; default: `TRIALS` without `seconds` and `rollouts`, else no limit.
         seconds: wall time of the search in s. Preparing, choosing and scoring come on top; the latter two are made in
-            fewer scenarios where all of that would take longer than a share of it (`tuning.scoring.config`).
+            fewer scenarios where all of that would take longer than a share of it (`SelectionConfig`).
         rollouts: number of rollouts of the search, those of trials that were given up early with what they ran, and a
             gradient with as many as differences would take; the last batch may go beyond it by a few.
-        held_out: number of scenarios that score the best, at most; default: 200.
+        held_out: number of test scenarios, at most; default: that of the problem's `SelectionConfig`.
         threads: default: one a core.
         store: where trials are kept, open; the study in it is gone on with. Default: in memory.
         afterwards: time in s that the caller needs for more of what comes on top.
@@ -55,13 +57,13 @@ def tune(
         watch: told of every phase (`tuning.scoring.progress.PHASES`), and of each batch of the search.
 
     Raises:
-        ConfigurationError: an unknown method, or no budget.
+        ConfigurationError: an unknown method, or a budget that is none.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted before the first trial, or again while choosing, or where `keep` is false; what
             the store holds is kept.
     """
     if trials is None and seconds is None and rollouts is None:
-        raise ConfigurationError("tune: needs a budget, trials, seconds or rollouts")
+        trials = TRIALS
     for name, count in (("trials", trials), ("rollouts", rollouts), ("held_out", held_out)):
         if count is not None and count < 1:
             raise ConfigurationError(f"{name} = {count}: must be a whole number >= 1")
@@ -71,12 +73,12 @@ def tune(
     check_method(method, len(problem.objectives))
     quiet()
     began = clock.now()
-    prepared = prepare(problem, threads, watch)
+    training = prepare(problem, threads, watch)
     if seconds is not None and seconds >= WORTH_COMPILING:
-        compile_ahead(method, prepared)
+        compile_ahead(method, training)
     store = store or MemoryStorage()
-    evaluator = Evaluator(prepared, threads=threads)
-    proposer = optimiser(method, prepared, problem.seed + store.count())
+    evaluator = Evaluator(training, threads=threads)
+    proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))
     watch.phase(SEARCHING)
     searched = clock.now()
     store.set_budget(SearchBudget(trials, None if seconds is None else searched + seconds, rollouts))
@@ -92,11 +94,12 @@ def tune(
     finished = store.finished()
     if not finished:
         raise KeyboardInterrupt
-    plan = plans.FULL if held_out is None else replace(plans.FULL, held_out=held_out)
+    config = problem.selection
+    sizes = config.sizes if held_out is None else replace(config.sizes, test=held_out)
     if seconds is not None:
-        time = plans.time_for(seconds, searched - began + afterwards)
-        plan = plans.affordable(plan, time, evaluator.pace)
-    verdict = judge(evaluator, finished, plan, watch)
+        time = config.time_beside(seconds, searched - began + afterwards)
+        sizes = config.affordable(sizes, time, evaluator.pace)
+    verdict = select(evaluator, finished, sizes, watch)
     cost = TuningCost(
         rollouts=evaluator.rollouts,
         rollout_seconds=evaluator.seconds,
@@ -106,4 +109,4 @@ def tune(
         overhead=progress.overhead,
         margin_seconds=evaluator.margin_seconds,
     )
-    return TuningResult(prepared, method, tuple(finished), verdict, progress, cost, interrupted)
+    return TuningResult(training, method, tuple(finished), verdict, progress, cost, interrupted)

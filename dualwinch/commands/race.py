@@ -17,6 +17,7 @@ from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import default_estimator
 from dualwinch.tuning.benchmark.entries import (
@@ -161,7 +162,7 @@ def _problem(
             settings=[*settings, *(f"{key}={value}" for key, value in entry.values.items())],
             constraints=constraints,
             scenarios=scenarios,
-            seed=seed + entry.search,
+            seed=named_seed(seed, f"search {entry.search}") if entry.search else seed,
             held=entry.held,
         )
     except ConfigurationError as error:

@@ -23,6 +23,7 @@ from dualwinch.tuning.constraints import (
     objectives_from,
 )
 from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_record
 from dualwinch.tuning.storage.noted_parts import part_records
 
@@ -43,8 +44,9 @@ def tuning_problem(
     objectives: Sequence[str] = (),
     constraints: Sequence[str] | None = None,
     scenarios: int | None = None,
-    seed: int = 1,
+    seed: int = 0,
     held: Collection[str] = (),
+    selection: SelectionConfig | None = None,
 ) -> TuningProblem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
 
@@ -66,6 +68,7 @@ def tuning_problem(
         scenarios: of the ensemble, that a candidate is tuned on.
         seed: of scenarios and search.
         held: keys that are left out of the space, so that they keep the values that settings give them.
+        selection: hyper-parameters of training set, ranking and choice.
 
     Raises:
         ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
@@ -105,6 +108,7 @@ def tuning_problem(
         constraints=constraints_with(constraints, defaults, base),
         scenarios=count if drawn else 1,
         seed=seed,
+        selection=selection or SelectionConfig(),
     )
     problem.check()
     return problem
@@ -121,6 +125,7 @@ def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:
         "constraints": [constraint.text for constraint in problem.constraints],
         "scenarios": problem.scenarios,
         "seed": problem.seed,
+        "selection": problem.selection.to_record(),
         "method": method,
     }
 
@@ -141,6 +146,7 @@ def problem_from(definition: Mapping[str, Any]) -> TuningProblem:
         constraints=constraints_from(definition["constraints"], base),
         scenarios=definition["scenarios"],
         seed=definition["seed"],
+        selection=SelectionConfig.from_record(definition["selection"]),
     )
 
 

@@ -60,7 +60,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         OSError: the file cannot be written.
     """
     folder = Path(path).parent
-    kept = "; ".join(constraint.label for constraint in tuned.prepared.constraints) or "nothing"
+    kept = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
     page = template("tuning.html.j2").render(
         summary=_summary(tuned),
         gained=gained(tuned),
@@ -159,7 +159,7 @@ def _pictures(tuned: TuningResult) -> dict[str, list[dict[str, str]]]:
         "held_out": ("Held-out scenarios", held_out(verdict)),
         "before": ("The paper's gains and the best", before_and_after(problem, verdict)),
         "history": ("History", history(problem, trials)),
-        "front": ("Trade-off", front(problem, tuned.prepared.constraints, trials)),
+        "front": ("Trade-off", front(problem, tuned.training.constraints, trials)),
         "importance": ("Which gains matter", importance(problem, trials)),
         "parallel": ("Gains of the best candidates", parallel_coordinates(problem, trials)),
     }

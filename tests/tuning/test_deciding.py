@@ -15,7 +15,7 @@ BOUNDS = ["mean.chatter<=1*paper", "worst.peak_tension<=6000", "worst.min_tensio
 def test_those_that_count_in_means_and_the_hardest_of_each_bound(make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem(scenarios=8, constraints=BOUNDS))
     space, point = prepared.problem.space, prepared.problem.start
-    everywhere = [*prepared.scenarios, *prepared.stress]
+    everywhere = [*prepared.scenarios, *prepared.hard]
     ran = run_pairs(space.keys, [space.parameters(point)], everywhere)
     assert (ran.outcomes == "completed").all()
     wanted = {index for index, one in enumerate(everywhere) if counts(prepared.problem.objectives[0], one)}

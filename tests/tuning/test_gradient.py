@@ -68,7 +68,7 @@ def is_a_minimum(prepared: TrainingSet, trial: Evaluation) -> bool:
 def test_few_steps_lead_to_a_minimum(gentle: TuningProblem) -> None:
     tuned = tune(gentle, method="gradient", trials=24)
     assert tuned.verdict.best.feasible
-    assert is_a_minimum(tuned.prepared, tuned.verdict.best)
+    assert is_a_minimum(tuned.training, tuned.verdict.best)
 
 
 def test_after_a_minimum_others_are_looked_for_in_all_of_the_space(gentle: TuningProblem) -> None:

@@ -19,11 +19,12 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.constraints import Constraint, constraints_from, objectives_from
 from dualwinch.tuning.optimisers.linearise import active_scenarios, linearise, margin_slopes
-from dualwinch.tuning.problem import MARGIN, TuningProblem
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.result import TuningResult, margin_places
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate
-from dualwinch.tuning.scoring.training_set import HARDEST, prepare
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tune import tune
 from tests.simulation.inserted import run
@@ -91,14 +92,16 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(b
     assert prepared.margins is not None
     nominal, *machines = prepared.margins.machines
     assert nominal == bounded.experiment
-    assert len(machines) == HARDEST
+    assert len(machines) == SelectionConfig.margin_machines
     (start,) = Evaluator(prepared).evaluate([Candidate(bounded.start, "start")])
-    every = [scenario for scenario in (*prepared.scenarios, *prepared.stress) if isinstance(scenario, Scenario)]
+    every = [scenario for scenario in (*prepared.scenarios, *prepared.hard) if isinstance(scenario, Scenario)]
     least = MarginSurvey([bounded.experiment, *every]).worst([[]], ["delay", "disk"])[0]
     assert start.statistics["worst.delay_margin"] == pytest.approx(least["delay"].value, rel=1e-9)
     assert start.statistics["worst.disk_margin"] == pytest.approx(least["disk"].value, rel=1e-9)
     label = "worst.delay_margin >= 0.005 s"
-    assert start.violations[label] == pytest.approx(1 - least["delay"].value / 5e-3 + MARGIN, rel=1e-6)
+    assert start.violations[label] == pytest.approx(
+        1 - least["delay"].value / 5e-3 + SelectionConfig.back_off, rel=1e-6
+    )
 
 
 def test_who_is_given_up_or_fails_is_not_looked_at(bounded: TuningProblem) -> None:
@@ -132,7 +135,7 @@ def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: Tun
         assert slopes[index] == pytest.approx((above - below) / 2e-4, rel=2e-2)
     model = linearise(prepared, active_scenarios(prepared, bounded.start), bounded.start)
     assert model.violations.max() == pytest.approx(
-        max(prepared.constraints[0].violation(value, MARGIN), model.violations.max())
+        max(prepared.constraints[0].violation(value, SelectionConfig.back_off), model.violations.max())
     )
     assert set(model.belongs.tolist()) == {0, 1}
 

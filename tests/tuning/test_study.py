@@ -11,9 +11,10 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.scoring.evaluation import MOST_TRIED, Evaluator
+from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Evaluation
-from dualwinch.tuning.scoring.training_set import FURTHER, STRESS, prepare
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.opening import open_store
 from dualwinch.tuning.storage.store import SearchBudget
@@ -123,7 +124,15 @@ def test_rollouts_are_a_budget_and_what_was_given_up_early_counts_with_what_it_r
     progress = search("cmaes", optimiser("cmaes", prepared, 0), store, evaluator)
     assert progress.spent == evaluator.rollouts == sum(trial.scenarios for trial in store.finished())
     assert any(trial.pruned and trial.scenarios == 2 for trial in store.finished())
-    assert 1000 <= progress.spent < 1000 + 4 + MOST_TRIED * FURTHER + STRESS - FURTHER
+    assert (
+        1000
+        <= progress.spent
+        < 1000
+        + 4
+        + SelectionConfig.most_leaders * SelectionConfig.pool_size
+        + SelectionConfig.hard_training
+        - SelectionConfig.pool_size
+    )
     assert progress.share == 1
 
 
@@ -138,5 +147,5 @@ def test_a_gradient_counts_as_many_rollouts_as_differences_take(make_problem: Ma
     progress = search("gradient", proposer, store, evaluator)
     assert proposer.gradients >= 1
     deciding = 1  # of the two one is hard, and no constraint is about the worst
-    assert proposer.rollouts == proposer.gradients * (2 + STRESS + deciding * (1 + 3))
+    assert proposer.rollouts == proposer.gradients * (2 + SelectionConfig.hard_training + deciding * (1 + 3))
     assert progress.spent == evaluator.rollouts + proposer.rollouts >= 300

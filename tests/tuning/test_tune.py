@@ -21,10 +21,10 @@ from dualwinch.tuning.plots import (
 from dualwinch.tuning.result import TuningResult, advice, comparison, headings, headline, times, where, worth
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring import evaluation as scorer
-from dualwinch.tuning.scoring.config import FULL, time_for
 from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
+from dualwinch.tuning.selection_config import SampleSizes
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
 from dualwinch.tuning.tune import tune
@@ -71,9 +71,9 @@ def tuned(make_problem: MakeProblem) -> TuningResult:
 def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: TuningResult) -> None:
     assert [trial.number for trial in tuned.trials] == list(range(60))
     assert leaves(tuned.best)["controller.nftsm.beta"] == tuned.gains["controller.nftsm.beta"]
-    assert tuned.verdict.held_out
+    assert tuned.verdict.has_test_set
     assert tuned.verdict.scored.scenarios == 6
-    assert tuned.verdict.plan == replace(FULL, held_out=6)
+    assert tuned.verdict.sizes == SampleSizes(test=6)
     assert not tuned.interrupted
 
 
@@ -84,12 +84,15 @@ def test_a_notebook_and_a_prompt_show_what_was_found(tuned: TuningResult) -> Non
     for key, value in tuned.gains.items():
         assert f">{key}</td>" in shown
         assert f"{value:.6g}</td>" in shown
-    assert repr(tuned) == f"Tuned({worth(tuned)}; {headline(tuned)})", "no scenario is beyond the authority"
+    assert repr(tuned) == f"TuningResult({worth(tuned)}; {headline(tuned)})", "no scenario is beyond the authority"
 
 
-def test_a_budget_is_needed(make_problem: MakeProblem) -> None:
-    with pytest.raises(ConfigurationError, match="needs a budget, trials, seconds or rollouts"):
-        tune(make_problem())
+def test_without_a_budget_there_are_as_many_trials_as_of_the_command(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert tuning.TRIALS == 1000
+    monkeypatch.setattr(tuning, "TRIALS", 20)
+    assert len(tune(make_problem(), held_out=2).trials) == 20
     with pytest.raises(ConfigurationError, match="seconds = 0: must be > 0"):
         tune(make_problem(), seconds=0)
 
@@ -118,14 +121,14 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     monkeypatch.setattr(scorer, "run_pairs", run_pairs)
     problem = make_problem()
     tuned = tune(problem, seconds=seconds)
-    batch = pace * (BATCH * len(tuned.prepared.scenarios) + 2 * len(tuned.prepared.stress))
+    batch = pace * (BATCH * len(tuned.training.scenarios) + 2 * len(tuned.training.hard))
     assert seconds <= tuned.cost.searching <= seconds + batch
-    assert tuned.cost.judging <= time_for(seconds, spent=0.0)
+    assert tuned.cost.judging <= problem.selection.time_beside(seconds, spent=0.0)
     assert tuned.cost.judging == pytest.approx(pace * (tuned.cost.rollouts - tuned.progress.rollouts))
-    assert 16 < tuned.verdict.scored.scenarios == tuned.verdict.plan.held_out < FULL.held_out
-    assert where(tuned) == f"in {tuned.verdict.plan.held_out} held-out scenarios (200 with more time)"
+    assert 16 < tuned.verdict.scored.scenarios == tuned.verdict.sizes.test < SampleSizes().test
+    assert where(tuned) == f"in {tuned.verdict.sizes.test} test scenarios (200 with more time)"
     hurried = tune(problem, seconds=seconds, afterwards=2.0)
-    assert hurried.verdict.plan.rollouts < tuned.verdict.plan.rollouts
+    assert hurried.verdict.sizes.rollouts < tuned.verdict.sizes.rollouts
 
 
 def test_an_interrupt_ends_the_search_and_the_best_so_far_is_scored(make_problem: MakeProblem) -> None:
@@ -170,19 +173,19 @@ def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
 
 def test_what_was_trimmed_where_the_best_was_chosen_is_said(tuned: TuningResult) -> None:
     best, beta = tuned.verdict.best, "controller.nftsm.beta"
-    assert tuned.trimmed == {}
+    assert tuned.repaired == {}
     candidate = replace(best.candidate, point=best.point | {beta: 0.125})
     trimmed = replace(tuned, verdict=replace(tuned.verdict, best=replace(best, candidate=candidate)))
-    assert trimmed.trimmed == {beta: (best.point[beta], 0.125)}
+    assert trimmed.repaired == {beta: (best.point[beta], 0.125)}
     assert headline(trimmed).startswith(
-        f"trial {best.number} of 60, with {beta} trimmed from {best.point[beta]:.4g} to 0.125, is the best"
+        f"trial {best.number} of 60, with {beta} changed from {best.point[beta]:.4g} to 0.125, is the best"
     )
 
 
 def test_there_is_no_advice_where_nothing_is_wrong(tuned: TuningResult) -> None:
     assert advice(tuned) == []
     assert headline(tuned).startswith(
-        f"trial {tuned.verdict.best.number} of 60 is the best; scored in 6 held-out scenarios"
+        f"trial {tuned.verdict.best.number} of 60 is the best; scored in 6 test scenarios"
     )
     assert list(headings(tuned)) == ["best", "start", "paper"]
     assert "times lower than the paper's and " in comparison(tuned)
@@ -208,7 +211,7 @@ def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
         history(problem, trials),
         importance(problem, trials),
         parallel_coordinates(problem, trials),
-        front(problem, tuned.prepared.constraints, trials),
+        front(problem, tuned.training.constraints, trials),
         before_and_after(problem, verdict),
         held_out(verdict),
     )

@@ -10,6 +10,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Registry
+from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.tuning.problem import TuningProblem
 
 ALL = "all"
@@ -144,9 +145,6 @@ def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
     ]
 
 
-UNSEEN = 3_000_000
-"""Added to the seed of a race: scenarios that score, which no search, no choice and no study's own score has seen."""
-
 ROLLOUTS, HELD_OUT = 30_000, 200
 """Budget of a search, and scenarios that score, where nothing else is asked for."""
 
@@ -180,6 +178,11 @@ class BenchmarkTerms:
         for name, least in (("rollouts", 1), ("held_out", 2)):
             if getattr(self, name) < least:
                 raise ConfigurationError(f"{name} = {getattr(self, name)}: must be a whole number >= {least}")
+
+    @property
+    def test_seed(self) -> int:
+        """Seed of the test set, whose scenarios take no part in any search, in its choice and in its own score."""
+        return named_seed(self.seed, "benchmark test")
 
     def to_record(self) -> dict[str, Any]:
         """As JSON holds it."""

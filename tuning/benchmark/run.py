@@ -18,7 +18,7 @@ from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.benchmark.entries import UNSEEN, BenchmarkTerms, EntryProblem, names
+from dualwinch.tuning.benchmark.entries import BenchmarkTerms, EntryProblem, names
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.scores import (
     COSTS,
@@ -32,7 +32,6 @@ from dualwinch.tuning.benchmark.scores import (
 )
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring import clock
-from dualwinch.tuning.scoring.config import FULL
 from dualwinch.tuning.scoring.evaluation import Scorer
 from dualwinch.tuning.scoring.progress import (
     CHOOSING,
@@ -191,14 +190,14 @@ def scored(
         problem,
         method=terms.method,
         rollouts=terms.rollouts,
-        held_out=min(terms.held_out, FULL.held_out),
+        held_out=min(terms.held_out, problem.selection.sizes.test),
         threads=threads,
         keep=False,
         watch=watch,
     )
     watch.phase(UNSEEN_PHASE)
-    scorer = Scorer(tuned.prepared, threads=threads)
-    unseen = TestSet(scorer, terms.held_out, terms.seed + UNSEEN)
+    scorer = Scorer(tuned.training, threads=threads)
+    unseen = TestSet(scorer, terms.held_out, terms.test_seed)
     best = unseen.score(tuned.verdict.best.candidate)
     fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
     candidates = [trial.candidate for found in fronts.values() for trial in found]
@@ -247,11 +246,11 @@ def paper(
     """
     scorer = Scorer(prepare(problem, threads, watch), threads=threads)
     watch.phase(PAPER_PHASE)
-    unseen = TestSet(scorer, terms.held_out, terms.seed + UNSEEN)
+    unseen = TestSet(scorer, terms.held_out, terms.test_seed)
     found = unseen.paper
     runs = scored_runs(found.result, 0, found.evaluation.violations, operations(problem.paper_experiment))
     watch.phase(LEAST_PHASE)
-    with_paper = problem.drawn(terms.held_out, terms.seed + UNSEEN, problem.paper_experiment)
+    with_paper = problem.drawn(terms.held_out, terms.test_seed, problem.paper_experiment)
     experiments = [experiment_of(scenario) for scenario in with_paper]
     least = np.array([least_mse(experiment) for experiment in experiments])
     foreseeing = np.array(

@@ -9,10 +9,9 @@ import numpy as np
 from dualwinch.simulation.ensembles.comparison import CONFIDENCE, Interval
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.benchmark.comparison import LEAST_DIFFERENCE, RULE, ErrorRatio, PairComparison
-from dualwinch.tuning.benchmark.entries import NO_OBSERVER, PAPER, UNSEEN
+from dualwinch.tuning.benchmark.entries import NO_OBSERVER, PAPER
 from dualwinch.tuning.benchmark.found import MEAN_ERROR, BenchmarkFindings
 from dualwinch.tuning.benchmark.scores import EntryResult, ScoredRuns
-from dualwinch.tuning.problem import HELD_OUT, SELECTION
 
 HEADINGS = (
     "",
@@ -205,10 +204,9 @@ STATISTICS = (
 def to_record(found: BenchmarkFindings) -> dict[str, Any]:
     """Everything that was found; `docs/race.md` says what the names mean."""
     terms, least = found.terms, found.paper.least
-    seeds = {"tuning": terms.seed, "selection": terms.seed + SELECTION}
     return {
         **terms.to_record(),
-        "seeds": {**seeds, "choice_confirmed": terms.seed + HELD_OUT, "unseen": terms.seed + UNSEEN},
+        "seeds": {"searches": terms.seed, "test": terms.test_seed},
         "rule": {"text": RULE, "confidence": CONFIDENCE, "least_difference": LEAST_DIFFERENCE},
         "least": {
             "beyond_authority": int((least > 0).sum()),

@@ -150,7 +150,7 @@ class GradientSearch:
             self._model = linearise(self._prepared, scenarios, self._centre.point)
             self._curvature = self._model.curvature
             self.gradients += 1
-            self.rollouts += len(self._prepared.scenarios) + len(self._prepared.stress)
+            self.rollouts += len(self._prepared.scenarios) + len(self._prepared.hard)
             self.rollouts += len(scenarios) * (1 + len(self._smooth))
         attempts = ATTEMPTS[self._attempt : self._attempt + min(count, self._abreast)]
         points = [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]

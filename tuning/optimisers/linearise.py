@@ -32,7 +32,7 @@ def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | S
     Raises:
         KeyboardInterrupt: interrupted.
     """
-    scenarios, space = [*prepared.scenarios, *prepared.stress], prepared.problem.space
+    scenarios, space = [*prepared.scenarios, *prepared.hard], prepared.problem.space
     if len(scenarios) <= HARDEST:
         return scenarios
     result = run_pairs(space.keys, [space.parameters(point)], scenarios)

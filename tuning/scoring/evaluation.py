@@ -1,4 +1,12 @@
-"""Bounds as numbers: a share of what the paper's controller reaches is one of what it reaches in the same scenarios."""
+"""Evaluate candidates: rollouts in scenarios, objectives and constraint violations, early pruning.
+
+A batch of candidates of the search is evaluated thus:
+
+1. All are run in the first share of the common scenarios; of each, objective and violations follow.
+2. The most promising, by an exact penalty, are run in the rest; the others are pruned.
+3. The leaders are run in the pool of active scenarios, until the candidate that leads has been run there.
+4. Now and then the leader is run in all hard scenarios. The pool learns from what was run (`ActiveScenarios`).
+"""
 
 import math
 from collections import Counter
@@ -15,79 +23,84 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
-from dualwinch.tuning.scoring.rollouts import joined, keeps_tight, leeways, over, row_of, run_pairs, worst_of
+from dualwinch.tuning.scoring.rollouts import (
+    beyond_authority_of,
+    joined,
+    keeps_tight,
+    over,
+    row_of,
+    run_pairs,
+    worst_of,
+)
 from dualwinch.tuning.scoring.training_set import ActiveScenarios, TrainingSet, survey
 
 
 def bounds_in(
-    prepared: TrainingSet, paper: BatchResult, scenarios: Sequence[Experiment | Scenario]
+    training: TrainingSet, paper: BatchResult, scenarios: Sequence[Experiment | Scenario]
 ) -> tuple[Constraint, ...]:
-    """The constraints of a problem in other scenarios than those that it is tuned in.
+    """The constraints of a problem in other scenarios: factors on the paper's statistics are on those there.
 
-    Shares of the paper's stability margins stay those of the machines that it is tuned on.
+    Factors on its stability margins stay those of the training set's machines.
 
     Args:
-        prepared: the problem.
-        paper: the paper's controller in the scenarios, one row.
-        scenarios: the others.
+        training: the problem.
+        paper: the baseline controller in the scenarios, one row.
+        scenarios: validation or test scenarios.
     """
     return tuple(
         constraint.given(over(constraint.statistic, paper, 0, scenarios))
         if constraint.of_paper and isinstance(constraint.statistic, Statistic)
         else known
-        for constraint, known in zip(prepared.problem.constraints, prepared.constraints, strict=True)
+        for constraint, known in zip(training.problem.constraints, training.constraints, strict=True)
     )
 
 
 Margins = dict[str, WorstMargin]
-"""Kind of a stability margin → the worst of some machines."""
+"""Kind of a stability margin → the worst over some machines."""
 
 
 @dataclass
 class BatchEvaluation:
-    """The candidates of a call, and what they have come to so far.
+    """A batch of candidates under evaluation.
 
     Attributes:
         candidates: all of them.
-        judged: what each came to.
-        results: row of a candidate → its runs in what all meet, and in what it has met beyond; without the given up.
-        margins: of each candidate.
+        evaluations: one a candidate, so far.
+        results: row of a candidate that is not pruned → its runs so far.
+        margins: stability margins of each candidate.
     """
 
     candidates: Sequence[Candidate]
-    judged: list[Evaluation]
+    evaluations: list[Evaluation]
     results: dict[int, BatchResult]
     margins: list[Margins | None]
 
 
 FAILED = "scenarios not completed <= 0"
-"""Constraint that every scenario runs to its end; its violation is the share that does not."""
-
-MOST_SLACK = 0.01
-"""Share of a run with a slack rope beyond which the run is given up, where no rope may be slack at all."""
+"""Constraint that every scenario is completed; its violation is the share that is not."""
 
 
 class Scorer:
-    """Runs candidates of a problem in scenarios, judges them, and counts what that cost.
+    """Runs candidates of a problem in scenarios, evaluates them, and counts rollouts and time.
 
     Attributes:
-        prepared: the problem.
+        training: the problem with its training scenarios.
         rollouts: number of rollouts so far.
-        seconds: wall time they took.
-        margin_seconds: wall time that stability margins took.
+        seconds: their wall time in s.
+        margin_seconds: wall time in s of stability margins.
     """
 
-    def __init__(self, prepared: TrainingSet, threads: int | None = None) -> None:
+    def __init__(self, training: TrainingSet, threads: int | None = None) -> None:
         """A scorer.
 
         Args:
-            prepared: gives objectives and constraints.
+            training: gives objectives and constraints.
             threads: default: one a core.
         """
-        self.prepared = prepared
+        self.training = training
         self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
-        self._threads, self._units = threads, prepared.problem.units
-        self._most_slack = MOST_SLACK if keeps_tight(prepared.constraints) else None
+        self._threads, self._units = threads, training.problem.units
+        self._most_slack = training.problem.selection.most_slack if keeps_tight(training.constraints) else None
 
     @property
     def pace(self) -> float:
@@ -95,27 +108,29 @@ class Scorer:
         return (self.seconds + self.margin_seconds) / self.rollouts if self.rollouts else 0.0
 
     def start(self) -> Evaluation:
-        """The start in the tuning scenarios, from the rollouts that preparing has made."""
-        prepared = self.prepared
-        candidate = Candidate(prepared.problem.start, "start")
-        margins = self.margins([candidate], prepared.margins)[0]
-        return self.judged(candidate, prepared.start, prepared.scenarios, tuning=True, margins=margins)
+        """The start in the training scenarios, from the rollouts of `prepare`."""
+        training = self.training
+        candidate = Candidate(training.problem.start, "start")
+        margins = self.margins([candidate], training.margins)[0]
+        return self.evaluation(candidate, training.start, training.scenarios, training=True, margins=margins)
 
     def over(
         self,
         candidates: Sequence[Candidate],
         scenarios: Sequence[Experiment | Scenario],
         *,
-        tuning: bool = False,
+        training: bool = False,
         constraints: Sequence[Constraint] | None = None,
     ) -> list[Evaluation]:
-        """Evaluate candidates in all of some scenarios; arguments as of `judged`."""
+        """Evaluate candidates in all of some scenarios; arguments as of `evaluation`."""
         if not candidates:
             return []
         result = self.run(candidates, scenarios)
-        margins = self.margins(candidates, self.prepared.margins if tuning else self.survey(scenarios))
+        margins = self.margins(candidates, self.training.margins if training else self.survey(scenarios))
         return [
-            self.judged(candidate, result, scenarios, row, tuning=tuning, margins=margins[row], constraints=constraints)
+            self.evaluation(
+                candidate, result, scenarios, row, training=training, margins=margins[row], constraints=constraints
+            )
             for row, candidate in enumerate(candidates)
         ]
 
@@ -123,30 +138,30 @@ class Scorer:
         self, scenarios: Sequence[Experiment | Scenario], experiment: Experiment | None = None
     ) -> MarginSurvey | None:
         """The machines of some scenarios beside the nominal one (`tuning.scoring.training_set.survey`)."""
-        return survey(self.prepared.problem, scenarios, self._threads, experiment=experiment)
+        return survey(self.training.problem, scenarios, self._threads, experiment=experiment)
 
     def bounds(self, scenarios: Sequence[Scenario]) -> tuple[Constraint, ...]:
         """The constraints in other scenarios; the paper's controller, which bounds may refer to, is run there."""
-        base = self.prepared.problem.paper_experiment
+        base = self.training.problem.paper_experiment
         with_paper = [replace(scenario, base=base) for scenario in scenarios]
-        return bounds_in(self.prepared, self.run(None, with_paper), with_paper)
+        return bounds_in(self.training, self.run(None, with_paper), with_paper)
 
     def margins(
-        self, candidates: Sequence[Candidate], machines: MarginSurvey | None, looked_at: Sequence[bool] | None = None
+        self, candidates: Sequence[Candidate], machines: MarginSurvey | None, chosen: Sequence[bool] | None = None
     ) -> list[Margins | None]:
-        """The worst margins of candidates on some machines; ``None`` for those not looked at.
+        """The worst margins of candidates on some machines; ``None`` for those that are not chosen.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
-        problem, found = self.prepared.problem, list[Margins | None]([None] * len(candidates))
-        chosen = [row for row in range(len(candidates)) if looked_at is None or looked_at[row]]
-        if machines and chosen:
+        problem, found = self.training.problem, list[Margins | None]([None] * len(candidates))
+        rows = [row for row in range(len(candidates)) if chosen is None or chosen[row]]
+        if machines and rows:
             began = clock.now()
             kinds = [statistic.margin for statistic in problem.margins]
-            given = [candidates[row].point for row in chosen]
-            values = [problem.space.parameters(point) if point else () for point in given]
-            for row, worst in zip(chosen, machines.worst(values, kinds), strict=True):
+            points = [candidates[row].point for row in rows]
+            values = [problem.space.parameters(point) if point else () for point in points]
+            for row, worst in zip(rows, machines.worst(values, kinds), strict=True):
                 found[row] = worst
             self.margin_seconds += clock.now() - began
         return found
@@ -163,12 +178,12 @@ class Scorer:
         Args:
             candidates: whose gains.
             scenarios: what is run.
-            to_the_end: also where a rope is slack for long (`MOST_SLACK`), though the constraints forbid that.
+            to_the_end: whether runs go on where a rope is slack for long although the constraints forbid it.
 
         Raises:
             KeyboardInterrupt: interrupted.
         """
-        space = self.prepared.problem.space
+        space = self.training.problem.space
         most_slack = None if to_the_end else self._most_slack
         began = clock.now()
         if candidates is None:
@@ -180,34 +195,33 @@ class Scorer:
         self.rollouts += result.outcomes.size
         return result
 
-    def judged(
+    def evaluation(
         self,
         candidate: Candidate,
         result: BatchResult,
         scenarios: Sequence[Experiment | Scenario],
         row: int = 0,
         *,
-        tuning: bool = False,
+        training: bool = False,
         pruned: bool = False,
         margins: Margins | None = None,
         constraints: Sequence[Constraint] | None = None,
     ) -> Evaluation:
-        """What a row of a result comes to for a candidate; in tuning with a margin (`Problem.margin`).
+        """The evaluation of a candidate from a row of a result; in training with back-off (`TuningProblem.margin`).
 
-        The constraints are by default those of the tuning scenarios (`tuning.scoring.evaluation` has those of others).
-        Stability margins that nobody has looked at have no value and violate nothing: such a candidate was given up, or
-        failed a scenario.
+        The constraints are by default those of the training set (`bounds_in` gives those of others). Stability margins
+        that were not computed have no value and violate nothing: such a candidate was pruned, or failed a scenario.
         """
-        problem, outcomes = self.prepared.problem, result.outcomes[row]
+        problem, outcomes = self.training.problem, result.outcomes[row]
         done = outcomes == "completed"
         found = {statistic.name: over(statistic, result, row, scenarios) for statistic in problem.reported}
         if margins is not None:
             found |= {statistic.name: statistic.of(margins) for statistic in problem.margins}
         violations = {FAILED: float(1 - done.mean())}
-        for constraint in self.prepared.constraints if constraints is None else constraints:
-            margin, value = problem.margin(constraint) if tuning else 0.0, found.get(constraint.statistic.name)
+        for constraint in self.training.constraints if constraints is None else constraints:
+            margin, value = problem.margin(constraint) if training else 0.0, found.get(constraint.statistic.name)
             violation = 0.0 if value is None else constraint.violation(value, margin)
-            violations[constraint.label] = max(violation, self._overwhelmed(constraint, result, scenarios, row))
+            violations[constraint.label] = max(violation, self._beyond_authority(constraint, result, scenarios, row))
         return Evaluation(
             candidate=candidate,
             objectives=tuple(found[statistic.name] for statistic in problem.objectives),
@@ -219,145 +233,126 @@ class Scorer:
             units=self._units,
         )
 
-    @staticmethod
-    def _overwhelmed(
-        constraint: Constraint, result: BatchResult, scenarios: Sequence[Experiment | Scenario], row: int
+    def _beyond_authority(
+        self, constraint: Constraint, result: BatchResult, scenarios: Sequence[Experiment | Scenario], row: int
     ) -> float:
-        """By how much a bound is exceeded in overwhelming scenarios beyond what may be there; -inf without any."""
-        beyond = worst_of(row_of(result, row), [constraint], scenarios)[0, leeways(scenarios) > 0]
+        """Violation of a bound beyond the actuators' authority, where it has some leeway; -inf without a scenario."""
+        leeway = self.training.problem.selection.leeway_beyond_authority
+        beyond = worst_of(row_of(result, row), [constraint], scenarios, leeway)[0, beyond_authority_of(scenarios)]
         return float(beyond[np.isfinite(beyond)].max(initial=-math.inf))
 
 
-FIRST_SHARE, KEPT_SHARE = 0.5, 0.3
-"""Share of the scenarios that all candidates see, and share of the candidates that see the rest: of sixteen five, in
-six scenarios, which nearly fills two blocks of lanes."""
-
-FEW = 8
-"""So many candidates are not worth pruning: their scenarios fill few vector lanes."""
-
-LEADERS, MOST_TRIED = 2, 6
-"""Candidates of a call, the most promising of it, that meet the further hard scenarios at a time, and in all at most:
-whoever leads without having met them is what a search would follow next."""
-
-HOPELESS = 0.05
-"""Share of a bound: candidates that exceed one by more meet no further scenarios."""
-
-SURVEYED = 8
-"""Every so many calls the one that leads meets all hard scenarios there are: others may have become the hardest."""
-
 EXEMPT = ("paper", "start")
-"""Origins of candidates that are never given up early: others are compared with them."""
+"""Origins of candidates that are never pruned: others are compared with them."""
 
 
 class Evaluator(Scorer):
-    """Evaluates the candidates of a search, call by call, and learns in which scenarios the best come off worst."""
+    """Evaluates the candidates of a search batch by batch, with a pool of active scenarios."""
 
-    def __init__(self, prepared: TrainingSet, *, prune: bool = True, threads: int | None = None) -> None:
+    def __init__(self, training: TrainingSet, *, prune: bool = True, threads: int | None = None) -> None:
         """An evaluator.
 
         Args:
-            prepared: gives scenarios, objectives and constraints.
-            prune: whether hopeless candidates are given up after the first scenarios; never with several objectives.
+            training: gives scenarios, objectives and constraints.
+            prune: whether hopeless candidates are pruned after the first scenarios; never with several objectives.
             threads: default: one a core.
         """
-        super().__init__(prepared, threads)
-        problem = prepared.problem
-        self._hardness, self._calls = ActiveScenarios(prepared), 0
-        self._first = round(FIRST_SHARE * problem.scenarios) if prune and len(problem.objectives) == 1 else 0
+        super().__init__(training, threads)
+        problem = training.problem
+        self._config, self._pool, self._batches = problem.selection, ActiveScenarios(training), 0
+        prunes = prune and len(problem.objectives) == 1
+        self._first = round(self._config.first_share * problem.scenarios) if prunes else 0
 
     @property
     def for_the_best(self) -> tuple[Experiment | Scenario, ...]:
-        """The tuning scenarios in which the best are tried at present, hard ones among them that others do not meet."""
-        return (*self._hardness.everyones, *self._hardness.further)
+        """The training scenarios of the best candidates at present: the common and the active ones."""
+        return (*self._pool.common, *self._pool.active)
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        """Evaluate candidates in the tuning scenarios: the promising ones in further hard ones, one at times in all.
+        """Evaluate a batch of candidates in the training scenarios.
 
         Raises:
             KeyboardInterrupt: interrupted; nothing of this batch is kept.
         """
         if not self._first:
-            return self.over(candidates, self.prepared.scenarios, tuning=True)
-        everyones, further, rest = self._hardness.everyones, self._hardness.further, self._hardness.rest
-        tried = self._tried(candidates, everyones)
-        met = self._led(tried, everyones, further)
-        self._calls += 1
-        leader = penalised_first(tried.judged)[0] if met else None
-        if rest and leader in met and self._calls % SURVEYED == 0:
-            met = [leader]
-            self._meet(tried, met, [*everyones, *further], rest)
-        self._hardness.learn([tried.results[row] for row in met])
-        return tried.judged
+            return self.over(candidates, self.training.scenarios, training=True)
+        common, active, inactive = self._pool.common, self._pool.active, self._pool.inactive
+        batch = self._in_common(candidates, common)
+        rows = self._in_active(batch, common, active)
+        self._batches += 1
+        leader = penalised_first(batch.evaluations)[0] if rows else None
+        if inactive and leader in rows and self._batches % self._config.pool_review == 0:
+            rows = [leader]
+            self._in_further(batch, rows, [*common, *active], inactive)
+        self._pool.learn([batch.results[row] for row in rows])
+        return batch.evaluations
 
-    def _led(
+    def _in_active(
         self,
-        tried: BatchEvaluation,
-        everyones: Sequence[Experiment | Scenario],
-        further: Sequence[Experiment | Scenario],
+        batch: BatchEvaluation,
+        common: Sequence[Experiment | Scenario],
+        active: Sequence[Experiment | Scenario],
     ) -> list[int]:
-        """The most promising meet the further hard scenarios, until the one that leads has met them; rows of those.
+        """Run the most promising in the active scenarios until the leader has been run there; rows of those.
 
-        Were only those to meet them that hold, whoever fails there would fall behind those that nobody has tried.
+        Were only feasible ones run there, a candidate that fails there would fall behind others that were not run.
         """
-        met: list[int] = []
-        while further and len(met) < MOST_TRIED:
-            order = penalised_first(tried.judged)
-            if order[0] in met:
+        done: list[int] = []
+        while active and len(done) < self._config.most_leaders:
+            order = penalised_first(batch.evaluations)
+            if order[0] in done:
                 break
-            waiting = [row for row in order if row in tried.results and row not in met]
-            rows = [row for row in waiting if tried.judged[row].violation <= HOPELESS][:LEADERS]
+            waiting = [row for row in order if row in batch.results and row not in done]
+            promising = [row for row in waiting if batch.evaluations[row].violation <= self._config.hopeless]
+            rows = promising[: self._config.leaders]
             if not rows:
                 break
-            self._meet(tried, rows, everyones, further)
-            met += rows
-        return met
+            self._in_further(batch, rows, common, active)
+            done += rows
+        return done
 
-    def _meet(
+    def _in_further(
         self,
-        tried: BatchEvaluation,
+        batch: BatchEvaluation,
         rows: Sequence[int],
         before: Sequence[Experiment | Scenario],
         scenarios: Sequence[Experiment | Scenario],
     ) -> None:
-        """Candidates of a call meet further scenarios, beside those that they have met before."""
-        more = self.run([tried.candidates[row] for row in rows], scenarios, to_the_end=False)
-        met = [*before, *scenarios]
+        """Run candidates of a batch in scenarios beside those they were run in before."""
+        more = self.run([batch.candidates[row] for row in rows], scenarios, to_the_end=False)
+        together = [*before, *scenarios]
         for number, row in enumerate(rows):
-            candidate, margins = tried.candidates[row], tried.margins[row]
-            tried.results[row] = result = joined(tried.results[row], more, number)
-            tried.judged[row] = self.judged(candidate, result, met, tuning=True, margins=margins)
+            candidate, margins = batch.candidates[row], batch.margins[row]
+            batch.results[row] = result = joined(batch.results[row], more, number)
+            batch.evaluations[row] = self.evaluation(candidate, result, together, training=True, margins=margins)
 
-    def _tried(self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]) -> BatchEvaluation:
-        """What candidates come to, the hopeless given up after the first scenarios."""
-        exempt = any(candidate.origin in EXEMPT for candidate in candidates)
-        if len(candidates) <= FEW:
-            result = self.run(candidates, scenarios, to_the_end=exempt)
-            whole = {row: row_of(result, row) for row in range(len(candidates))}
-            margins = self._margins_of(candidates, whole)
-            judged = [
-                self.judged(candidate, whole[row], scenarios, tuning=True, margins=margins[row])
+    def _in_common(
+        self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
+    ) -> BatchEvaluation:
+        """Run candidates in the common scenarios; in a large batch the least promising are pruned after the first."""
+        exempt = {row for row, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
+        first = scenarios if len(candidates) <= self._config.prune_above else scenarios[: self._first]
+        prunes = len(first) < len(scenarios)
+        early = self.run(candidates, first, to_the_end=bool(exempt))
+        whole = {row: row_of(early, row) for row in range(len(candidates))}
+        found = list[Evaluation]()
+        if prunes:
+            found = [
+                self.evaluation(candidate, early, first, row, training=True, pruned=True)
                 for row, candidate in enumerate(candidates)
             ]
-            return BatchEvaluation(candidates, judged, whole, margins)
-        first = scenarios[: self._first]
-        early = self.run(candidates, first, to_the_end=exempt)
-        judged = [
-            self.judged(candidate, early, first, row, tuning=True, pruned=True)
-            for row, candidate in enumerate(candidates)
-        ]
-        order = penalised_first(judged)
-        kept = set(order[: math.ceil(KEPT_SHARE * len(order))])
-        kept |= {index for index, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
-        late = self.run([candidates[index] for index in sorted(kept)], scenarios[self._first :], to_the_end=exempt)
-        whole = {index: joined(row_of(early, index), late, row) for row, index in enumerate(sorted(kept))}
-        margins = self._margins_of(candidates, whole)
-        for index, result in whole.items():
-            judged[index] = self.judged(candidates[index], result, scenarios, tuning=True, margins=margins[index])
-        return BatchEvaluation(candidates, judged, whole, margins)
-
-    def _margins_of(self, candidates: Sequence[Candidate], whole: dict[int, BatchResult]) -> list[Margins | None]:
-        """Margins of the candidates that ran to the end in all scenarios."""
+            order = penalised_first(found)
+            rows = sorted({*order[: math.ceil(self._config.kept_share * len(order))], *exempt})
+            late = self.run([candidates[row] for row in rows], scenarios[self._first :], to_the_end=bool(exempt))
+            whole = {row: joined(whole[row], late, number) for number, row in enumerate(rows)}
         completed = [
-            index in whole and bool((whole[index].outcomes == "completed").all()) for index in range(len(candidates))
+            row in whole and bool((whole[row].outcomes == "completed").all()) for row in range(len(candidates))
         ]
-        return self.margins(candidates, self.prepared.margins, completed)
+        margins = self.margins(candidates, self.training.margins, completed)
+        evaluations = {
+            row: self.evaluation(candidates[row], result, scenarios, training=True, margins=margins[row])
+            for row, result in whole.items()
+        }
+        return BatchEvaluation(
+            candidates, [evaluations.get(row) or found[row] for row in range(len(candidates))], whole, margins
+        )

@@ -1,4 +1,10 @@
-"""What evaluating a candidate gave."""
+"""Which candidate is better: feasibility first, an exact penalty, or with back-off.
+
+What is presented is ranked by feasibility first (`best_first`; Deb, Comput. Methods Appl. Mech. Eng. 186, 2000). A
+search that followed that order would run into the next feasible valley, however bad: gains that are a thousand times
+better and violate a bound by 1 % would count for less than any feasible ones. So it follows an exact penalty
+(`penalised_first`; Nocedal and Wright, Numerical Optimization, 2006, Section 17.2).
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import Point
 
 
@@ -24,16 +31,16 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A candidate and what it came to.
+    """The result of a candidate.
 
     Attributes:
         candidate: what was evaluated.
         objectives: one a objective, in its unit; finite.
-        violations: constraint → how far it is exceeded, as a share of its bound; <= 0: kept to.
+        violations: constraint → violation as a share of its bound; <= 0: satisfied.
         statistics: such as ``mean.mse`` → value; finite.
         outcomes: outcome → number of scenarios.
         scenarios: number of scenarios that were run.
-        pruned: whether it was given up before the last scenario.
+        pruned: whether it was not run in all scenarios.
         number: of the trial in the storage; -1 where it has none.
         units: unit of each of the statistics.
     """
@@ -55,25 +62,25 @@ class Evaluation:
 
     @property
     def violation(self) -> float:
-        """Sum of what is exceeded; 0 where every constraint is kept to."""
+        """Sum of the constraint violations; 0 where it is feasible."""
         return sum(max(value, 0.0) for value in self.violations.values())
 
     @property
-    def reserve(self) -> float:
-        """Distance from the nearest bound on what is the worst of all scenarios, as its share; more draws are worse."""
+    def clearance(self) -> float:
+        """Distance from the nearest bound on the worst case, as a share of the bound."""
         return -max((value for label, value in self.violations.items() if label.startswith("worst.")), default=0.0)
 
     @property
     def feasible(self) -> bool:
-        """Whether it completed all scenarios and keeps to every constraint."""
+        """Whether it completed all scenarios and satisfies every constraint."""
         return not self.pruned and self.violation <= 0
 
 
 def best_first(evaluations: Sequence[Evaluation]) -> list[int]:
     """Indices of the evaluations, the best first.
 
-    What was given up early comes last. Among the others the feasible come first, by objective (several: by the number
-    of the front they are on), then the infeasible by how much they violate.
+    The feasible come first, by objective (several: by the number of their front), then the infeasible by violation;
+    pruned ones come last.
     """
     fronts = _front_numbers(evaluations)
 
@@ -84,38 +91,34 @@ def best_first(evaluations: Sequence[Evaluation]) -> list[int]:
     return sorted(range(len(evaluations)), key=key)
 
 
-PENALTY = 50.0
-"""What a violation of a bound by its whole size adds to the logarithm of an objective: 2 % too much cost a factor of e.
-
-Where an optimum lies on its bounds, giving way by a share gains the objective a few times that share at most: far less.
-"""
-
-
-def penalised_first(evaluations: Sequence[Evaluation]) -> list[int]:
+def penalised_first(evaluations: Sequence[Evaluation], penalty: float = SelectionConfig.penalty) -> list[int]:
     """Indices of the evaluations, the most promising first: what a search should follow.
 
-    By the objective's logarithm with a penalty on what is violated; what was given up early comes last. Of several
-    objectives, or of one that need not be positive, the best come first.
+    By the objective's logarithm plus a penalty on the violation; pruned ones come last. Of several objectives, or of
+    one that need not be positive, the best come first (`best_first`).
     """
     if not _penalisable(evaluations):
         return best_first(evaluations)
 
     def key(index: int) -> tuple[bool, float]:
         evaluation = evaluations[index]
-        return evaluation.pruned, math.log(evaluation.objectives[0]) + PENALTY * evaluation.violation
+        return evaluation.pruned, math.log(evaluation.objectives[0]) + penalty * evaluation.violation
 
     return sorted(range(len(evaluations)), key=key)
 
 
-def backed_off_first(evaluations: Sequence[Evaluation], margin: float) -> list[int]:
-    """Indices of the evaluations, that first which should be presented: the best that is likely to hold in more draws.
+def backed_off_first(
+    evaluations: Sequence[Evaluation], margin: float, penalty: float = SelectionConfig.penalty
+) -> list[int]:
+    """Indices of the evaluations, the best first with back-off from the bounds on the worst case.
 
-    As `best_first`, but among the feasible what comes nearer to a bound than the margin, in the worst scenario, has to
-    make up for it: by as much as `penalised_first` asks of what violates a bound by what is missing.
+    As `best_first`, but of the feasible what is nearer to such a bound than the margin is penalised for what is missing
+    as for a violation: in more draws the worst case is worse.
 
     Args:
         evaluations: all in the same scenarios.
-        margin: distance from a bound, as its share.
+        margin: of the back-off, as a share of the bound.
+        penalty: of a violation of 1, added to the logarithm of the objective.
     """
     order = best_first(evaluations)
     if not _penalisable(evaluations):
@@ -124,7 +127,7 @@ def backed_off_first(evaluations: Sequence[Evaluation], margin: float) -> list[i
 
     def worth(index: int) -> float:
         evaluation = evaluations[index]
-        return math.log(evaluation.objectives[0]) + PENALTY * max(margin - evaluation.reserve, 0.0)
+        return math.log(evaluation.objectives[0]) + penalty * max(margin - evaluation.clearance, 0.0)
 
     return sorted(feasible, key=worth) + [index for index in order if not evaluations[index].feasible]
 
@@ -135,10 +138,9 @@ def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
 
 
 def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
-    """Whether an evaluation is better than the start in the same scenarios, so that it may be presented as such.
+    """Whether an evaluation improves on the start in the same scenarios.
 
-    A feasible one is where the start is not, or where it has a smaller objective (several: one of them smaller). One
-    that is not feasible has to violate no more than the start and to have a smaller objective as well.
+    It does where it is feasible and the start is not, or where an objective is smaller and its violation is not larger.
     """
     smaller = any(ours < theirs for ours, theirs in zip(evaluation.objectives, start.objectives, strict=True))
     if evaluation.feasible and not start.feasible:

@@ -1,4 +1,4 @@
-"""Candidates with as much reserve as their peaks ask for, neither more nor less.
+"""Repair of candidates whose peaks are too near their bound, or too far from it, by the reserve.
 
 The reserve, by which tension commands keep off `tension_max`, lowers the highest peaks by nearly its own size and costs
 next to nothing, until it is the force that draws at the edge of authority lack. A search sees neither: its few
@@ -11,7 +11,7 @@ from dataclasses import replace
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.constraints import Constraint
-from dualwinch.tuning.problem import MARGIN
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.rollouts import worst_of
@@ -19,9 +19,6 @@ from dualwinch.tuning.scoring.validation import FeasibilityScreen, Validated
 from dualwinch.tuning.space import ContinuousDimension, Space
 
 PEAK = "worst.peak_tension"
-
-MOST, LEAST = 0.02, 0.001
-"""Excess, as a share of the bound, beyond which a peak has other reasons; and the least change worth a try."""
 
 
 def peak_bounds(constraints: Sequence[Constraint]) -> list[Constraint]:
@@ -36,94 +33,88 @@ def reserve_dimension(space: Space) -> ContinuousDimension | None:
 
 
 def repaired(
-    candidate: Candidate, excess: float, space: Space, constraints: Sequence[Constraint], margin: float
+    candidate: Candidate, excess: float, problem: TuningProblem, constraints: Sequence[Constraint], margin: float
 ) -> Candidate | None:
     """The candidate with the reserve that takes its peaks to a distance from their bound.
 
     Args:
-        candidate: has been tried.
+        candidate: has been run.
         excess: of its highest peak over the bound, as a share; negative where it is lower.
-        space: what varies.
+        problem: says what varies.
         constraints: among them the bound on peaks.
         margin: the distance, as a share of the bound.
 
     Returns:
         ``None`` where the reserve does not vary, nothing bounds the peak, or the reserve is not what matters.
     """
-    bounds, varies = [each.bound for each in peak_bounds(constraints)], reserve_dimension(space)
-    if not bounds or not varies or excess > MOST:
+    bounds, varies = [each.bound for each in peak_bounds(constraints)], reserve_dimension(problem.space)
+    if not bounds or not varies or excess > problem.selection.repair_most:
         return None
     bound = min(bounds)
     now = float(candidate.point[RESERVE])
     reserve = min(max(now + (excess + margin) * bound, varies.lower), varies.upper)
-    if abs(reserve - now) < LEAST * bound:
+    if abs(reserve - now) < problem.selection.repair_least * bound:
         return None
     return replace(candidate, point=candidate.point | {RESERVE: reserve})
 
 
 def screened(
-    evaluator: Evaluator, sieve: FeasibilityScreen, trials: Sequence[Evaluation], margin: float
+    evaluator: Evaluator, screen: FeasibilityScreen, trials: Sequence[Evaluation], margin: float
 ) -> list[Validated]:
-    """The trials that keep to every constraint in a sieve's scenarios, and each that does once it is trimmed.
+    """The trials that are feasible in a validation set, and those that are once they are repaired.
 
     Args:
-        evaluator: runs the trimmed ones where the best were tuned as well: they have to keep to all bounds there too.
-        sieve: where they have to hold.
-        trials: as they were tuned.
-        margin: distance from the bound on peaks that trimming leads to, as a share (`tuning.scoring.repair`).
+        evaluator: runs repaired ones in the training scenarios of the best, where they have to be feasible too.
+        screen: the validation set.
+        trials: in the training set.
+        margin: distance from the bound on peaks that a repair leads to, as a share.
 
     Returns:
-        Each as it was tuned, a trimmed one with the number of the trial that it was; and what it came to.
+        Each in the training and in the validation set; a repaired one has the number of the trial that it was.
     """
-    space = evaluator.prepared.problem.space
-    attempts = sieve.meet([trial.candidate for trial in trials])
-    met = [(trial, attempt.held) for trial, attempt in zip(trials, attempts, strict=True) if attempt.held]
+    problem = evaluator.training.problem
+    back_off = problem.selection.back_off
+    results = screen.screen([trial.candidate for trial in trials])
+    found = [(trial, result.feasible) for trial, result in zip(trials, results, strict=True) if result.feasible]
     others: list[tuple[int, Candidate]] = []
-    for trial, attempt in zip(trials, attempts, strict=True):
-        excess = max(attempt.excess, -trial.reserve - MARGIN)
-        other = repaired(trial.candidate, excess, space, sieve.constraints, margin)
+    for trial, result in zip(trials, results, strict=True):
+        excess = max(result.excess, -trial.clearance - back_off)
+        other = repaired(trial.candidate, excess, problem, screen.constraints, margin)
         others += [(trial.number, other)] if other else []
-    tried = sieve.meet([other for _, other in others])
-    held = [(number, attempt.held) for (number, _), attempt in zip(others, tried, strict=True) if attempt.held]
-    tuned = evaluator.over([result.candidate for _, result in held], evaluator.for_the_best, tuning=True)
-    return met + [
+    again = screen.screen([other for _, other in others])
+    kept = [(number, each.feasible) for (number, _), each in zip(others, again, strict=True) if each.feasible]
+    trained = evaluator.over([result.candidate for _, result in kept], evaluator.for_the_best, training=True)
+    return found + [
         (replace(trial, number=number), result)
-        for trial, (number, result) in zip(tuned, held, strict=True)
-        if trial.violation <= MARGIN
+        for trial, (number, result) in zip(trained, kept, strict=True)
+        if trial.violation <= back_off
     ]
 
 
-DISTANCE = 0.006
-"""Distance from their bound, as a share, that the highest peaks are to keep."""
-
-SHARES = (1.0, 0.75, 0.5, 0.25)
-"""Shares of what the reserve is to be raised by: the largest is taken that does no harm where motors are overwhelmed,
-for there the force that it takes away is missing."""
-
-
 def repaired_after_further_draws(evaluator: Evaluator, trial: Evaluation, scenarios: Sequence[Scenario]) -> Evaluation:
-    """A trial, or the same with the reserve that takes its peaks to a distance from their bound, if they come nearer.
+    """A trial, with more reserve where its peaks in further draws are nearer to their bound than a back-off.
 
-    The reserve is never lowered: in yet more draws a peak may be higher still. Peaks far beyond the bound (`MOST`) have
-    other reasons.
+    Peaks have a long tail, and of hundreds of draws one may be much higher than the others. The reserve is never
+    lowered; peaks far beyond the bound have other reasons. Of several shares of the wanted change the largest is taken
+    that is feasible in training, for beyond the actuators' authority the force that it takes away is missing.
 
     Args:
-        evaluator: runs it, and with more reserve where the best were tuned: it has to keep to all bounds there too.
-        trial: as it was tuned.
-        scenarios: where its peaks are looked at; none leave it as it is.
+        evaluator: runs it, and with more reserve in the training scenarios of the best.
+        trial: in the training set.
+        scenarios: the further draws; none leave it as it is.
     """
-    candidate, space = trial.candidate, evaluator.prepared.problem.space
-    bounds = peak_bounds(evaluator.prepared.constraints)
-    if not (bounds and scenarios and reserve_dimension(space)):
+    problem, candidate = evaluator.training.problem, trial.candidate
+    config, bounds = problem.selection, peak_bounds(evaluator.training.constraints)
+    if not (bounds and scenarios and reserve_dimension(problem.space)):
         return trial
-    beyond = worst_of(evaluator.run([candidate], scenarios), bounds, scenarios)
-    excess = float(beyond[beyond <= MOST].max(initial=-1.0))
-    wanted = repaired(candidate, excess, space, bounds, DISTANCE) if excess > -DISTANCE else None
+    beyond = worst_of(evaluator.run([candidate], scenarios), bounds, scenarios, config.leeway_beyond_authority)
+    excess, back_off = float(beyond[beyond <= config.repair_most].max(initial=-1.0)), config.repair_back_off
+    wanted = repaired(candidate, excess, problem, bounds, back_off) if excess > -back_off else None
     if wanted is None:
         return trial
     now = float(candidate.point[RESERVE])
-    raised = [now + share * (float(wanted.point[RESERVE]) - now) for share in SHARES]
-    others = [replace(candidate, point=candidate.point | {RESERVE: reserve}) for reserve in raised]
-    tuned = evaluator.over(others, evaluator.for_the_best, tuning=True)
-    held = [other for other in tuned if other.violation <= MARGIN]
-    return replace(held[0], number=trial.number) if held else trial
+    reserves = [now + share * (float(wanted.point[RESERVE]) - now) for share in config.repair_steps]
+    others = [replace(candidate, point=candidate.point | {RESERVE: reserve}) for reserve in reserves]
+    trained = evaluator.over(others, evaluator.for_the_best, training=True)
+    feasible = [other for other in trained if other.violation <= config.back_off]
+    return replace(feasible[0], number=trial.number) if feasible else trial

@@ -12,17 +12,10 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint, measured
+from dualwinch.tuning.selection_config import SelectionConfig
 
 LEAST_TENSION = "worst.min_tension"
-"""The statistic by which ropes are kept from being slack."""
-
-
-LEEWAY = 0.05
-"""Share by which bounds on what is the worst may be exceeded in an overwhelming scenario.
-
-It is harder than any draw, and there to find gains that end in kilonewtons; were the bounds to hold to the last newton,
-it alone would decide how quick gains may be.
-"""
+"""The statistic whose lower bound forbids slack ropes."""
 
 
 def run_pairs(
@@ -32,7 +25,7 @@ def run_pairs(
     threads: int | None = None,
     most_slack: float | None = None,
 ) -> BatchResult:
-    """`rollout`, but an interrupt is raised, for half a batch is of no use here; arguments as there.
+    """`rollout` that raises an interrupt, for half a batch is of no use here; arguments as there.
 
     Raises:
         KeyboardInterrupt: it was interrupted, even if every rollout was under way by then and is finished.
@@ -44,7 +37,7 @@ def run_pairs(
 
 
 def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
-    """Whether a scenario counts in a statistic: a hard one in what is the worst only, an overwhelming one in none."""
+    """Whether a scenario counts in a statistic: a hard one in the worst only, one beyond authority in none."""
     if not isinstance(scenario, Scenario):
         return True
     return not scenario.beyond_authority if statistic.kind == "worst" else not scenario.hard
@@ -58,28 +51,31 @@ def keeps_tight(constraints: Sequence[Constraint]) -> bool:
     )
 
 
-def leeways(scenarios: Sequence[Experiment | Scenario]) -> NDArray[np.float64]:
-    """By how much bounds on what is the worst may be exceeded in each scenario (n,), as a share."""
-    overstrained = [isinstance(scenario, Scenario) and scenario.beyond_authority for scenario in scenarios]
-    return np.where(overstrained, LEEWAY, 0.0)
+def beyond_authority_of(scenarios: Sequence[Experiment | Scenario]) -> NDArray[np.bool_]:
+    """Whether each scenario (n,) needs more force than the actuators deliver."""
+    return np.array([isinstance(scenario, Scenario) and scenario.beyond_authority for scenario in scenarios], bool)
 
 
 def worst_of(
-    result: BatchResult, constraints: Sequence[Constraint], scenarios: Sequence[Experiment | Scenario]
+    result: BatchResult,
+    constraints: Sequence[Constraint],
+    scenarios: Sequence[Experiment | Scenario],
+    leeway: float = SelectionConfig.leeway_beyond_authority,
 ) -> NDArray[np.float64]:
-    """By how much each run exceeds the bound that it exceeds the most, as a share; infinite where it did not end.
+    """The largest violation of each run, as a share of the bound; infinite where it was not completed.
 
     Args:
         result: of (candidates, scenarios).
-        constraints: of which those on what is the worst count; <= 0 where all of them are kept to.
+        constraints: those on the worst case count.
         scenarios: of the result.
+        leeway: share by which bounds may be exceeded in scenarios beyond the actuators' authority.
     """
     worst = np.full(result.outcomes.shape, -np.inf)
     for constraint in constraints:
         statistic = constraint.statistic
         if isinstance(statistic, Statistic) and statistic.kind == "worst":
             beyond = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
-            worst = np.maximum(worst, np.array(beyond) - leeways(scenarios))
+            worst = np.maximum(worst, np.array(beyond) - leeway * beyond_authority_of(scenarios))
     return np.where(result.outcomes == "completed", worst, np.inf)
 
 

@@ -1,4 +1,4 @@
-"""What a study comes to: the best, whether it is better than the start, and what it is worth."""
+"""The test set: scenarios that score the chosen gains once, and take no part in search and choice."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,10 +12,9 @@ from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
-from dualwinch.tuning.scoring.config import SampleSizes
 from dualwinch.tuning.scoring.evaluation import Scorer, bounds_in
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.scoring.training_set import machine_name
+from dualwinch.tuning.selection_config import SampleSizes
 
 ALIKE = 1e-9
 """Relative difference of all statistics below which the start does what the paper's controller does."""
@@ -47,7 +46,7 @@ class MarginLocation:
 
 @dataclass(frozen=True)
 class ControllerScore:
-    """What a controller came to where the best is scored.
+    """The score of a controller in the test set.
 
     Attributes:
         evaluation: its statistics and violations there.
@@ -62,40 +61,40 @@ class ControllerScore:
 
 @dataclass(frozen=True)
 class SelectionResult:
-    """The best of a study and its score.
+    """The chosen candidate and its score.
 
     Attributes:
-        best: as it was tuned; the start, where nothing is better.
-        obstacle: why the best is the start, in words; empty where it is better.
-        passed_over: trials that were better where they were chosen, but not better than the start where scored.
-        selection: the best in the selection scenarios, before its reserve was raised if it was (`scoring.confirm`);
-            ``None`` without an ensemble.
-        scores: ``best``, ``start`` and ``paper`` → what each came to in the same scenarios, which neither the search
-            nor the choice of the best saw; without an ensemble in the only one there is.
+        best: the chosen trial in the training set; the start, where no trial improves on it.
+        obstacle: why the best is the start, in words; empty where it is a trial.
+        contradiction: in what the test set contradicts the choice, in words; empty where it does not.
+        validation: the best in the last validation set, before a repair (`scoring.repair`); ``None`` without an
+            ensemble.
+        scores: ``best``, ``start`` and ``paper`` → scores in the same test scenarios, which took no part in search and
+            choice; without an ensemble in the experiment.
         constraints: of the problem, every bound a number in those scenarios.
-        held_out: whether those are such scenarios.
-        within_authority: (scenarios,) whether the motors can hold each.
-        plan: how many finalists met in how many scenarios.
+        has_test_set: whether those are drawn from an ensemble.
+        within_authority: (scenarios,) whether each is within the actuators' authority.
+        sizes: of the validation and test sets.
     """
 
     best: Evaluation
     obstacle: str
-    passed_over: tuple[int, ...]
-    selection: Evaluation | None
+    contradiction: str
+    validation: Evaluation | None
     scores: dict[str, ControllerScore]
     constraints: tuple[Constraint, ...]
-    held_out: bool
+    has_test_set: bool
     within_authority: NDArray[np.bool_]
-    plan: SampleSizes
+    sizes: SampleSizes
 
     @property
     def improved(self) -> bool:
-        """Whether the best is better than the start."""
+        """Whether the best is a trial that improves on the start where it was chosen."""
         return not self.obstacle
 
     @property
     def scored(self) -> Evaluation:
-        """The best where it is scored."""
+        """The best in the test set."""
         return self.scores["best"].evaluation
 
     @property
@@ -120,9 +119,9 @@ class SelectionResult:
         return theirs / ours if ours else np.inf
 
     def improvement_within_authority(self) -> float:
-        """How many times the mean MSE is below the paper's over the scenarios that the motors can hold.
+        """How many times the mean MSE is below the paper's over the scenarios within the actuators' authority.
 
-        NaN without such a scenario that both ran to its end.
+        NaN without such a scenario that both completed.
         """
         results = [self.scores[name].result for name in ("best", "paper")]
         kept = self.within_authority.copy()
@@ -135,27 +134,27 @@ class SelectionResult:
 
 
 class TestSet:
-    """Draws of a problem's ensemble of their own, or its experiment.
+    """Draws of a problem's ensemble from the stream `TEST`, or its experiment.
 
     Attributes:
-        scenarios: what is run.
+        scenarios: of the set.
         constraints: with bounds that are numbers there.
-        paper: what the paper's controller comes to.
+        paper: score of the baseline controller.
     """
 
     def __init__(self, scorer: Scorer, count: int, seed: int) -> None:
-        """Draw so many scenarios, and run the paper's controller in them."""
-        problem, self._scorer = scorer.prepared.problem, scorer
+        """Draw so many scenarios, and run the baseline controller in them."""
+        problem, self._scorer = scorer.training.problem, scorer
         self.scenarios = problem.drawn(count, seed)
         self._machines = scorer.survey(self.scenarios)
         with_paper = problem.drawn(count, seed, problem.paper_experiment)
         result = scorer.run(None, with_paper)
-        self.constraints = bounds_in(scorer.prepared, result, with_paper)
+        self.constraints = bounds_in(scorer.training, result, with_paper)
         machines = scorer.survey(with_paper, problem.paper_experiment)
         self.paper = self._scored(Candidate({}, "paper"), result, with_paper, machines)
 
     def score(self, candidate: Candidate) -> ControllerScore:
-        """What a candidate comes to."""
+        """The score of a candidate."""
         return self._scored(candidate, self._scorer.run([candidate], self.scenarios), self.scenarios, self._machines)
 
     def _scored(
@@ -167,12 +166,18 @@ class TestSet:
     ) -> ControllerScore:
         scorer = self._scorer
         (margins,) = scorer.margins([candidate], machines)
-        evaluation = scorer.judged(candidate, result, scenarios, margins=margins, constraints=self.constraints)
+        evaluation = scorer.evaluation(candidate, result, scenarios, margins=margins, constraints=self.constraints)
         if not (margins and machines):
             return ControllerScore(evaluation, result)
-        names = {statistic.margin: statistic.name for statistic in scorer.prepared.problem.margins}
+        names = {statistic.margin: statistic.name for statistic in scorer.training.problem.margins}
         attained = {
-            names[kind]: MarginLocation(worst, machine_name(machines.machines[worst.machine]))
+            names[kind]: MarginLocation(worst, _machine_name(machines.machines[worst.machine]))
             for kind, worst in margins.items()
         }
         return ControllerScore(evaluation, result, attained)
+
+
+def _machine_name(machine: Experiment | Scenario) -> str:
+    if not isinstance(machine, Scenario):
+        return "the nominal machine"
+    return f"{'vertex' if machine.vertex else 'draw'} {machine.index}"

@@ -17,11 +17,12 @@ from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.scoring.config import SampleSizes
 from dualwinch.tuning.scoring.progress import PHASES, SearchStatus
+from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from tests.tuning.test_tune import Stubborn
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
@@ -38,15 +39,15 @@ def dualwinch(*words: object) -> int:
 
 @pytest.fixture(autouse=True)
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = SampleSizes(draws=4, vertices=4, last_draws=4, held_out=8)
-    monkeypatch.setattr("dualwinch.tuning.scoring.config.FULL", few)
-    monkeypatch.setattr("dualwinch.tuning.scoring.training_set.LOOKED_AT", 4)
+    few = SampleSizes(draws=4, vertices=4, second_draws=4, test=8)
+    small = SelectionConfig(demand_among=4, sizes=few)
+    monkeypatch.setattr("dualwinch.commands.tuning_setup.SelectionConfig", lambda: small)
 
 
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert dualwinch("tune", *SHORT, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
-    assert "is the best; scored in 8 held-out scenarios" in said.out
+    assert "is the best; scored in 8 test scenarios" in said.out
     assert "times lower than the paper's and" in said.out
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
@@ -76,8 +77,8 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     columns = [trials["state"], trials["feasible"], *trials["parameters"].values(), *trials["statistics"].values()]
     assert {len(column) for column in columns} == {TRIALS}
     assert all(math.isfinite(value) for value in trials["objectives"]["mean.mse"])
-    assert study["seeds"] == {"tuning": 5, "selection": 1000005, "held_out": 2000005}
-    assert {name: len(table["metrics"]["mse"]) for name, table in study["held_out"].items()} == dict.fromkeys(
+    assert study["seeds"] == {name: named_seed(5, name) for name in ("training", "validation", "test")}
+    assert {name: len(table["metrics"]["mse"]) for name, table in study["test"].items()} == dict.fromkeys(
         ("best", "start", "paper"), 8
     )
     assert study["best"]["start_kept"] is None
@@ -103,7 +104,7 @@ def test_a_deterministic_study_with_several_objectives_has_a_front(
     assert min(load) == front[-1][1]
     assert study["method"] == "nsga2"
     assert study["constraints"] == []
-    assert study["best"]["held_out"] is None
+    assert study["best"]["test"] is None
 
 
 def test_an_interrupt_keeps_the_best_so_far(

@@ -10,7 +10,6 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.ensembles.comparison import compare, paper_controller
 from dualwinch.tuning.benchmark import run as race_run
-from dualwinch.tuning.benchmark.entries import UNSEEN
 from dualwinch.tuning.benchmark.run import race
 from dualwinch.tuning.benchmark.scores import COSTS
 from dualwinch.tuning.benchmark.summary import to_record
@@ -79,7 +78,7 @@ def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(make_rac
         for scored in found.entries
         if scored.entry == entrant.entry
     }
-    theirs = compare(controllers, problem.ensemble, terms.held_out, problem.seed + UNSEEN)
+    theirs = compare(controllers, problem.ensemble, terms.held_out, terms.test_seed)
     for name, runs in (("paper", found.paper.runs), *((each.entry.law, each.runs) for each in found.entries)):
         for metric in ("mse", "chatter", "continuous_load"):
             assert runs.metrics[metric] == pytest.approx(theirs.contenders[name].metrics[metric], rel=1e-9)
@@ -101,7 +100,7 @@ def test_fronts_are_gains_in_the_unseen_scenarios(make_race: MakeRace) -> None:
                 for index, point in enumerate(points)
             }
             assert problem.ensemble is not None
-            theirs = compare(controllers, problem.ensemble, terms.held_out, problem.seed + UNSEEN)
+            theirs = compare(controllers, problem.ensemble, terms.held_out, terms.test_seed)
             for point, contender in zip(points, theirs.contenders.values(), strict=True):
                 assert point.error == pytest.approx(contender.metrics["mse"].mean(), rel=1e-9)
                 assert point.cost == pytest.approx(contender.metrics[cost].mean(), rel=1e-9)

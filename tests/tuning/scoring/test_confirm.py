@@ -10,10 +10,12 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.scoring.repair import DISTANCE, repaired_after_further_draws
+from dualwinch.tuning.scoring.repair import repaired_after_further_draws
 from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.selection_config import SelectionConfig
 from tests.tuning.conftest import MakeProblem
 
+DISTANCE = SelectionConfig.repair_back_off
 SPACE = [f"{RESERVE}=0:225"]
 
 
@@ -22,7 +24,7 @@ def bounded(make_problem: MakeProblem, *bounds: str, space: list[str] = SPACE) -
 
 
 def trial(evaluator: Evaluator, reserve: float) -> Evaluation:
-    (found,) = evaluator.over([Candidate({RESERVE: reserve}, "x")], evaluator.for_the_best, tuning=True)
+    (found,) = evaluator.over([Candidate({RESERVE: reserve}, "x")], evaluator.for_the_best, training=True)
     return replace(found, number=4)
 
 

@@ -10,11 +10,14 @@ import pytest
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.scoring.evaluation import HOPELESS, LEADERS, MOST_TRIED, SURVEYED, Evaluator
+from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
-from dualwinch.tuning.scoring.training_set import FURTHER, STRESS, prepare
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.selection_config import SelectionConfig
 from tests.tuning.conftest import MakeProblem
 
+CONFIG = SelectionConfig()
+LEADERS, MOST_TRIED, FURTHER, STRESS = CONFIG.leaders, CONFIG.most_leaders, CONFIG.pool_size, CONFIG.hard_training
 BETA = "controller.nftsm.beta"
 
 
@@ -82,8 +85,8 @@ def test_who_leads_has_met_the_further_scenarios(
     start = prepared.problem.start
     candidates = [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in np.linspace(0.5, 1.5, 8)]
     evaluator = Evaluator(prepared)
-    common = evaluator.over(candidates, prepared.scenarios, tuning=True)
-    worst, judged = [candidates[index] for index in penalised_first(common)[:failing]], evaluator.judged
+    common = evaluator.over(candidates, prepared.scenarios, training=True)
+    worst, judged = [candidates[index] for index in penalised_first(common)[:failing]], evaluator.evaluation
 
     def unless_tried(
         candidate: Candidate, result: BatchResult, scenarios: Sequence[Scenario], **words: Any
@@ -91,7 +94,7 @@ def test_who_leads_has_met_the_further_scenarios(
         found = judged(candidate, result, scenarios, **words)
         return replace(found, violations={"x": 1.0}) if candidate in worst and len(scenarios) > 4 else found
 
-    monkeypatch.setattr(evaluator, "judged", unless_tried)
+    monkeypatch.setattr(evaluator, "evaluation", unless_tried)
     found = evaluator.evaluate(candidates)
     assert sum(trial.scenarios == 4 + FURTHER for trial in found) == met
     leads = found[penalised_first(found)[0]]
@@ -101,17 +104,17 @@ def test_who_leads_has_met_the_further_scenarios(
 
 def test_candidates_that_exceed_a_bound_by_far_meet_no_further_scenarios(make_problem: MakeProblem) -> None:
     evaluator = Evaluator(prepare(make_problem(constraints=["worst.peak_tension<=1000"])))
-    found = evaluator.evaluate([Candidate(evaluator.prepared.problem.start, "x")])
-    assert found[0].violation > HOPELESS
+    found = evaluator.evaluate([Candidate(evaluator.training.problem.start, "x")])
+    assert found[0].violation > CONFIG.hopeless
     assert found[0].scenarios == 4
 
 
 def test_every_so_often_the_one_that_leads_meets_all_hard_scenarios(make_problem: MakeProblem) -> None:
     evaluator = Evaluator(prepare(make_problem()))
-    start = evaluator.prepared.problem.start
+    start = evaluator.training.problem.start
     candidates = [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in (0.9, 1.0, 1.1)]
-    for call in range(1, 2 * SURVEYED + 1):
+    for call in range(1, 2 * CONFIG.pool_review + 1):
         found = evaluator.evaluate(candidates)
         most = max(trial.scenarios for trial in found)
-        assert most == 4 + (STRESS if call % SURVEYED == 0 else FURTHER)
+        assert most == 4 + (STRESS if call % CONFIG.pool_review == 0 else FURTHER)
         assert found[penalised_first(found)[0]].scenarios == most

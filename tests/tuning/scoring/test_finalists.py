@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.scoring.validation import RUNG, Validated, evenly, strata, validated
+from dualwinch.tuning.scoring.validation import Validated, evenly, screened_by_strata, strata
+from dualwinch.tuning.selection_config import SelectionConfig
 
 
 def trials(objectives: Sequence[float], caution: Sequence[float] = (0.0,)) -> list[Evaluation]:
@@ -29,19 +30,19 @@ def trials(objectives: Sequence[float], caution: Sequence[float] = (0.0,)) -> li
 
 def test_the_ladder_goes_from_the_best_to_the_cautious() -> None:
     ordered = trials([1.01**number for number in range(400)])
-    found = strata(ordered, 16)
+    found = strata(ordered, 16, SelectionConfig())
     values = [ordered[index].objectives[0] for index in found]
     assert len(found) == 16
     assert found[0] == 0
-    assert all(after / before > 1 + RUNG for before, after in pairwise(values))
+    assert all(after / before > 1 + SelectionConfig.stratum for before, after in pairwise(values))
     assert 2.5 < values[-1] / values[0] < 4
 
 
 def test_of_a_rung_the_most_cautious_is_taken() -> None:
     ordered = trials([1.001**number for number in range(4000)], caution=[0.0, 0.5, 0.1, 0.3, 0.2])
-    found = strata(ordered, 16)
+    found = strata(ordered, 16, SelectionConfig())
     assert found[0] == 0, "the best is always there"
-    assert {ordered[index].reserve for index in found[1:]} == {0.5}
+    assert {ordered[index].clearance for index in found[1:]} == {0.5}
 
 
 @given(st.integers(0, 300), st.integers(1, 40))
@@ -63,7 +64,7 @@ def test_further_ladders_find_the_best_that_holds(first_to_hold: int, most: int)
         return [(trial, trial) for trial in ladder if trial.number >= first_to_hold]
 
     first = [ordered[index] for index in (*evenly(2399, most - 1), 2399)]
-    met = validated(ordered, first, held, lambda: True)
+    met = screened_by_strata(ordered, first, held, lambda: True)
     assert min(trial.number for trial, _ in met) == first_to_hold
     assert len(seen) == len(set(seen)), "no trial is tried twice"
 
@@ -76,5 +77,5 @@ def test_no_further_ladder_is_begun_when_enough_was_spent(ladders: int) -> None:
         asked.append(len(ladder))
         return []
 
-    assert validated(ordered, ordered[:8], held, lambda: len(asked) <= ladders) == []
+    assert screened_by_strata(ordered, ordered[:8], held, lambda: len(asked) <= ladders) == []
     assert asked == [8] * (1 + ladders)

@@ -9,10 +9,12 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate
-from dualwinch.tuning.scoring.training_set import FURTHER, STRESS, ActiveScenarios, TrainingSet, prepare
+from dualwinch.tuning.scoring.training_set import ActiveScenarios, TrainingSet, prepare
+from dualwinch.tuning.selection_config import SelectionConfig
 from tests.tuning.conftest import MakeProblem
 from tests.tuning.scoring.test_runs import peaks
 
+FURTHER, STRESS = SelectionConfig.pool_size, SelectionConfig.hard_training
 BOUND, CALM, HIGH = 5000.0, 3000.0, 6000.0
 PEAK = f"worst.peak_tension<={BOUND:g}"
 
@@ -23,59 +25,59 @@ def prepared(make_problem: MakeProblem) -> TrainingSet:
 
 
 def test_it_begins_with_the_scenarios_as_they_were_prepared(prepared: TrainingSet) -> None:
-    hardness = ActiveScenarios(prepared)
-    assert hardness.everyones == prepared.scenarios
-    assert (*hardness.further, *hardness.rest) == prepared.stress
-    assert (len(hardness.further), len(hardness.rest)) == (FURTHER, STRESS - FURTHER)
-    hardness.learn([])
-    assert hardness.everyones == prepared.scenarios
+    pool = ActiveScenarios(prepared)
+    assert pool.common == prepared.scenarios
+    assert (*pool.active, *pool.inactive) == prepared.hard
+    assert (len(pool.active), len(pool.inactive)) == (FURTHER, STRESS - FURTHER)
+    pool.learn([])
+    assert pool.common == prepared.scenarios
 
 
 def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(prepared: TrainingSet) -> None:
-    hardness, failing = ActiveScenarios(prepared), prepared.stress[5]
-    every = [*hardness.everyones, *hardness.further]
-    hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
+    pool, failing = ActiveScenarios(prepared), prepared.hard[5]
+    every = [*pool.common, *pool.active]
+    pool.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
     typical, hard = prepared.scenarios[::2], prepared.scenarios[1::2]
-    assert hardness.everyones == (typical[0], failing, typical[1], hard[0])
-    assert hardness.further[0] is hard[1]
-    assert len(hardness.further) == FURTHER
-    assert set(map(id, [*hardness.everyones, *hardness.further])) == set(map(id, every))
+    assert pool.common == (typical[0], failing, typical[1], hard[0])
+    assert pool.active[0] is hard[1]
+    assert len(pool.active) == FURTHER
+    assert set(map(id, [*pool.common, *pool.active])) == set(map(id, every))
 
 
 def test_who_meets_all_finds_what_has_become_harder(prepared: TrainingSet) -> None:
-    hardness = ActiveScenarios(prepared)
-    failing = hardness.rest[20]
-    every = [*hardness.everyones, *hardness.further, *hardness.rest]
-    hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
-    assert hardness.everyones[1] is failing
+    pool = ActiveScenarios(prepared)
+    failing = pool.inactive[20]
+    every = [*pool.common, *pool.active, *pool.inactive]
+    pool.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
+    assert pool.common[1] is failing
     assert len(set(map(id, every))) == len(every) == len(prepared.scenarios) + STRESS
-    assert set(map(id, every)) == set(map(id, [*hardness.everyones, *hardness.further, *hardness.rest]))
+    assert set(map(id, every)) == set(map(id, [*pool.common, *pool.active, *pool.inactive]))
 
 
 def test_failures_are_read_in_the_order_of_the_scenarios_and_fade(prepared: TrainingSet) -> None:
-    hardness, first, then = ActiveScenarios(prepared), prepared.stress[5], prepared.stress[9]
+    pool, first, then = ActiveScenarios(prepared), prepared.hard[5], prepared.hard[9]
 
     def fail(failing: Experiment | Scenario) -> None:
-        every = [*hardness.everyones, *hardness.further]
-        hardness.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
+        every = [*pool.common, *pool.active]
+        pool.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
 
     fail(first)
     fail(first)
-    assert hardness.everyones[1] is first
+    assert pool.common[1] is first
     for _ in range(4):
         fail(then)
-    assert (hardness.everyones[1], hardness.everyones[3]) == (then, first)
+    assert (pool.common[1], pool.common[3]) == (then, first)
 
 
 def test_the_best_of_a_call_count_by_their_mean(prepared: TrainingSet) -> None:
-    hardness, count = ActiveScenarios(prepared), len(prepared.scenarios) + FURTHER
+    pool, count = ActiveScenarios(prepared), len(prepared.scenarios) + FURTHER
     both, once = [CALM] * count, [CALM] * count
     both[10] = once[10] = 1.02 * BOUND
     once[12] = 1.03 * BOUND
-    every = [*hardness.everyones, *hardness.further]
-    hardness.learn([peaks(both), peaks(once)])
-    assert hardness.everyones[1] is every[10]
-    assert hardness.everyones[3] is every[12]
+    every = [*pool.common, *pool.active]
+    pool.learn([peaks(both), peaks(once)])
+    assert pool.common[1] is every[10]
+    assert pool.common[3] is every[12]
 
 
 def test_candidates_meet_what_the_best_before_them_failed_in(
@@ -87,12 +89,12 @@ def test_candidates_meet_what_the_best_before_them_failed_in(
     free = Evaluator(prepare(make_problem(seed=seed)))
     common, further = (
         free.run(candidates, chosen).metrics["peak_tension"].max(axis=0)
-        for chosen in (free.prepared.scenarios, free.prepared.stress[:FURTHER])
+        for chosen in (free.training.scenarios, free.training.hard[:FURTHER])
     )
     assert further.max() > 1.03 * common.max(), "else there is nothing to learn"
     bounds = [f"worst.peak_tension<={0.99 * further.max()}"]
     evaluator = Evaluator(prepare(make_problem(seed=seed, constraints=bounds)))
-    hardest = evaluator.prepared.stress[int(further.argmax())]
+    hardest = evaluator.training.hard[int(further.argmax())]
     met, run = list[Sequence[Experiment | Scenario]](), evaluator.run
 
     def noted(

@@ -7,25 +7,26 @@ from typing import Any
 import pytest
 
 from dualwinch.tuning.baseline import RESERVE
-from dualwinch.tuning.problem import MARGIN
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.repair import screened
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.scoring.validation import FeasibilityScreen, ScreenResult
+from dualwinch.tuning.selection_config import SelectionConfig
 from tests.tuning.conftest import MakeProblem
 
-BOUND, HIGHEST, DISTANCE = 6000.0, 6100.0, 0.0025
+MARGIN, DISTANCE = SelectionConfig.back_off, SelectionConfig.selection_back_off
+BOUND, HIGHEST = 6000.0, 6100.0
 LABEL = "worst.peak_tension <= 6000 N"
 
 
-class Told(FeasibilityScreen):
-    """A sieve in which the highest peak is what the reserve leaves of a force."""
+class MadeUp(FeasibilityScreen):
+    """A validation set in which the highest peak is what the reserve leaves of a force."""
 
     def __init__(self, evaluator: Evaluator) -> None:
-        self.constraints = evaluator.prepared.constraints
+        self.constraints = evaluator.training.constraints
 
-    def meet(self, candidates: Sequence[Candidate]) -> list[ScreenResult]:
+    def screen(self, candidates: Sequence[Candidate]) -> list[ScreenResult]:
         attempts = []
         for candidate in candidates:
             excess = (HIGHEST - float(candidate.point[RESERVE])) / BOUND - 1
@@ -45,7 +46,7 @@ def trial(reserve: float, number: int, violation: float = -0.2) -> Evaluation:
 
 
 def reserves(evaluator: Evaluator, *trials: Evaluation) -> list[tuple[int, float]]:
-    met = screened(evaluator, Told(evaluator), trials, DISTANCE)
+    met = screened(evaluator, MadeUp(evaluator), trials, DISTANCE)
     assert all(tuned.point == result.point for tuned, result in met)
     assert all(result.feasible for _, result in met)
     return [(tuned.number, round(float(tuned.point[RESERVE]), 6)) for tuned, _ in met]
@@ -62,7 +63,7 @@ def test_who_fails_by_a_little_holds_once_it_has_more_reserve_and_who_has_too_mu
 
 
 def test_trimmed_ones_are_evaluated_where_the_best_are_tuned(evaluator: Evaluator) -> None:
-    ((tuned, _),) = screened(evaluator, Told(evaluator), [trial(80, 4)], DISTANCE)
+    ((tuned, _),) = screened(evaluator, MadeUp(evaluator), [trial(80, 4)], DISTANCE)
     assert tuned.scenarios == len(evaluator.for_the_best)
     assert tuned.objectives != (1.0,)
 

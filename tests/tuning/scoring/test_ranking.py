@@ -3,7 +3,6 @@
 import math
 
 from dualwinch.tuning.scoring.ranking import (
-    PENALTY,
     Candidate,
     Evaluation,
     backed_off_first,
@@ -11,6 +10,7 @@ from dualwinch.tuning.scoring.ranking import (
     improves_on,
     pareto_front,
 )
+from dualwinch.tuning.selection_config import SelectionConfig
 
 MARGIN = 0.01
 
@@ -24,7 +24,7 @@ def test_what_keeps_off_its_bound_is_sounder_unless_it_is_much_worse() -> None:
     on_the_bound, off_it = reached(1.0, beyond=0.0), reached(1.4, beyond=-MARGIN)
     assert best_first([on_the_bound, off_it]) == [0, 1]
     assert backed_off_first([on_the_bound, off_it], MARGIN) == [1, 0]
-    far_worse = reached(1.01 * math.exp(PENALTY * MARGIN), beyond=-MARGIN)
+    far_worse = reached(1.01 * math.exp(SelectionConfig.penalty * MARGIN), beyond=-MARGIN)
     assert backed_off_first([on_the_bound, far_worse], MARGIN) == [0, 1]
 
 

@@ -10,8 +10,10 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.result import statistic_from
 from dualwinch.tuning.constraints import constraints_from
-from dualwinch.tuning.scoring.rollouts import LEEWAY, counts, leeways, over, worst_of
+from dualwinch.tuning.scoring.rollouts import beyond_authority_of, counts, over, worst_of
+from dualwinch.tuning.selection_config import SelectionConfig
 
+LEEWAY = SelectionConfig.leeway_beyond_authority
 SEA = load_ensemble("sea")
 PLAIN = SEA.scenario(0, 3)
 HARD = replace(PLAIN, hard=True)
@@ -46,7 +48,7 @@ def test_worst_is_the_largest_excess_of_bounds_on_what_is_worst_and_infinite_whe
 
 def test_overwhelming_scenarios_may_exceed_bounds_by_a_little_and_have_to_end() -> None:
     scenarios = [HARD, OVERWHELMING, OVERWHELMING, OVERWHELMING]
-    assert leeways(scenarios).tolist() == [0, LEEWAY, LEEWAY, LEEWAY]
+    assert beyond_authority_of(scenarios).tolist() == [False, True, True, True]
     result = peaks(
         [1.04 * BOUND, 1.04 * BOUND, 1.06 * BOUND, 0.5 * BOUND], ["completed", "completed", "completed", "diverged"]
     )

@@ -9,18 +9,22 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.analysis.authority import force_demand, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.training_set import (
-    BEHIND,
-    FURTHEST,
-    LOOKED_AT,
     beyond_authority,
-    chosen_scenarios,
     drawn,
     hardest_among,
+    training_choices,
+    validation_draws,
     vertices,
-    within_selection,
 )
+from dualwinch.tuning.selection_config import SelectionConfig
 
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
+CONFIG = SelectionConfig()
+FURTHEST, LOOKED_AT, BEHIND = CONFIG.largest_lag, CONFIG.demand_among, CONFIG.lags_beyond_authority
+
+
+def having(hard_training: int) -> SelectionConfig:
+    return replace(CONFIG, hard_training=hard_training)
 
 
 def share(scenario: Scenario) -> float:
@@ -29,20 +33,20 @@ def share(scenario: Scenario) -> float:
 
 
 def test_typical_and_hard_scenarios_take_turns() -> None:
-    picks, more = chosen_scenarios(SEA, 12, 3, 3)
+    picks, more = training_choices(SEA, 12, 3, having(3))
     assert all(picked.index < LOOKED_AT for picked in (*picks, *more))
     assert [picked.hard for picked in picks] == [False, True] * 6
     assert [picked.vertex for picked in picks if picked.hard] == [False, True] * 3
     assert len(more) == 3
     assert all(picked.hard and picked not in picks for picked in more)
-    assert chosen_scenarios(SEA, 12, 3, 3) == (picks, more)
+    assert training_choices(SEA, 12, 3, having(3)) == (picks, more)
     scenarios = drawn(picks, SEA, 3)
     assert [(scenario.hard, scenario.vertex) for scenario in scenarios] == [(each.hard, each.vertex) for each in picks]
     assert scenarios[0].draws == SEA.scenario(picks[0].index, 3).draws
 
 
 def test_two_of_three_typical_draws_are_on_machines_without_errors() -> None:
-    picks, more = chosen_scenarios(RIG, 12, 3, 3)
+    picks, more = training_choices(RIG, 12, 3, having(3))
     assert [picked.nominal_hardware for picked in picks if not picked.hard] == [False, True, True] * 2
     assert not any(picked.nominal_hardware for picked in picks if picked.hard)
     assert not any(picked.nominal_hardware for picked in more)
@@ -52,13 +56,13 @@ def test_two_of_three_typical_draws_are_on_machines_without_errors() -> None:
 
 def test_typical_draws_are_those_in_the_middle_of_equal_shares_of_all() -> None:
     every = sorted(share(scenario) for scenario in SEA.scenarios(LOOKED_AT, 3))
-    picks, _ = chosen_scenarios(SEA, 8, 0, 3)
+    picks, _ = training_choices(SEA, 8, 3, having(0))
     typical = [share(scenario) for scenario in drawn(picks, SEA, 3) if not scenario.hard]
     assert np.allclose(typical, [every[number] for number in (75, 225, 375, 525)], rtol=1e-12)
 
 
 def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
-    picks, more = chosen_scenarios(SEA, 8, 12, 3)
+    picks, more = training_choices(SEA, 8, 3, having(12))
     hard = drawn([each for each in (*picks, *more) if each.hard and not each.vertex], SEA, 3)
     assert all(before > after for before, after in pairwise(map(share, hard)))
     assert all(force_demand(scenario.experiment).shortfall <= FURTHEST for scenario in hard)
@@ -73,12 +77,12 @@ def test_the_motors_can_hold_vertices() -> None:
 
 
 def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_do() -> None:
-    picks, more = chosen_scenarios(SEA, 12, 18, 3)
+    picks, more = training_choices(SEA, 12, 3, having(18))
     behind = [force_demand(each.experiment).shortfall for each in SEA.chosen(range(LOOKED_AT), 3, vertex=True)]
     flagged = [picked for picked in (*picks, *more) if picked.beyond_authority]
     assert flagged[0] == picks[-1]
     assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
-    assert flagged == beyond_authority(SEA, 3, [], 7)
+    assert flagged == beyond_authority(SEA, 3, [], CONFIG, 7)
     assert all(picked.vertex and picked.hard and behind[picked.index] > FURTHEST for picked in flagged)
     assert [scenario.beyond_authority for scenario in drawn(flagged, SEA, 3)] == [True] * 7
     corners = [picked for picked in more if picked.vertex and not picked.beyond_authority]
@@ -87,43 +91,43 @@ def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_d
 
 
 def test_every_kind_of_further_scenarios_is_among_the_first_of_them() -> None:
-    _, more = chosen_scenarios(SEA, 12, 48, 3)
+    _, more = training_choices(SEA, 12, 3, having(48))
     assert len(set(more)) == 48
     assert [(each.vertex, each.beyond_authority) for each in more[:3]] == [(False, False), (True, True), (True, False)]
 
 
 def test_what_the_motors_can_always_hold_is_overwhelmed_by_nothing() -> None:
     calm = replace(SEA, distributions={})
-    assert beyond_authority(calm, 3, ()) == []
-    picks, more = chosen_scenarios(calm, 12, 3, 3)
+    assert beyond_authority(calm, 3, (), CONFIG) == []
+    picks, more = training_choices(calm, 12, 3, having(3))
     assert (len(picks), len(more)) == (12, 3)
     assert sum(picked.vertex for picked in picks) == 3
 
 
 def test_overwhelming_vertices_are_others_than_those_that_are_taken() -> None:
-    (first, *_) = beyond_authority(SEA, 3, ())
-    others = beyond_authority(SEA, 3, [first])
+    (first, *_) = beyond_authority(SEA, 3, (), CONFIG)
+    others = beyond_authority(SEA, 3, [first], CONFIG)
     assert len(others) == len(BEHIND)
     assert first not in others
 
 
 def test_the_most_demanding_of_some_draws_are_known_by_their_own_numbers() -> None:
     among = range(500, 560)
-    found = drawn(hardest_among(SEA, 5, among, 3), SEA, 3)
+    found = drawn(hardest_among(SEA, 5, among, 3, CONFIG), SEA, 3)
     assert all(scenario.index in among and scenario.hard for scenario in found)
     bearable = [each for each in SEA.chosen(among, 3) if force_demand(each.experiment).shortfall <= FURTHEST]
     assert [each.index for each in found] == [each.index for each in sorted(bearable, key=share, reverse=True)[:5]]
 
 
 def test_few_scenarios_are_some_of_each() -> None:
-    assert [each.hard for each in chosen_scenarios(SEA, 1, 0, 3)[0]] == [False]
-    assert [each.hard for each in chosen_scenarios(SEA, 2, 0, 3)[0]] == [False, True]
-    assert [each.hard for each in chosen_scenarios(SEA, 3, 0, 3)[0]] == [False, True, False]
+    assert [each.hard for each in training_choices(SEA, 1, 3, having(0))[0]] == [False]
+    assert [each.hard for each in training_choices(SEA, 2, 3, having(0))[0]] == [False, True]
+    assert [each.hard for each in training_choices(SEA, 3, 3, having(0))[0]] == [False, True, False]
 
 
 def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
     scenarios = list(SEA.scenarios(200, 7))
-    kept = within_selection(scenarios)
+    kept = validation_draws(scenarios, CONFIG)
     assert [each.index for each in kept] == [
         each.index for each in scenarios if force_demand(each.experiment).shortfall <= FURTHEST
     ]
@@ -134,4 +138,4 @@ def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
 
 def test_where_the_motors_can_hold_nothing_all_scenarios_stay_as_they_are() -> None:
     beyond = [each for each in SEA.scenarios(200, 7) if not within_authority(each.experiment)]
-    assert within_selection(beyond) == beyond
+    assert validation_draws(beyond, CONFIG) == beyond

@@ -9,11 +9,11 @@ import pytest
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import linearise as lineariser
-from dualwinch.tuning.problem import MARGIN
 from dualwinch.tuning.scoring import rollouts as runs
 from dualwinch.tuning.scoring.evaluation import FAILED, Evaluator, Scorer
 from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
+from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
 from tests.tuning.conftest import MakeProblem
 
@@ -30,12 +30,12 @@ def test_an_overwhelming_scenario_counts_in_no_statistic_and_may_exceed_bounds_b
 
     def judged(peak: float) -> tuple[float, float]:
         result = replace(ran, metrics=ran.metrics | {"peak_tension": np.array([[3000.0, peak]])})
-        found = scorer.judged(start, result, scenarios)
+        found = scorer.evaluation(start, result, scenarios)
         return found.statistics["worst.peak_tension"], found.violations["worst.peak_tension <= 5000 N"]
 
     assert judged(3000) == pytest.approx((3000, -0.4))
-    assert judged(5200) == pytest.approx((3000, 0.04 - runs.LEEWAY))
-    assert judged(5500) == pytest.approx((3000, 0.1 - runs.LEEWAY))
+    assert judged(5200) == pytest.approx((3000, 0.04 - SelectionConfig.leeway_beyond_authority))
+    assert judged(5500) == pytest.approx((3000, 0.1 - SelectionConfig.leeway_beyond_authority))
 
 
 def test_candidates_with_slack_ropes_are_given_up_where_no_rope_may_be_slack(make_problem: MakeProblem) -> None:
@@ -54,14 +54,14 @@ def test_candidates_with_slack_ropes_are_given_up_where_no_rope_may_be_slack(mak
     (ours,) = tight.evaluate([stiff])
     assert ours.outcomes["went_slack"] > 0
     assert ours.statistics["worst.min_tension"] == 0
-    assert ours.violations["worst.min_tension >= 10 N"] == pytest.approx(1 + MARGIN)
+    assert ours.violations["worst.min_tension >= 10 N"] == pytest.approx(1 + SelectionConfig.back_off)
     assert ours.violations[FAILED] > 0
     (theirs,) = free.evaluate([stiff])
     assert set(theirs.outcomes) == {"completed"}, "where ropes may be slack nobody is given up for it"
     assert theirs.statistics["worst.min_tension"] == 0
     (first,) = tight.evaluate([start])
     assert set(first.outcomes) == {"completed"}, "what others are compared with runs to its end"
-    assert set(tight.over([stiff], tight.prepared.scenarios)[0].outcomes) == {"completed"}
+    assert set(tight.over([stiff], tight.training.scenarios)[0].outcomes) == {"completed"}
 
 
 def test_diverged_candidates_are_infeasible_finite_and_survive_storage(make_problem: MakeProblem) -> None:
@@ -76,7 +76,7 @@ def test_diverged_candidates_are_infeasible_finite_and_survive_storage(make_prob
     numbers = [*found.objectives, *found.violations.values(), *found.statistics.values()]
     assert all(map(math.isfinite, numbers))
     assert finished_trial(found, problem.space).state.name == "COMPLETE"
-    lost = Scorer(prepared).judged(found.candidate, _all_diverged(prepared), prepared.scenarios)
+    lost = Scorer(prepared).evaluation(found.candidate, _all_diverged(prepared), prepared.scenarios)
     assert lost.violations[FAILED] == 1
     assert not lost.feasible
     assert lost.outcomes == {"diverged": 1}

@@ -8,22 +8,31 @@ import pytest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.problem import HELD_OUT, MARGIN, SELECTION
+from dualwinch.tuning.problem import TEST, VALIDATION
 from dualwinch.tuning.scoring import selection
 from dualwinch.tuning.scoring import validation as rounds
-from dualwinch.tuning.scoring.config import SampleSizes
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.scoring.selection import NOT_CHOSEN, RANGE, judge
+from dualwinch.tuning.scoring.selection import CONTRADICTED, NOT_CHOSEN, select
 from dualwinch.tuning.scoring.training_set import ScenarioChoice, TrainingSet, prepare
 from dualwinch.tuning.scoring.validation import FeasibilityScreen, Validated
+from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
 
 SMALL = SampleSizes(
-    finalists=6, sieved=100, draws=5, vertices=3, hard=2, looked_at=20, last=2, last_draws=7, confirmed=9, held_out=20
+    candidates=6,
+    screening_rollouts=100,
+    draws=5,
+    vertices=3,
+    hard_draws=2,
+    hard_among=20,
+    second_candidates=2,
+    second_draws=7,
+    further_draws=9,
+    test=20,
 )
 
 BETA = "controller.nftsm.beta"
@@ -31,7 +40,7 @@ BETA = "controller.nftsm.beta"
 
 def studied(evaluator: Evaluator, trials: int) -> list[Evaluation]:
     store = MemoryStorage(SearchBudget(trials))
-    search("cmaes", optimiser("cmaes", evaluator.prepared, 0), store, evaluator)
+    search("cmaes", optimiser("cmaes", evaluator.training, 0), store, evaluator)
     return store.finished()
 
 
@@ -46,7 +55,7 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
     problem, evaluator = prepared.problem, Evaluator(prepared)
     trials = studied(evaluator, 32)
     before = evaluator.rollouts
-    verdict = judge(evaluator, trials, SMALL)
+    verdict = select(evaluator, trials, SMALL)
     assert evaluator.rollouts - before <= SMALL.rollouts
 
     def seeds(scenarios: Iterable[Experiment | Scenario]) -> set[object]:
@@ -54,15 +63,15 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
 
     assert problem.ensemble
     ours = [
-        seeds((*prepared.scenarios, *prepared.stress)),
-        seeds(problem.ensemble.scenarios(12, problem.seed + SELECTION)),
+        seeds((*prepared.scenarios, *prepared.hard)),
+        seeds(problem.ensemble.scenarios(12, problem.stream(VALIDATION))),
     ]
-    ours.append(seeds(problem.drawn(20, problem.seed + HELD_OUT)))
+    ours.append(seeds(problem.drawn(20, problem.stream(TEST))))
     assert len(set.union(*ours)) == sum(map(len, ours))
     assert verdict.improved
-    assert verdict.selection is not None
-    assert verdict.selection.scenarios == SMALL.last_draws
-    assert verdict.held_out
+    assert verdict.validation is not None
+    assert verdict.validation.scenarios == SMALL.second_draws
+    assert verdict.has_test_set
     assert {name: score.evaluation.scenarios for name, score in verdict.scores.items()} == dict.fromkeys(
         ("best", "start", "paper"), 20
     )
@@ -75,8 +84,8 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
 
 def test_a_share_of_the_papers_is_one_of_what_it_reaches_in_the_same_scenarios(make_problem: MakeProblem) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=["mean.chatter<=0.8*paper"])))
-    verdict = judge(evaluator, studied(evaluator, 16), SMALL)
-    (there,), (tuned,) = verdict.constraints, evaluator.prepared.constraints
+    verdict = select(evaluator, studied(evaluator, 16), SMALL)
+    (there,), (tuned,) = verdict.constraints, evaluator.training.constraints
     assert there.bound == pytest.approx(0.8 * verdict.statistics("paper")["mean.chatter"], rel=1e-12)
     assert there.bound != pytest.approx(tuned.bound, rel=1e-3)
     assert verdict.scores["paper"].evaluation.violations[there.label] == pytest.approx(0.25, rel=1e-9)
@@ -90,7 +99,7 @@ def test_gains_worse_than_the_start_are_never_the_best(ensemble: str | None, mak
     trials = evaluator.evaluate(worse(prepared))
     start = evaluator.start()
     assert min(trial.objectives for trial in trials) > start.objectives
-    verdict = judge(evaluator, trials, SMALL)
+    verdict = select(evaluator, trials, SMALL)
     assert not verdict.improved
     assert verdict.obstacle == NOT_CHOSEN
     assert verdict.best == start
@@ -98,47 +107,33 @@ def test_gains_worse_than_the_start_are_never_the_best(ensemble: str | None, mak
     assert "start" not in verdict.shown
 
 
-def test_the_start_is_kept_where_it_is_better_in_the_held_out_scenarios(
-    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    prepared = prepare(make_problem(scenarios=2))
-    evaluator = Evaluator(prepared)
-    trials = studied(evaluator, 32)
-    beats = selection.improves_on
-    monkeypatch.setattr(
-        selection, "improves_on", lambda ours, start: ours.scenarios != SMALL.held_out and beats(ours, start)
-    )
-    verdict = judge(evaluator, trials, SMALL)
-    assert "but not in the held-out scenarios" in verdict.obstacle
-    assert verdict.best.point == prepared.problem.start
-    assert verdict.selection is None
-    assert verdict.scored == verdict.scores["start"].evaluation
-
-
-def test_who_does_not_hold_where_scored_is_passed_over_for_the_next(
+def test_the_test_set_never_chooses_and_a_contradiction_is_said(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
-    leader = judge(evaluator, trials, SMALL).best
-    beats = selection.improves_on
+    chosen = select(evaluator, trials, SMALL)
+    assert chosen.contradiction == ""
+    improves, tested = selection.improves_on, list[Evaluation]()
 
-    def unless_scored(ours: Evaluation, start: Evaluation) -> bool:
-        return beats(ours, start) and not (ours.point == leader.point and ours.scenarios == SMALL.held_out)
+    def unless_tested(ours: Evaluation, start: Evaluation) -> bool:
+        tested.extend([ours] * (ours.scenarios == SMALL.test))
+        return improves(ours, start) and ours.scenarios != SMALL.test
 
-    monkeypatch.setattr(selection, "improves_on", unless_scored)
-    verdict = judge(evaluator, trials, SMALL)
-    assert verdict.improved
-    assert verdict.passed_over == (leader.number,)
-    assert verdict.best.point != leader.point
-    assert verdict.improvement("mean.mse", "start") > 1
+    monkeypatch.setattr(selection, "improves_on", unless_tested)
+    again = select(evaluator, trials, SMALL)
+    assert again.best == chosen.best, "whatever the test set says"
+    assert again.improved
+    assert again.contradiction == CONTRADICTED
+    assert [each.point for each in tested] == [chosen.best.point], "the test set is evaluated once, for the choice"
+    assert again.scores["best"].evaluation == chosen.scores["best"].evaluation
 
 
 def test_the_start_and_the_papers_gains_are_one_where_they_do_the_same(make_problem: MakeProblem) -> None:
     settings = ["simulation.duration=0.1", "controller.estimator=none"]
     prepared = prepare(make_problem(settings=settings, scenarios=2))
     evaluator = Evaluator(prepared)
-    verdict = judge(evaluator, studied(evaluator, 32), SMALL)
+    verdict = select(evaluator, studied(evaluator, 32), SMALL)
     assert verdict.start_is_papers
     assert verdict.shown == ("best", "paper")
 
@@ -148,7 +143,7 @@ def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
 ) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
-    usual = judge(evaluator, trials, SMALL).best  # in 0.1 s nothing overwhelms the motors
+    usual = select(evaluator, trials, SMALL).best  # in 0.1 s nothing overwhelms the motors
     beyond, held = ScenarioChoice(10_000, vertex=True, hard=True), selection.screened
     monkeypatch.setattr(rounds, "beyond_authority", lambda *_: [beyond])
 
@@ -156,24 +151,24 @@ def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
         """The best where some trials alone hold against the overwhelming vertex."""
 
         def those(
-            ours: Evaluator, sieve: FeasibilityScreen, given: Sequence[Evaluation], margin: float
+            ours: Evaluator, screen: FeasibilityScreen, given: Sequence[Evaluation], margin: float
         ) -> list[Validated]:
-            overwhelmed = any(scenario.vertex and scenario.index == beyond.index for scenario in sieve.scenarios)
-            return [(trial, met) for trial, met in held(ours, sieve, given, margin) if not overwhelmed or holds(trial)]
+            overwhelmed = any(scenario.vertex and scenario.index == beyond.index for scenario in screen.scenarios)
+            return [(trial, met) for trial, met in held(ours, screen, given, margin) if not overwhelmed or holds(trial)]
 
         monkeypatch.setattr(selection, "screened", those)
-        return judge(evaluator, trials, SMALL).best
+        return select(evaluator, trials, SMALL).best
 
     least = min(trial.objectives[0] for trial in trials if trial.feasible)
     assert best_where(lambda _: False).point == usual.point
-    assert best_where(lambda trial: trial.objectives[0] > RANGE * least).point == usual.point
+    assert best_where(lambda trial: trial.objectives[0] > SelectionConfig.authority_price * least).point == usual.point
     assert best_where(lambda trial: trial.point != usual.point).point != usual.point
 
 
 def test_who_keeps_to_all_bounds_may_be_the_best_however_near_it_comes_to_them(make_problem: MakeProblem) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
-    leader = judge(evaluator, trials, SMALL).best
+    leader = select(evaluator, trials, SMALL).best
 
     def best_with(violation: float) -> Evaluation:
         """The best where the leader misses the distance from a bound that a search asks for."""
@@ -183,10 +178,10 @@ def test_who_keeps_to_all_bounds_may_be_the_best_however_near_it_comes_to_them(m
             else trial
             for trial in trials
         ]
-        return judge(evaluator, seen, SMALL).best
+        return select(evaluator, seen, SMALL).best
 
-    assert best_with(0.9 * MARGIN).point == leader.point
-    assert best_with(1.1 * MARGIN).point != leader.point
+    assert best_with(0.9 * SelectionConfig.back_off).point == leader.point
+    assert best_with(1.1 * SelectionConfig.back_off).point != leader.point
 
 
 def test_who_came_near_a_bound_in_the_first_round_is_as_near_in_the_last() -> None:
@@ -194,6 +189,8 @@ def test_who_came_near_a_bound_in_the_first_round_is_as_near_in_the_last() -> No
         violations = {"worst.peak_tension <= 6000 N": peak, f"mean.chatter <= {9 + chatter:g} N": chatter}
         return Evaluation(Candidate({}, ""), (1.0,), violations, {}, {}, 1)
 
-    (peak, chatter) = selection._as_near(met(-0.02, -0.5), met(-0.001, -0.1)).violations.values()
+    (peak, chatter) = selection._least_clearance(met(-0.02, -0.5), met(-0.001, -0.1)).violations.values()
     assert (peak, chatter) == (-0.001, -0.5), "bounds that are a share of the paper's are others elsewhere"
-    assert selection._as_near(met(-0.02, 0.0), met(0.3, 0.0)).reserve == 0, "what it broke before is not broken here"
+    assert selection._least_clearance(met(-0.02, 0.0), met(0.3, 0.0)).clearance == 0, (
+        "what it broke before is not broken here"
+    )

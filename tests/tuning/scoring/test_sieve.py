@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.problem import SELECTION, TuningProblem
+from dualwinch.tuning.problem import VALIDATION, TuningProblem
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.scoring.validation import FIRST, FeasibilityScreen
+from dualwinch.tuning.scoring.validation import FeasibilityScreen
+from dualwinch.tuning.selection_config import SelectionConfig
 from tests.tuning.conftest import MakeProblem
 
 PRELOAD = "controller.coordination.preload"
@@ -20,12 +21,12 @@ SHARES = (0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4)
 def others(problem: TuningProblem) -> list[Scenario]:
     """Scenarios that nothing was tuned in."""
     assert problem.ensemble
-    return list(replace(problem.ensemble, experiment=problem.experiment).scenarios(30, problem.seed + SELECTION))
+    return list(replace(problem.ensemble, experiment=problem.experiment).scenarios(30, problem.stream(VALIDATION)))
 
 
 def trials(evaluator: Evaluator) -> list[Evaluation]:
     """Trials that differ in preload: the more, the higher the peaks."""
-    start = evaluator.prepared.problem.start
+    start = evaluator.training.problem.start
     points = [start | {PRELOAD: share * float(start[PRELOAD])} for share in SHARES]
     return [
         replace(each, number=number)
@@ -39,20 +40,20 @@ def evaluator(make_problem: MakeProblem) -> Evaluator:
     free = Evaluator(prepare(make_problem()), prune=False)
     peaks = [
         each.statistics["worst.peak_tension"]
-        for each in free.over([trial.candidate for trial in trials(free)], others(free.prepared.problem))
+        for each in free.over([trial.candidate for trial in trials(free)], others(free.training.problem))
     ]
     bound = sum(sorted(peaks)[3:5]) / 2
     return Evaluator(prepare(make_problem(constraints=[f"worst.peak_tension<={bound}"])), prune=False)
 
 
 def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_is_dropped(evaluator: Evaluator) -> None:
-    given, scenarios = trials(evaluator), others(evaluator.prepared.problem)
+    given, scenarios = trials(evaluator), others(evaluator.training.problem)
     whole = evaluator.over([trial.candidate for trial in given], scenarios)
-    attempts = FeasibilityScreen(evaluator, scenarios).meet([trial.candidate for trial in given])
+    attempts = FeasibilityScreen(evaluator, scenarios).screen([trial.candidate for trial in given])
     held = [attempt.result is not None and attempt.result.feasible for attempt in attempts]
     assert held == [each.feasible for each in whole]
     assert 0 < sum(held) < len(given)
-    (label,) = (constraint.label for constraint in evaluator.prepared.constraints)
+    (label,) = (constraint.label for constraint in evaluator.training.constraints)
     for attempt, every in zip(attempts, whole, strict=True):
         assert (attempt.excess <= 0) == every.feasible
         assert attempt.excess <= every.violations[label] + 1e-12
@@ -63,24 +64,24 @@ def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_i
 
 
 def test_trials_meet_first_where_most_have_failed(evaluator: Evaluator) -> None:
-    given, scenarios = [trial.candidate for trial in trials(evaluator)], others(evaluator.prepared.problem)
-    sieve = FeasibilityScreen(evaluator, scenarios)
-    failing = [one for one, attempt in zip(given, sieve.meet(given), strict=True) if attempt.excess > 0]
+    given, scenarios = [trial.candidate for trial in trials(evaluator)], others(evaluator.training.problem)
+    screen = FeasibilityScreen(evaluator, scenarios)
+    failing = [one for one, attempt in zip(given, screen.screen(given), strict=True) if attempt.excess > 0]
     assert failing
     before = evaluator.rollouts
-    assert [attempt.result for attempt in sieve.meet(failing)] == [None] * len(failing)
-    assert evaluator.rollouts - before == FIRST * len(failing)
+    assert [attempt.result for attempt in screen.screen(failing)] == [None] * len(failing)
+    assert evaluator.rollouts - before == SelectionConfig.first_screened * len(failing)
 
 
 def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem: MakeProblem) -> None:
     free = Evaluator(prepare(make_problem()), prune=False)
-    scenarios = others(free.prepared.problem)
+    scenarios = others(free.training.problem)
     peaks = free.run([trials(free)[SHARES.index(1.0)].candidate], scenarios).metrics["peak_tension"][0]
     bound = np.sort(peaks)[-2:].mean()
     problem = make_problem(constraints=[f"worst.peak_tension<={bound}", "worst.delay_margin>=1ms"])
     bounded = Evaluator(prepare(problem), prune=False)
     hardest_last = [scenarios[index] for index in np.argsort(peaks)]
-    met = FeasibilityScreen(bounded, hardest_last).meet([trial.candidate for trial in trials(bounded)])
+    met = FeasibilityScreen(bounded, hardest_last).screen([trial.candidate for trial in trials(bounded)])
     held, exceeding = met[0].result, met[SHARES.index(1.0)].result
     assert held is not None
     assert exceeding is not None
@@ -90,4 +91,4 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
 
 
 def test_nobody_meets_nowhere(evaluator: Evaluator) -> None:
-    assert FeasibilityScreen(evaluator, others(evaluator.prepared.problem)).meet([]) == []
+    assert FeasibilityScreen(evaluator, others(evaluator.training.problem)).screen([]) == []

@@ -1,11 +1,13 @@
 """Trimming: the reserve that takes peaks to a distance from their bound, where that is what is missing or too much."""
 
+from dataclasses import replace
+
 import pytest
 
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.scoring.ranking import Candidate
-from dualwinch.tuning.scoring.repair import MOST, repaired
+from dualwinch.tuning.scoring.repair import repaired
 from dualwinch.tuning.space import ContinuousDimension
 
 RIG = tuning_problem(ensemble="rig")
@@ -17,7 +19,7 @@ def trial(reserve: float) -> Candidate:
 
 
 def reserve_of(candidate: Candidate, excess: float) -> float | None:
-    other = repaired(candidate, excess, RIG.space, RIG.constraints, MARGIN)
+    other = repaired(candidate, excess, RIG, RIG.constraints, MARGIN)
     if other is None:
         return None
     assert other.origin == candidate.origin
@@ -42,11 +44,12 @@ def test_it_stays_within_the_space() -> None:
 
 def test_a_peak_that_is_near_the_distance_or_far_too_high_is_left_alone() -> None:
     assert reserve_of(trial(100.0), -MARGIN) is None
-    assert reserve_of(trial(100.0), 1.1 * MOST) is None
+    assert reserve_of(trial(100.0), 1.1 * RIG.selection.repair_most) is None
     assert reserve_of(trial(100.0), float("inf")) is None
 
 
 def test_without_a_bound_on_peaks_or_a_reserve_that_varies_there_is_nothing_to_trim() -> None:
     others = [each for each in RIG.constraints if "peak" not in each.text]
-    assert repaired(trial(100.0), 0.003, RIG.space, others, MARGIN) is None
-    assert repaired(trial(100.0), 0.003, RIG.space.without([RESERVE]), RIG.constraints, MARGIN) is None
+    assert repaired(trial(100.0), 0.003, RIG, others, MARGIN) is None
+    fixed = replace(RIG, space=RIG.space.without([RESERVE]))
+    assert repaired(trial(100.0), 0.003, fixed, RIG.constraints, MARGIN) is None

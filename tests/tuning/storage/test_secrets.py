@@ -88,7 +88,7 @@ def test_no_file_of_a_study_holds_a_secret(url: str, tmp_path: Path, tuned: Tuni
 def test_a_name_changes_nothing_of_what_a_file_says(name: str, tmp_path: Path, tuned: TuningResult) -> None:
     """As the name of a study, of its ensemble and of its storage."""
     ensemble = Ensemble(name, f"of {name}", tuned.problem.experiment, {})
-    named = replace(tuned, prepared=replace(tuned.prepared, problem=replace(tuned.problem, ensemble=ensemble)))
+    named = replace(tuned, training=replace(tuned.training, problem=replace(tuned.problem, ensemble=ensemble)))
     write(named, f"a{name}.journal", Options(study=name, out=tmp_path))
     assert leaves(load(tmp_path / "best.toml")) == leaves(tuned.best)
     report = (tmp_path / "report.html").read_text(encoding="utf-8")

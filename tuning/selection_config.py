@@ -1,0 +1,165 @@
+"""Hyper-parameters of the training set, of ranking and of the choice among trials."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass, field, fields
+from typing import Any
+
+
+@dataclass(frozen=True)
+class SampleSizes:
+    """Numbers of candidates and scenarios in validation and test.
+
+    Attributes:
+        candidates: of the first group that is screened in the first validation set.
+        screening_rollouts: number of rollouts after which no further group of candidates is screened.
+        draws, vertices: of the ensemble, in the first validation set.
+        hard_draws, hard_among: further draws there, those with the largest demand among so many.
+        second_candidates, second_draws: those that go on to the second validation set, and its size.
+        further_draws: of the third validation set, where the chosen candidate alone is checked for peaks.
+        test: scenarios of the test set.
+    """
+
+    candidates: int = 16
+    screening_rollouts: int = 4000
+    draws: int = 96
+    vertices: int = 32
+    hard_draws: int = 8
+    hard_among: int = 400
+    second_candidates: int = 8
+    second_draws: int = 192
+    further_draws: int = 1500
+    test: int = 200
+
+    @property
+    def rollouts(self) -> int:
+        """Estimated number of rollouts of validation and test, the start's and the paper's included."""
+        scenarios = self.draws + self.vertices + self.hard_draws
+        first = max(self.screening_rollouts, self.candidates * scenarios // 2) + 2 * scenarios
+        return first + (self.second_candidates + 2) * self.second_draws + self.further_draws + 3 * self.test
+
+    def scaled(self, share: float, least: "SampleSizes") -> "SampleSizes":
+        """A share of all sizes, none below `least` unless it is so already."""
+        sizes = zip(astuple(self), astuple(least), strict=True)
+        return SampleSizes(*(max(round(share * size), min(size, lowest)) for size, lowest in sizes))
+
+
+@dataclass(frozen=True)
+class SelectionConfig:
+    """Hyper-parameters of the method that `tuning.scoring` describes.
+
+    Shares are of a bound where nothing else is said.
+
+    Attributes:
+        hard_training: further hard scenarios of the training set, for the best candidates of a batch.
+        demand_among: draws and vertices among which hard ones are looked for.
+        largest_lag: distance in m by which the vehicle falls behind at most in hard draws, for lack of force.
+        lags_beyond_authority: distances in m by which it falls behind in vertices beyond the actuators' authority.
+        share_beyond_authority, share_vertices: of the further hard scenarios.
+        leeway_beyond_authority: share by which bounds on the worst may be exceeded beyond the actuators' authority.
+        margin_machines, margin_machines_validated: drawn machines on which stability margins are computed in training
+            (those on which the start's are least), and in validation and test.
+        back_off: distance that bounds on the worst case keep in training, for more scenarios have worse cases.
+        pool_size: active scenarios for the best candidates of a batch.
+        pool_memory: weight of what was known of a scenario's violations before (exponential smoothing).
+        pool_range: least and largest violation that counts there.
+        pool_review: every so many batches all hard scenarios are run for the leader.
+        first_share, kept_share: of the scenarios in which all candidates of a batch are run, and of the candidates that
+            are run in the rest; five of sixteen candidates in six scenarios nearly fill two blocks of vector lanes.
+        prune_above: batches of more candidates are pruned.
+        leaders, most_leaders: candidates of a batch that are run in the active scenarios at a time, and at most.
+        hopeless: violation beyond which a candidate is run in no further scenarios.
+        most_slack: share of a run with a slack rope beyond which the run is stopped, where no rope may be slack.
+        penalty: of the exact penalty: added to the logarithm of the objective for a violation of 1. 2 % cost a factor
+            of e; an optimum on its bounds gains a few times the share by which it gives way, which is far less.
+        first_screened: scenarios of a validation set in which candidates are screened first.
+        stratum, stratum_growth: width of the first stratum of the objective as a share, and factor from each stratum to
+            the next; with 16 strata the last is three times the first.
+        authority_price: how many times the best training objective a candidate may have that is feasible beyond the
+            actuators' authority, for those scenarios to count.
+        selection_back_off: distance from a bound on the worst case up to which more of it makes up for a larger
+            objective in the ranking of validated candidates.
+        repair_most: violation beyond which a peak is not due to the reserve.
+        repair_least: smallest change of the reserve.
+        repair_back_off: distance from its bound that a repaired peak keeps in the further draws.
+        repair_steps: shares of the wanted change of the reserve that are tried, the largest feasible one is taken.
+        sizes, least_sizes: of validation and test, and the smallest where time is short.
+        size_steps: number of shares of `sizes` that are considered.
+        time_share, time_least: time in s for preparing, validation and test, as a share of the search or at least.
+        time_share_left, time_least_left: the same for validation and test alone, where preparing took all of that.
+    """
+
+    hard_training: int = 48
+    demand_among: int = 600
+    largest_lag: float = 0.01
+    lags_beyond_authority: tuple[float, ...] = (0.025, 0.015, 0.035)
+    share_beyond_authority: float = 1 / 3
+    share_vertices: float = 1 / 6
+    leeway_beyond_authority: float = 0.05
+    margin_machines: int = 2
+    margin_machines_validated: int = 32
+    back_off: float = 0.005
+    pool_size: int = 16
+    pool_memory: float = 0.7
+    pool_range: tuple[float, float] = (-0.02, 0.1)
+    pool_review: int = 8
+    first_share: float = 0.5
+    kept_share: float = 0.3
+    prune_above: int = 8
+    leaders: int = 2
+    most_leaders: int = 6
+    hopeless: float = 0.05
+    most_slack: float = 0.01
+    penalty: float = 50.0
+    first_screened: int = 12
+    stratum: float = 0.02
+    stratum_growth: float = 1.17
+    authority_price: float = 3.0
+    selection_back_off: float = 0.0025
+    repair_most: float = 0.02
+    repair_least: float = 0.001
+    repair_back_off: float = 0.006
+    repair_steps: tuple[float, ...] = (1.0, 0.75, 0.5, 0.25)
+    sizes: SampleSizes = field(default_factory=SampleSizes)
+    least_sizes: SampleSizes = SampleSizes(16, 0, 8, 4, 1, 25, 2, 8, 250, 32)
+    size_steps: int = 20
+    time_share: float = 0.3
+    time_least: float = 3.0
+    time_share_left: float = 0.2
+    time_least_left: float = 1.0
+
+    def time_beside(self, search: float, spent: float) -> float:
+        """Time in s for validation and test.
+
+        Args:
+            search: time in s of the search.
+            spent: what else takes time beside it, in s.
+        """
+        beside = max(self.time_least, self.time_share * search)
+        return max(beside - spent, self.time_share_left * search, self.time_least_left)
+
+    def affordable(self, sizes: SampleSizes, seconds: float, pace: float) -> SampleSizes:
+        """The largest share of some sizes whose rollouts end in time.
+
+        Args:
+            sizes: at most.
+            seconds: time in s.
+            pace: time in s of a rollout in the search.
+        """
+        for step in range(self.size_steps, -1, -1):
+            scaled = sizes.scaled(step / self.size_steps, self.least_sizes)
+            if pace * scaled.rollouts <= seconds:
+                return scaled
+        return sizes.scaled(0.0, self.least_sizes)
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> "SelectionConfig":
+        """The configuration that `to_record` took apart."""
+        tuples = {each.name for each in fields(cls) if str(each.type).startswith("tuple")}
+        plain: dict[str, Any] = {name: tuple(value) if name in tuples else value for name, value in record.items()}
+        for name in ("sizes", "least_sizes"):
+            plain[name] = SampleSizes(**record[name])
+        return cls(**plain)
