@@ -16,7 +16,7 @@ from benchmarks.document import put
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
-from dualwinch.simulation.loop.engine import engine
+from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.results.result import Result
@@ -59,7 +59,7 @@ def with_integrator(number: int, integrator: str, substeps: int) -> Experiment:
 
 def rollout_time(experiment: Experiment, repetitions: int = 9) -> float:
     """Least time in ms of the compiled rollout alone, no rows kept."""
-    run = engine(closed_loop(structure_of(experiment)))
+    run = engine_of(closed_loop(structure_of(experiment)))
     parameters = np.array(list(parameters_of(experiment).values()))
     signals, times = exogenous_signals(experiment), []
     for _ in range(repetitions):

@@ -21,5 +21,9 @@ class CacheError(DualwinchError):
     """The folder of compiled libraries cannot be used."""
 
 
+class CodegenWarning(UserWarning):
+    """CasADi's own C stands where the emitter has none."""
+
+
 class CacheWarning(UserWarning):
     """The folder of compiled libraries cannot be trusted, and another one is used."""

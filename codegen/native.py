@@ -112,12 +112,13 @@ def compile(  # noqa: A001
     The library is kept in the cache folder and found again the next time.
 
     Args:
-        function: of SX or MX expressions; sparse inputs and outputs become dense.
+        function: of SX or MX expressions; sparse inputs and outputs become dense. Where it is no chain of elementary
+            operations (it solves equations, say), its C is CasADi's own, and a `CodegenWarning` says so.
         compiler: by default the one `find_compiler` finds.
         flags: for the compiler, beside its usual ones.
 
     Raises:
-        CodegenError: the function has no inputs or outputs, or cannot be expressed as plain C.
+        CodegenError: the function has no inputs or outputs, or CasADi generates no C for it.
         CompilerNotFoundError: there is no C compiler.
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
@@ -138,12 +139,15 @@ def compile(  # noqa: A001
 def _source(function: ca.Function) -> str:
     """C99 translation unit that evaluates a function for a batch, every array column by column."""
     ins, outs = ([f"{word}{k}" for k in range(n)] for word, n in (("in", function.n_in()), ("out", function.n_out())))
-    symbols = [ca.SX.sym(name, *function.size_in(index)) for index, name in enumerate(ins)]
+    kind: Any = ca.SX
     try:
-        results = [ca.vec(ca.densify(result)) for result in function.expand().call(symbols)]
-    except RuntimeError as error:
-        raise CodegenError(f"no plain C for {function.name()}: it is no chain of elementary operations") from error
-    name, given = f"{function.name()}_", [ca.vec(symbol) for symbol in symbols]  # no name of the C library or its own
+        called = function.expand()
+    except RuntimeError:
+        kind, called = ca.MX, function
+    given = [kind.sym(name, function.numel_in(index)) for index, name in enumerate(ins)]
+    shaped = [ca.reshape(symbol, *function.size_in(index)) for index, symbol in enumerate(given)]
+    results = [ca.vec(ca.densify(result)) for result in called.call(shaped)]
+    name = f"{function.name()}_"  # no name of the C library or its own
     definition = c_source([ca.Function(name, given, results, ins, outs, {"cse": True})])
     arguments = [f"inputs[{index}] + k * steps[{index}]" for index in range(len(ins))]
     arguments += [f"outputs[{index}] + k * {result.numel()}" for index, result in enumerate(results)]

@@ -11,7 +11,7 @@ from dualwinch.simulation.check import check, check_memory
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, initial_state_of
-from dualwinch.simulation.loop.engine import EngineName, engine
+from dualwinch.simulation.loop.engine import EngineName, engine_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.results.outcomes import WORDS
@@ -26,7 +26,7 @@ def simulate(
     *,
     nominal: Plant | None = None,
     stride: int = 1,
-    engine_name: EngineName = "compiled",
+    engine: EngineName = "compiled",
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Run one experiment.
@@ -35,7 +35,8 @@ def simulate(
         experiment: plant, controller, reference, disturbances, sensors, simulation.
         nominal: the plant the controller was designed for; default: the simulated one.
         stride: every how many samples a row is kept; 0 keeps none (the metrics count every sample all the same).
-        engine_name: ``compiled`` (C) or ``interpreter`` (CasADi's, some hundred times slower, same answer).
+        engine: ``compiled`` (C by our emitter), ``casadi`` (C as CasADi's code generator writes it) or ``interpreter``
+            (CasADi's, some hundred times slower); the same answer but for rounding.
         progress: called now and then in a long run with the share that is done.
 
     Returns:
@@ -51,7 +52,7 @@ def simulate(
     structure = structure_of(experiment)
     loop = closed_loop(structure, zeros_of(structure, values) | absent_signals(experiment))
     check_memory(experiment.samples, stride, len(loop.columns))
-    run = engine(loop, engine_name)
+    run = engine_of(loop, engine)
     parameters = loop.vector(values)
     state = np.array(list(initial_state_of(experiment).values()))
     kept: list[NDArray[np.float64]] = []

@@ -15,7 +15,7 @@ PROGRAM = """
 import dualwinch as dw, dualwinch.model, dualwinch.controllers, pathlib
 assert pathlib.Path(dw.__file__).is_relative_to({unpacked!r}), dw.__file__
 assert pathlib.Path(dualwinch.model.__file__).is_relative_to({unpacked!r}), dualwinch.model.__file__
-print(dw.simulate(dw.override(dw.case(4), {{"simulation.duration": 0.1}}), engine_name="interpreter").outcome)
+print(dw.simulate(dw.override(dw.case(4), {{"simulation.duration": 0.1}}), engine="interpreter").outcome)
 """
 
 

@@ -104,7 +104,7 @@ def test_figures_of_merit_count_the_torque_that_reaches_the_plant() -> None:
 @pytest.mark.parametrize("actuator", ACTUATED.values(), ids=ACTUATED)
 def test_both_engines_run_them(actuator: Actuator) -> None:
     asked = experiment(actuator)
-    ours, theirs = simulate(asked), simulate(asked, engine_name="interpreter")
+    ours, theirs = simulate(asked), simulate(asked, engine="interpreter")
     assert ours.outcome == theirs.outcome == "completed"
     for name, column in ours.columns.items():
         assert np.abs(column - theirs[name]).max() <= 1e-9 * max(1.0, np.abs(column).max()), name

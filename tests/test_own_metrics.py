@@ -49,7 +49,7 @@ def test_they_are_computed_beside_the_built_in_ones() -> None:
 
 def test_both_engines_compute_them() -> None:
     short = dw.override(EXPERIMENT, {"simulation.duration": 0.5, BAND: 1e-7})
-    ours, theirs = dw.simulate(short), dw.simulate(short, engine_name="interpreter")
+    ours, theirs = dw.simulate(short), dw.simulate(short, engine="interpreter")
     for name in NAMES:
         assert ours.metrics[name] == pytest.approx(theirs.metrics[name], rel=1e-9) != 0, name
 

@@ -49,7 +49,7 @@ BANDWIDTH = "controller.state_feedback.bandwidth"
 
 
 def test_both_engines_run_them() -> None:
-    ours, theirs = simulate(EXPERIMENT), simulate(EXPERIMENT, engine_name="interpreter")
+    ours, theirs = simulate(EXPERIMENT), simulate(EXPERIMENT, engine="interpreter")
     assert ours.outcome == theirs.outcome == "completed"
     assert ours.metrics.max_abs_error < 2e-3
     for name, column in ours.columns.items():
@@ -216,7 +216,7 @@ def test_a_gain_that_may_be_left_open_shifts_no_other() -> None:
         assert vector == parameters_of(experiment)
     looking, plain = simulate(ahead), simulate(EXPERIMENT)
     assert looking["u"][1] != plain["u"][1]
-    interpreted = simulate(ahead, engine_name="interpreter")
+    interpreted = simulate(ahead, engine="interpreter")
     assert np.abs(looking["x"] - interpreted["x"]).max() < 1e-9
     batch = rollout(["controller.state_feedback.advance"], [[0.05]], [ahead], stride=1)
     assert np.abs(batch.columns["x"][0, 0] - looking["x"]).max() < 1e-9

@@ -69,7 +69,7 @@ def test_a_run_equals_that_of_the_independent_implementation(
 
 
 def test_both_engines_run_them() -> None:
-    ours, theirs = simulate(EXPERIMENT), simulate(EXPERIMENT, engine_name="interpreter")
+    ours, theirs = simulate(EXPERIMENT), simulate(EXPERIMENT, engine="interpreter")
     assert ours.outcome == theirs.outcome == "completed"
     for name, column in ours.columns.items():
         assert np.abs(column - theirs[name]).max() <= 1e-9 * max(1.0, np.abs(column).max()), name

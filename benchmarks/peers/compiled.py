@@ -3,14 +3,14 @@
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError, closed_loop_answer
 from dualwinch.codegen import CompilerNotFoundError
-from dualwinch.simulation.loop.engine import engine
+from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.simulate import simulate
 
 
 def prepare_call(case: Case) -> Run:
     """The C call alone, its inputs at hand (the reference and the noise are drawn ahead of it)."""
     try:
-        rollout = engine(case.loop)
+        rollout = engine_of(case.loop)
     except CompilerNotFoundError as error:
         raise UnavailableError(str(error)) from error
     parameters, exogenous, start = case.parameters, case.exogenous, case.start

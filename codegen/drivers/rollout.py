@@ -14,15 +14,24 @@ from dualwinch.codegen.drivers.unit import hoisted_all, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.expressions import GRAPHS
+from dualwinch.codegen.source.operations import Generator, Style
 
 FLAGS = ("-ffp-contract=fast",)
 """Beside the flags of every build. Contracted products change last bits, each compiler and processor in its own way."""
 
+CASADI_FLAGS = ("-fno-finite-math-only",)
+"""Likewise for CasADi's own C: it rounds as CasADi's virtual machine does, and compares what is not finite likewise."""
 
-def rollout_source(system: Sampled) -> str:
-    """C99 translation unit that runs a sampled system for many samples."""
-    functions = hoisted_all(system.functions)
-    return unit(system.sizes, functions, c_source(functions), "rollout.c")
+
+def rollout_source(system: Sampled, generator: Generator = "dualwinch") -> str:
+    """C99 translation unit that runs a sampled system for many samples.
+
+    Args:
+        system: what is run.
+        generator: what writes the C of its functions; CasADi's stands there untouched.
+    """
+    functions = hoisted_all(system.functions, generator)
+    return unit(system.sizes, functions, c_source(functions, Style(generator=generator)), "rollout.c")
 
 
 @dataclass(frozen=True)
@@ -73,12 +82,13 @@ class Rollout:
 
 
 @GRAPHS.cached
-def compile_rollout(system: Sampled, compiler: Compiler | None = None) -> Rollout:
+def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator: Generator = "dualwinch") -> Rollout:
     """Compile (or find in the cache) and load the rollout of a sampled system.
 
     Args:
         system: what is run.
         compiler: by default the one `find_compiler` finds.
+        generator: what writes the C of its functions.
 
     Raises:
         CompilerNotFoundError: there is no C compiler.
@@ -86,7 +96,8 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None) -> Rollou
         CacheError: the cache folder cannot be used.
     """
     chosen = compiler or find_compiler()
-    path = library(rollout_source(system), chosen, FLAGS if chosen.is_clang else FLAGS + SCHEDULED)
+    own = FLAGS if chosen.is_clang else FLAGS + SCHEDULED
+    path = library(rollout_source(system, generator), chosen, own if generator == "dualwinch" else CASADI_FLAGS)
     call = ctypes.CDLL(str(path)).rollout
     call.restype = ctypes.c_int
     pointer, count = ctypes.c_void_p, ctypes.c_int64

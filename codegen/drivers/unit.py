@@ -6,11 +6,12 @@ from importlib.resources import files
 import casadi as ca
 
 from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.codegen.source.operations import Generator
 
 
-def hoisted_all(functions: Iterable[ca.Function]) -> list[ca.Function]:
+def hoisted_all(functions: Iterable[ca.Function], generator: Generator = "dualwinch") -> list[ca.Function]:
     """``derive_NAME`` and the function that takes what it derives, for each (`codegen.source.hoist`)."""
-    return [part for function in functions for part in hoisted(function)]
+    return [part for function in functions for part in hoisted(function, generator=generator)]
 
 
 def unit(sizes: Mapping[str, int], functions: Iterable[ca.Function], *texts: str) -> str:

@@ -237,7 +237,7 @@ def c_package(
         "precision": precision,
         "provenance": provenance,
         "bodies": bodies,
-        "helpers": helpers(apart.functions, precision),
+        "helpers": helpers(apart.functions, Style(precision)),
         "silent": 2 * NO_READING,
         "comment": _comment,
     }

@@ -1,7 +1,7 @@
 """C source of CasADi functions over arrays with the names of the functions' own arguments, plain or in vector lanes."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
@@ -86,11 +86,11 @@ def c_source(
         lanes: name → how the arrays lie of a function that is called in vector lanes; the others' are plain.
 
     Raises:
-        CodegenError: a function holds something that is no plain C.
+        CodegenError: an argument or a result is sparse, or there is no C of a function in single precision.
     """
     style, lanes = style or Style(), lanes or {}
     definitions = [_definition(function, style, lanes.get(function.name())) for function in functions]
-    helping = helpers(functions, style.precision)
+    helping = helpers(functions, style)
     return "\n\n".join(["#include <math.h>", *([helping] if helping else []), *definitions]) + "\n"
 
 
@@ -103,7 +103,8 @@ def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -
     unused += [name for name in outputs if not function.numel_out(name)]
     strands = lanes.strands if lanes else (Strand(optional=True),)
     once = inputs == ["parameters"]  # a run: room counts there, time does not
-    lines = (rolled_statements if once else statements)(function, lanes.style if lanes else style, strands)
+    own = replace(lanes.style, generator=style.generator) if lanes else style
+    lines = (rolled_statements if once else statements)(function, own, strands)
     lines += [f"  (void){name};" for name in unused]
     attribute = "__attribute__((always_inline)) " if lanes else ""
     return "\n".join([f"static inline {attribute}void {function.name()}(\n    {arguments}) {{", *lines, "}"])

@@ -174,15 +174,13 @@ def instructions(function: ca.Function) -> tuple[Instruction, ...]:
     """The instructions of a function in their order.
 
     Raises:
-        CodegenError: it is no function of SX expressions, or calls another one.
+        CodegenError: it is no function of SX expressions.
     """
     if not function.is_a("SXFunction"):
         raise CodegenError(f"{function.name()} is no function of SX expressions; expand() it first")
     found = []
     for index in range(function.n_instructions()):
         operation = function.instruction_id(index)
-        if operation == ca.OP_CALL:
-            raise CodegenError(f"no plain C for {function.name()}: it calls a function that is not inlined")
         read, written = function.instruction_input(index), function.instruction_output(index)
         constant = function.instruction_constant(index) if operation == ca.OP_CONST else 0.0
         found.append(Instruction(operation, tuple(read), tuple(written), constant))
@@ -190,9 +188,11 @@ def instructions(function: ca.Function) -> tuple[Instruction, ...]:
 
 
 def elements_read(function: ca.Function, name: str) -> set[int]:
-    """Which elements of an input a function reads; none where it has no such input."""
+    """Which elements of an input a function reads, or might; none where it has no such input."""
     if name not in function.name_in():
         return set()
+    if not function.is_a("SXFunction"):
+        return set(range(function.numel_in(name)))
     argument = function.name_in().index(name)
     reads = (made.read for made in instructions(function) if made.operation == ca.OP_INPUT)
     return {element for vector, element in reads if vector == argument}
@@ -205,10 +205,16 @@ def applied(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
 
 
 def operands_of(function: ca.Function) -> dict[int, tuple[int, ...]]:
-    """Instruction → the instructions that made its operands; none for inputs and constants."""
+    """Instruction → the instructions that made its operands; none for inputs and constants.
+
+    Raises:
+        CodegenError: the function calls another one, which has many results.
+    """
     made_by: dict[int, int] = {}
     operands: dict[int, tuple[int, ...]] = {}
     for index, (operation, read, written, _) in enumerate(instructions(function)):
+        if operation == ca.OP_CALL:
+            raise CodegenError(f"{function.name()} calls a function that is not inlined; its derivatives are not there")
         if operation not in {ca.OP_INPUT, ca.OP_CONST}:
             operands[index] = tuple(made_by[register] for register in read)
         if operation != ca.OP_OUTPUT:

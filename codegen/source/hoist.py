@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from dualwinch.codegen.source.casadi_c import lacking
 from dualwinch.codegen.source.expressions import GRAPHS, Instruction, applied, as_written, instructions, operands_of
+from dualwinch.codegen.source.operations import Generator
 
 SCALINGS = {ca.OP_NEG: -1.0, ca.OP_TWICE: 2.0}
 """Operations that are products with a constant."""
@@ -128,28 +130,30 @@ def _column(values: Sequence[ca.SX]) -> ca.SX:
     return ca.vertcat(*values) if values else ca.SX(0, 1)
 
 
-def hoisted(step: ca.Function, *, exact: bool = False) -> tuple[ca.Function, ca.Function]:
+def hoisted(step: ca.Function, *, generator: Generator = "dualwinch") -> tuple[ca.Function, ca.Function]:
     """`hoisted_together` of a single function.
 
     Returns:
         ``derive_NAME(parameters) -> derived``, and the function again with ``derived`` as its last input.
     """
-    derive, (lean,) = hoisted_together((step,), exact=exact)
+    derive, (lean,) = hoisted_together((step,), generator=generator)
     return derive, lean
 
 
 @GRAPHS.cached
 def hoisted_together(
-    functions: tuple[ca.Function, ...], *, exact: bool = False
+    functions: tuple[ca.Function, ...], *, exact: bool = False, generator: Generator = "dualwinch"
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
     """Split functions so that what depends on their parameters alone is computed once, for all of them (cached).
 
-    Products and divisions are written anew (`codegen.source.hoist`), which can change the last bits of a result.
+    Products and divisions are written anew (`Rewriting`), which can change the last bits of a result. A function that
+    CasADi's generator writes stays as it is.
 
     Args:
         functions: of dense SX expressions; inputs of one name are one and the same. Those that depend on parameters
             have an input ``parameters``.
         exact: leave products and divisions as they are: every result stays as it was, to the last bit.
+        generator: what is to write their C.
 
     Returns:
         ``derive_NAME(parameters) -> derived`` with the first function's name, and the functions again with ``derived``
@@ -159,12 +163,20 @@ def hoisted_together(
     inputs = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     parameters = inputs.get("parameters", ca.SX.sym("parameters", 0))
     reciprocals = Reciprocals()
+    whole = [generator == "casadi" or lacking(function) is not None for function in functions]
     outputs: list[list[ca.SX]] = []
     with as_written():
-        for function in functions:
+        for function, untouched in zip(functions, whole, strict=True):
             given = [inputs[name] for name in function.name_in()]
-            outputs.append(function.call(given) if exact else Rewriting(function, given, reciprocals).outputs)
-        derive, derived, split = _split(functions[0].name(), parameters, outputs, reciprocals)
+            kept = exact or untouched
+            outputs.append(function.call(given) if kept else Rewriting(function, given, reciprocals).outputs)
+        taken = [results for results, untouched in zip(outputs, whole, strict=True) if not untouched]
+        derive, derived, split = _split(functions[0].name(), parameters, taken, reciprocals)
+        parts = iter(split)
+        outputs = [
+            [ca.densify(result) for result in results] if untouched else next(parts)
+            for results, untouched in zip(outputs, whole, strict=True)
+        ]
         lean = (
             ca.Function(
                 function.name(),
@@ -173,7 +185,7 @@ def hoisted_together(
                 [*function.name_in(), "derived"],
                 function.name_out(),
             )
-            for function, expressions in zip(functions, split, strict=True)
+            for function, expressions in zip(functions, outputs, strict=True)
         )
         return derive, tuple(lean)
 
@@ -186,7 +198,7 @@ def _split(
     ends = [0]
     for output in every:
         ends.append(ends[-1] + output.numel())
-    rest, symbols, values = ca.extract_parametric(ca.vertcat(*every), ca.vertcat(parameters, *reciprocals.symbols))
+    rest, symbols, values = ca.extract_parametric(_column(every), ca.vertcat(parameters, *reciprocals.symbols))
     symbol, value = _column(reciprocals.symbols), _column(reciprocals.values)
     values = ca.substitute(_column(values), symbol, value)
     derived = ca.vertcat(symbol, *symbols)

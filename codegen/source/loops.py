@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
 
+from dualwinch.codegen.source.casadi_c import by_casadi
 from dualwinch.codegen.source.expressions import instructions, operands_of
 from dualwinch.codegen.source.operations import Style, patterns
 from dualwinch.codegen.source.statements import Strand, statements
@@ -110,7 +110,8 @@ def _distances(positions: Ints, count: int) -> Ints:
         apart = positions[None, :] - positions[:, None]
         return np.bincount(apart[apart > 0], minlength=count)
     there = np.bincount(positions, minlength=count).astype(float)
-    pairs = np.rint(correlate(there, there, method="fft")[count - 1 :]).astype(int)
+    spectrum = np.fft.rfft(there, 2 * count)  # of the autocorrelation, without wrapping around
+    pairs = np.rint(np.fft.irfft(np.abs(spectrum) ** 2, 2 * count)[:count]).astype(int)
     pairs[0] = 0
     return pairs
 
@@ -134,10 +135,12 @@ def rolled_statements(
         strands: evaluations side by side; each statement stands there for one after the other.
 
     Raises:
-        CodegenError: the function holds something that is no plain C.
+        CodegenError: an argument or a result is sparse.
     """
     style = style or Style()
     lines = statements(function, style, strands)
+    if by_casadi(function, style):
+        return lines
     each = len(strands)  # there is a line an instruction and strand, after the declarations
     declarations = len(lines) - each * len(instructions(function))
     written, upto = lines[:declarations], 0

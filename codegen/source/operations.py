@@ -12,6 +12,10 @@ import numpy as np
 Precision: TypeAlias = Literal["double", "float"]
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 
+Generator: TypeAlias = Literal["dualwinch", "casadi"]
+GENERATORS: tuple[Generator, ...] = get_args(Generator)
+"""What writes C: the emitter of `codegen.source`, or CasADi's ``CodeGenerator``."""
+
 
 def literal(value: float, precision: Precision) -> str:
     """A number as a C constant of a precision.
@@ -127,11 +131,13 @@ class Style:
         compares: the smaller and the larger of two by a comparison, which is no call; the second where one is NaN.
             Else by C's functions, which give the other one then.
         inlined: elementary functions are those of `elementary.h`, as far as it has them.
+        generator: what writes them.
     """
 
     precision: Precision = "double"
     compares: bool = False
     inlined: bool = False
+    generator: Generator = "dualwinch"
 
 
 @cache

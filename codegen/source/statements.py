@@ -1,15 +1,16 @@
 """C statements of a function of SX expressions: one for each of its instructions, in their order."""
 
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import casadi as ca
 
 from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.source.casadi_c import by_casadi, calling_statements, casadi_text
 from dualwinch.codegen.source.expressions import instructions
-from dualwinch.codegen.source.operations import ERF_INVERSE, Precision, Style, literal, name_of, patterns, suffix
+from dualwinch.codegen.source.operations import ERF_INVERSE, Precision, Style, literal, patterns, suffix
 
 Element: TypeAlias = Callable[[str, int], str]
 """``(argument or result, element) -> C``: where an element stands."""
@@ -38,16 +39,20 @@ class Strand:
 def statements(function: ca.Function, style: Style | None = None, strands: Sequence[Strand] = (Strand(),)) -> list[str]:
     """Declarations and statements that evaluate a function: a line an instruction, with CasADi's work variables.
 
+    Where the emitter has no C for one of its operations, they call CasADi's C of the function, which is of `helpers`.
+
     Args:
-        function: of SX expressions, with dense arguments and results.
+        function: with dense arguments and results.
         style: how operations are written.
         strands: evaluations side by side; each statement stands there for one after the other.
 
     Raises:
-        CodegenError: the function holds something that is no plain C.
+        CodegenError: an argument or a result is sparse.
     """
     style = style or Style()
     _check_dense(function)
+    if by_casadi(function, style):
+        return calling_statements(function, [strand.element for strand in strands], optional=strands[0].optional)
     pattern, names_in, names_out = patterns(style), function.name_in(), function.name_out()
     lines = [line for strand in strands for line in _declarations(style.precision, strand.register, function.sz_w())]
     for operation, read, written, constant in instructions(function):
@@ -61,21 +66,24 @@ def statements(function: ca.Function, style: Style | None = None, strands: Seque
                 target, value = f"{register}{written[0]}", strand.element(names_in[read[0]], read[1])
             elif operation == ca.OP_CONST:
                 target, value = f"{register}{written[0]}", literal(constant, style.precision)
-            elif operation in pattern:
+            else:
                 operands = [f"{register}{number}" for number in read]
                 target, value = f"{register}{written[0]}", pattern[operation].format(*operands)
-            else:
-                raise CodegenError(f"no plain C for {function.name()}: there is none for its '{name_of(operation)}'")
             lines.append(f"  {target}={value};")
     return lines
 
 
-def helpers(functions: Iterable[ca.Function], precision: Precision) -> str:
-    """C functions that the statements of some functions call and math.h lacks."""
-    operations = {made.operation for function in functions for made in instructions(function)}
-    if ca.OP_ERFINV not in operations:
-        return ""
-    return ERF_INVERSE.substitute(real=precision, f=suffix(precision))
+def helpers(functions: Sequence[ca.Function], style: Style) -> str:
+    """C functions that the statements of some functions call and math.h lacks.
+
+    Raises:
+        CodegenError: there is no C of a function in single precision.
+    """
+    ours = [function for function in functions if not by_casadi(function, style)]
+    operations = {made.operation for function in ours for made in instructions(function)}
+    real, f = style.precision, suffix(style.precision)
+    inverse = ERF_INVERSE.substitute(real=real, f=f) if ca.OP_ERFINV in operations else ""
+    return inverse + casadi_text(functions, style)
 
 
 def _declarations(precision: Precision, register: str, count: int) -> list[str]:

@@ -57,8 +57,11 @@ def simulate(
     animate: Annotated[Path | None, Parameter(help="File for an animation of the machine: .svg.")] = None,
     stride: Annotated[int, WHOLE, Parameter(help="Keep every n-th sample in the data.")] = 1,
     engine: Annotated[
-        Literal["compiled", "interpreter"] | None,
-        Parameter(help="Compiled C, or CasADi's interpreter (slow; the default only where there is no compiler)."),
+        Literal["compiled", "casadi", "interpreter"] | None,
+        Parameter(
+            help="Compiled C, C as CasADi's code generator writes it, or CasADi's interpreter (slow; the default only "
+            "where there is no compiler)."
+        ),
     ] = None,
 ) -> None:
     """Simulate one experiment and print its figures of merit.

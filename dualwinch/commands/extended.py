@@ -39,7 +39,7 @@ def run_variants(numbers: list[int], step: Callable[[str], None], engine: Engine
         for law, coordination in VARIANTS:
             step(f"case {number}, {law}, {coordination}")
             experiment = override(case(number, law), {"controller.coordination.kind": coordination})
-            runs[number, law, coordination] = simulate(experiment, stride=0, engine_name=engine)
+            runs[number, law, coordination] = simulate(experiment, stride=0, engine=engine)
     return runs
 
 

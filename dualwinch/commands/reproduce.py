@@ -64,7 +64,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
         runs: Runs = {}
         for number, kind in jobs:
             step(f"case {number}, {kind}: simulate")
-            runs[number, kind] = simulate(case(number, kind), engine_name=engine)
+            runs[number, kind] = simulate(case(number, kind), engine=engine)
         for (number, kind), result in runs.items():
             step(f"case {number}, {kind}: write data")
             notes = {f"version_{name}": version for name, version in versions().items()}
@@ -173,6 +173,6 @@ def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, 
     found = {}
     for gain in OTHER_GAINS:
         gains = {"controller.observer.l0": gain, "controller.observer.kf": gain}
-        with_it = simulate(override(case(4), gains), stride=0, engine_name=engine)
+        with_it = simulate(override(case(4), gains), stride=0, engine=engine)
         found[gain] = with_it.metrics.steady_mae / without - 1
     return found

@@ -88,7 +88,7 @@ def simulate(
     engine = engine or engine_here()
     console = terminal(stderr=True)
     with ProgressLine("simulating") as progress:
-        result = run(asked, stride=stride, engine_name=engine, progress=progress)
+        result = run(asked, stride=stride, engine=engine, progress=progress)
     print_result(result)
     if out:
         notes = {f"version_{name}": version for name, version in versions().items()}

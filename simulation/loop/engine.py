@@ -1,4 +1,4 @@
-"""Two ways to run the same symbolic step: compiled C, or CasADi's interpreter."""
+"""Three ways to run the same symbolic step: C by our emitter, C by CasADi's code generator, CasADi's interpreter."""
 
 from collections.abc import Callable
 from typing import Literal, TypeAlias, get_args
@@ -11,10 +11,14 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.loop.closed_loop import ClosedLoop
 
-EngineName: TypeAlias = Literal["compiled", "interpreter"]
+EngineName: TypeAlias = Literal["compiled", "casadi", "interpreter"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)
+"""``compiled``: C by the emitter of `codegen.source`, which rewrites the step with fewer operations. ``casadi``: the
+step as CasADi's code generator writes it, untouched. Both run in the same driver, the whole run in one call.
+``interpreter``: CasADi's virtual machine, a call a sample."""
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -95,10 +99,15 @@ def interpreter(system: Sampled) -> Engine:
     return run
 
 
-def engine(loop: ClosedLoop, name: EngineName = "compiled") -> Engine:
+def engine_of(loop: ClosedLoop, name: EngineName = "compiled") -> Engine:
     """The engine of a name for a closed loop.
 
     Raises:
-        DualwinchError: the compiled engine finds no compiler, or no usable cache folder.
+        DualwinchError: an engine that compiles finds no compiler, or no usable cache folder.
+        ConfigurationError: an unknown name.
     """
-    return compile_rollout(loop) if name == "compiled" else interpreter(loop)
+    if name not in ENGINES:
+        raise ConfigurationError(f"engine = {name!r}: must be {', '.join(ENGINES)}")
+    if name == "interpreter":
+        return interpreter(loop)
+    return compile_rollout(loop, generator="dualwinch" if name == "compiled" else "casadi")

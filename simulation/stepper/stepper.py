@@ -127,7 +127,7 @@ class Stepper:
     """Runs of an experiment side by side, moved on step by step under the caller's commands.
 
     Fed with the torques of a run, a lane gives that run again; an exact one has the very bits that
-    ``simulate(experiment, engine_name="interpreter")`` has in all columns of the plant. (In the C of a whole closed
+    ``simulate(experiment, engine="interpreter")`` has in all columns of the plant. (In the C of a whole closed
     loop compilers contract products, in each one otherwise; so the last bits of the compiled `simulate` differ.)
 
     A lane's numbers depend on nothing but its scenario and its commands. One that leaves the track, diverges or reaches

@@ -102,12 +102,12 @@ def test_random_configurations(attack: int) -> None:
     for seed in range(FIRST, FIRST + CONFIGURATIONS * attack):
         experiment, chosen = configuration(seed)
         try:
-            interpreted = simulate(experiment, engine_name="interpreter")
+            interpreted = simulate(experiment, engine="interpreter")
         except ConfigurationError:  # a sample time that the integrator does not reach: refused by all
             with pytest.raises(ConfigurationError):
                 simulate(experiment)
             continue
-        nudged = simulate(nudge(experiment), engine_name="interpreter")
+        nudged = simulate(nudge(experiment), engine="interpreter")
         compiled = simulate(experiment)
         batch = rollout(["plant.vehicle.mass"], [[experiment.plant.vehicle.mass]], [experiment], stride=1)
         for run in (interpreted, compiled):

@@ -160,7 +160,7 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
 @given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
-    ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    ours, theirs = simulate(experiment), simulate(experiment, engine="interpreter")
     assert ours.outcome == theirs.outcome
     # near 1e308 a fused product and sum stays finite where the rounded product overflows: it diverges a sample later
     apart = 1.5e-3 if ours.outcome == "diverged" else 0.0
@@ -184,6 +184,6 @@ def test_gains_of_zero_give_the_same_outcome_in_both_engines(
     estimator = list(ESTIMATORS.values())[turn % len(ESTIMATORS)]
     controller = Controller(without_gains(estimator), without_gains(law), coordination=without_gains(coordination))
     experiment = replace(case(4), controller=controller, simulation=SHORT)
-    ours, theirs = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    ours, theirs = simulate(experiment), simulate(experiment, engine="interpreter")
     assert (ours.outcome, ours.end_time) == (theirs.outcome, theirs.end_time)
     assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-12

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.embedded.host import PRECISE, Host, build
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.errors import CodegenError, CodegenWarning
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from tests.codegen.operations import functions, interpreted
@@ -73,6 +73,12 @@ def test_every_operation_compiles_without_a_warning_and_gives_its_value(
         np.testing.assert_allclose(host.output, wanted, rtol=1e-10 if precision == "double" else 1e-6, atol=1e-30)
 
 
-def test_an_operation_without_c_is_named() -> None:
-    with pytest.raises(CodegenError, match="no plain C for step: there is none for its 'printme'"):
-        c_package(block({ca.OP_PRINTME: functions()[ca.OP_PRINTME]}), "operations", ABOUT)
+def test_an_operation_without_c_of_ours_is_casadi_s_in_double_precision(tmp_path: Path) -> None:
+    printing = block({ca.OP_PRINTME: functions()[ca.OP_PRINTME]})
+    with pytest.warns(CodegenWarning, match="no C of our own for step: there is none for its 'printme'"):
+        files = c_package(printing, "operations", ABOUT)
+    host = Host(build(tmp_path, files, "operations", [*find_compiler().command]), "operations", printing, "double")
+    host.input[:] = 2.0, 3.0
+    assert (host.step(), host.output[0]) == (0, 2.0)
+    with pytest.raises(CodegenError, match="no C in single precision for step"):
+        c_package(printing, "operations", ABOUT, "float")

@@ -13,7 +13,7 @@ from dualwinch.model.plant import Plant, resting_state, tensions
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
-from dualwinch.simulation.loop.engine import engine
+from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.sensors import Sensors
@@ -59,7 +59,7 @@ def ran(estimator: str) -> tuple[np.ndarray, dict[str, float]]:
     """Position errors in m of the estimate after 10 s of 25 s, and the final state."""
     drawn, nominal = stretchy(estimator)
     loop = closed_loop(structure_of(drawn))
-    run, parameters = engine(loop), np.array(list(parameters_of(drawn, nominal).values()))
+    run, parameters = engine_of(loop), np.array(list(parameters_of(drawn, nominal).values()))
     state = np.array(list(initial_state_of(drawn).values()))
     prefix = "controller.estimator." + ("motion." if estimator == "calibrating-kalman" else "")
     estimate, truth = loop.states.index(prefix + "x"), loop.states.index("motion.plant.x")

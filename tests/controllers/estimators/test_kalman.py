@@ -24,7 +24,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
-from dualwinch.simulation.loop.engine import engine
+from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.sensors import Sensors
@@ -175,7 +175,7 @@ def noisy(estimator: Estimator) -> Experiment:
 def speed_errors(experiment: Experiment) -> NDArray[np.float64]:
     """Difference in m/s of the estimator's speed and the true one, 5 s to the end."""
     loop = closed_loop(structure_of(experiment))
-    run = engine(loop)
+    run = engine_of(loop)
     parameters = np.array(list(parameters_of(experiment).values()))
     state = np.array(list(initial_state_of(experiment).values()))
     estimate, truth = loop.states.index("controller.estimator.v"), loop.states.index("motion.plant.v")

@@ -129,7 +129,7 @@ def test_compiled_and_interpreted_agree(jitter: float) -> None:
     values = ALL | {"sensors.outage_length": 0.1, "sensors.encoder_zero_1": 1e-3, "sensors.encoder_counts": 4096}
     values |= {"controller.estimator": "calibrating-kalman", "sensors.position_drift": 1e-4}
     experiment = imperfect(values, duration=0.3, jitter=jitter)
-    compiled, interpreted = simulate(experiment), simulate(experiment, engine_name="interpreter")
+    compiled, interpreted = simulate(experiment), simulate(experiment, engine="interpreter")
     for name, column in compiled.columns.items():
         assert np.allclose(column, interpreted[name], rtol=1e-9, atol=1e-9), name
 

@@ -61,7 +61,7 @@ def test_parts_see_the_reference_ahead(reference: Reference) -> None:
     experiment = replace(EXPERIMENT, reference=reference)
     result = simulate(experiment)
     lanes = rollout([SHARE], [[0.5]], [experiment], stride=1)
-    interpreted = simulate(experiment, engine_name="interpreter")
+    interpreted = simulate(experiment, engine="interpreter")
     assert result.outcome == "completed"
     for name, expected in seen(reference, result["t"]).items():
         for found in (result[name], interpreted[name], lanes.columns[name][0, 0]):

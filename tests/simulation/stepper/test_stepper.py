@@ -66,7 +66,7 @@ def assert_same_plant(ours: Result, theirs: Result) -> None:
     ids=["slack", "rk4", "delay", "two-sided rope", "noise", "signal", "rig"],
 )
 def test_a_lane_fed_with_the_torques_of_a_run_is_that_run_to_the_bit(experiment: dw.Experiment) -> None:
-    run = dw.simulate(experiment, engine_name="interpreter")
+    run = dw.simulate(experiment, engine="interpreter")
     stepper = Stepper(experiment, batch=2, exact=True)
     feed(stepper, torques_of(run))
     for lane in (0, 1):
@@ -96,7 +96,7 @@ def test_lane_k_is_scenario_k_of_the_seed() -> None:
     runs = {}
     for lane in lanes:
         scenario = ensemble.scenario(lane, 7)
-        runs[lane] = dw.simulate(scenario.experiment, nominal=scenario.nominal, engine_name="interpreter")
+        runs[lane] = dw.simulate(scenario.experiment, nominal=scenario.nominal, engine="interpreter")
     commands = np.zeros((300, 3, 2))
     for lane in lanes:
         commands[:, lane] = torques_of(runs[lane])
@@ -166,7 +166,7 @@ def test_any_column_may_be_observed() -> None:
 @pytest.mark.parametrize("exact", [True, False])
 def test_a_force_goes_through_the_coordination_of_the_experiment(exact: bool) -> None:
     experiment = short(4, duration=1.0)
-    run = dw.simulate(experiment, engine_name="interpreter")
+    run = dw.simulate(experiment, engine="interpreter")
     stepper = Stepper(experiment, batch=3, command="force", exact=exact)
     feed(stepper, run["u"])
     own = stepper.result(1)
@@ -179,7 +179,7 @@ def test_parts_of_a_users_own_stay_in_the_loop() -> None:
     """Estimator and coordination, their signals too."""
     controller = dw.Controller(law=StateFeedback(), estimator=DriftFree(), coordination=Watched())
     experiment = replace(short(4, **NOISY), controller=controller)
-    run = dw.simulate(experiment, engine_name="interpreter")
+    run = dw.simulate(experiment, engine="interpreter")
     stepper = Stepper(experiment, batch=2, command="force", signals=["imbalance", "x_sensed"], exact=True)
     feed(stepper, run["u"])
     own = stepper.result(0)

@@ -109,7 +109,7 @@ def test_it_is_better_than_the_papers_law_in_vortices(paper_run) -> None:
 
 def test_lanes_and_interpreter_give_the_same_run() -> None:
     short = replace(HURRIED, simulation=replace(HURRIED.simulation, duration=0.6))
-    result, interpreted = simulate(short), simulate(short, engine_name="interpreter")
+    result, interpreted = simulate(short), simulate(short, engine="interpreter")
     lanes = rollout(["controller.mpc.position"], [[5e-4]], [short], stride=1)
     assert np.abs(result["x"] - interpreted["x"]).max() < 1e-9
     assert np.abs(result["x"] - lanes.columns["x"][0, 0]).max() < 1e-9

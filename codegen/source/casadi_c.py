@@ -1,0 +1,111 @@
+"""C as CasADi's own code generator writes it, untouched, and the statements that call it."""
+
+import re
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+from dualwinch.codegen.errors import CodegenError, CodegenWarning
+from dualwinch.codegen.source.expressions import as_written, elements_read, instructions
+from dualwinch.codegen.source.operations import Style, name_of, patterns
+
+IGNORED = ("-Wunused-parameter", "-Wunused-function", "-Wunused-variable", "-Wconversion", "-Wshadow")
+"""Warnings that CasADi's text is not written for."""
+
+BEFORE = "\n".join(
+    [
+        "#define CASADI_SYMBOL_EXPORT static inline /* of this translation unit alone */",
+        "#if defined(__GNUC__)",
+        "#pragma GCC diagnostic push",
+        *(f'#pragma GCC diagnostic ignored "{warning}"' for warning in IGNORED),
+        "#endif\n",
+    ]
+)
+AFTER = "#if defined(__GNUC__)\n#pragma GCC diagnostic pop\n#endif\n"
+"""Stand before and after CasADi's text, which is left as it is."""
+
+
+@lru_cache(maxsize=64)
+def lacking(function: ca.Function) -> str | None:
+    """What a function holds that the emitter has no C for; None where it has C for everything."""
+    if not function.is_a("SXFunction"):
+        return f"it is no function of SX expressions but of class {function.class_name()}"
+    known = {*patterns(Style()), ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+    unknown = sorted({made.operation for made in instructions(function)} - known)
+    return f"there is none for its '{name_of(unknown[0])}'" if unknown else None
+
+
+def by_casadi(function: ca.Function, style: Style) -> bool:
+    """Whether a function's C is CasADi's: where the style says so, and where the emitter has none."""
+    return bool(function.nnz_out()) and (style.generator == "casadi" or lacking(function) is not None)
+
+
+def casadi_text(functions: Iterable[ca.Function], style: Style) -> str:
+    """CasADi's C of those functions that it is taken of, in one text; empty where there are none.
+
+    A `CodegenWarning` says which functions the emitter has no C for.
+
+    Raises:
+        CodegenError: CasADi generates no C either, or the style asks for single precision, which its C does not have
+            throughout.
+    """
+    written = [function for function in functions if by_casadi(function, style)]
+    if not written:
+        return ""
+    for function in written:
+        reason = lacking(function)
+        if style.precision != "double":
+            raise CodegenError(f"no C in single precision for {function.name()}: {reason or 'CasADi writes double'}")
+        if reason and style.generator != "casadi":
+            message = f"no C of our own for {function.name()}: {reason}; CasADi's is taken, without vector lanes"
+            warnings.warn(message, CodegenWarning, stacklevel=4)
+    generator = ca.CodeGenerator("generated.c")
+    for function in written:
+        generator.add(_renamed(function))
+    text = generator.dump()
+    if refused := re.search(r"#error (.*)", text):
+        raise CodegenError(f"no C for {', '.join(function.name() for function in written)}: {refused[1]}")
+    return BEFORE + text + AFTER
+
+
+def calling_statements(
+    function: ca.Function, elements: Sequence[Callable[[str, int], str]], *, optional: bool
+) -> list[str]:
+    """Statements that call CasADi's C of a function, which stands before; where it fails, results are no numbers.
+
+    Args:
+        function: with dense arguments and results.
+        elements: of each evaluation, one after the other, ``(argument or result, element) -> C``.
+        optional: whether results are arrays that may be null, and are not written then.
+    """
+    made = _renamed(function)
+    ins = [(name, made.numel_in(name)) for name in made.name_in()]
+    outs = [(name, made.numel_out(name)) for name in made.name_out()]
+    lines = []
+    for element in elements:
+        lines += ["  {"]
+        lines += [f"    double {name}_[{max(count, 1)}] = {{0}};" for name, count in (*ins, *outs)]
+        lines += [f"    const double *call_arg[{made.sz_arg()}] = {{{', '.join(f'{name}_' for name, _ in ins)}}};"]
+        lines += [f"    double *call_res[{made.sz_res()}] = {{{', '.join(f'{name}_' for name, _ in outs)}}};"]
+        lines += [f"    casadi_int call_iw[{made.sz_iw() + 1}];", f"    double call_w[{made.sz_w() + 1}];"]
+        lines += [f"    const int memory = {made.name()}_checkout();"]
+        lines += [f"    {name}_[{k}]={element(name, k)};" for name, _ in ins for k in sorted(elements_read(made, name))]
+        lines += [f"    const int failed = {made.name()}(call_arg, call_res, call_iw, call_w, memory);"]
+        lines += [f"    {made.name()}_release(memory);"]
+        for name, count in outs:
+            given = f"if ({name}) " if optional else ""
+            lines += [f"    {given}{element(name, k)}=failed ? NAN : {name}_[{k}];" for k in range(count)]
+        lines += ["  }"]
+    return lines
+
+
+@lru_cache(maxsize=64)
+def _renamed(function: ca.Function) -> ca.Function:
+    """The function under a name that leaves its own to the C function that calls it."""
+    inputs: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    names = function.name_in(), function.name_out()
+    with as_written():
+        return ca.Function(f"generated_{function.name()}", inputs, function.call(inputs), *names)
