@@ -29,7 +29,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed, previewed
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.part import Choice
+from dualwinch.model.quantities.part import PartChoice
 from dualwinch.model.quantities.quantity import Key, Quantity
 from dualwinch.model.quantities.steps import started, stepped
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -44,16 +44,16 @@ class Controller:
     estimator: Annotated[
         Estimator,
         Quantity("", "what stands between the sensors and the position law", "assumption"),
-        Choice("estimator", ESTIMATORS),
+        PartChoice("estimator", ESTIMATORS),
     ] = field(default_factory=LowPass)
-    law: Annotated[PositionLaw, Quantity("", "position law", "paper Table 2"), Choice("kind", POSITION_LAWS)] = field(
-        default_factory=FandoNftsm
+    law: Annotated[PositionLaw, Quantity("", "position law", "paper Table 2"), PartChoice("kind", POSITION_LAWS)] = (
+        field(default_factory=FandoNftsm)
     )
     limits: Annotated[Limits, Key("coordination")] = field(default_factory=Limits)
     coordination: Annotated[
         Coordination,
         Quantity("", "how the winches share the force; the paper argues for differential tension", "paper 1.1"),
-        Choice("coordination.kind", COORDINATIONS),
+        PartChoice("coordination.kind", COORDINATIONS),
     ] = field(default_factory=DifferentialTension)
     nominal: Nominal = field(default_factory=Nominal)
 

@@ -1,4 +1,4 @@
-"""The controller's own idea of the plant, which may differ from the plant."""
+"""The controller's own model of the plant, which may differ from the plant, and the forces it compensates by it."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -9,6 +9,8 @@ from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.plant import Plant, specified_plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.ropes import Rope, tangent_rope
+from dualwinch.model.scalar import Scalar
+from dualwinch.model.vehicle import drag, friction, inertia
 
 
 @dataclass(frozen=True)
@@ -57,3 +59,21 @@ def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> P
 def nominal_structure(plant: Plant) -> Plant:
     """What the controller's plant is made of, without what is unknown of it; its numbers are to be replaced."""
     return replace(specified_plant(plant), rope_1=Rope(), rope_2=Rope())
+
+
+@dataclass(frozen=True)
+class NominalForces:
+    """Mass and resistance of the nominal model."""
+
+    mass: Scalar
+    resistance: Scalar
+
+
+def nominal_forces(v: Scalar, d: Scalar, nominal: Plant) -> NominalForces:
+    """Mass in kg and resistance F_f + F_w in N of the nominal model at the speed v in m/s, less a known disturbance.
+
+    `d` is its acceleration in m/s².
+    """
+    vehicle = nominal.vehicle
+    mass = inertia(vehicle)
+    return NominalForces(mass, friction(v, vehicle) + drag(v, vehicle) - mass * d)

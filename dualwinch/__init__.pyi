@@ -33,13 +33,13 @@ from .controllers.laws.equivalent_input_disturbance import Eid as Eid
 from .controllers.laws.fando_nftsm import FandoNftsm as FandoNftsm
 from .controllers.laws.lqi import Lqi as Lqi
 from .controllers.laws.nftsm import Nftsm as Nftsm
-from .controllers.laws.nominal_forces import nominal_forces as nominal_forces
 from .controllers.laws.pid_cascade import PidCascade as PidCascade
 from .controllers.laws.position_law import PositionLaw as PositionLaw
 from .controllers.laws.predictive.mpc import Mpc as Mpc
 from .controllers.laws.rbf_sliding_mode import RbfSlidingMode as RbfSlidingMode
 from .controllers.laws.super_twisting import SuperTwisting as SuperTwisting
 from .controllers.limits import Limits as Limits
+from .controllers.nominal import nominal_forces as nominal_forces
 from .controllers.signals import CoordinationOutput as CoordinationOutput
 from .controllers.signals import Estimate as Estimate
 from .controllers.signals import Measurement as Measurement

@@ -30,7 +30,7 @@ from dualwinch.identification.unknowns import (
     unknown_parameters,
 )
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions import Limits, gaining_time, top_speed
+from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.model.reference import Reference, cruise_speed, own_duration
@@ -127,7 +127,7 @@ def motion_of(
         min(_two_digits(options.slowest ** (1 - share) * largest), largest)
         for share, largest in zip(shares[:2], (limits.speed, limits.acceleration), strict=True)
     )
-    own = Limits(speed, acceleration, _two_digits(limits.jerk))
+    own = MoveLimits(speed, acceleration, _two_digits(limits.jerk))
     targets, weights = shares[2::2] * limits.farthest, shares[3::2] ** 2 + 1e-6
     points, pauses, position, late = list[float](), list[float](), 0.0, 0.0
     for target, time in zip(targets, np.diff(duration * np.cumsum(weights) / weights.sum(), prepend=0.0), strict=True):
@@ -151,13 +151,13 @@ def motion_of(
     )
 
 
-def _move_time(way: float, limits: Limits) -> float:
+def _move_time(way: float, limits: MoveLimits) -> float:
     """Time in s from rest to rest over a way in m."""
     speed = top_speed(way, limits)
     return gaining_time(speed, limits) + way / speed
 
 
-def _farthest(time: float, limits: Limits, options: ExcitationOptions) -> float:
+def _farthest(time: float, limits: MoveLimits, options: ExcitationOptions) -> float:
     """The longest way in m for a time in s, by bisection."""
     low, high = 0.0, max(limits.speed * time, options.shortest_way)
     for _ in range(options.bisections):

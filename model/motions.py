@@ -139,7 +139,7 @@ def speed_up(t: Scalar, duration: Scalar, speed: Scalar, jerk_limit: Scalar | No
 
 
 @dataclass(frozen=True)
-class Limits:
+class MoveLimits:
     """What a motion keeps to: speed in m/s, acceleration in m/s², jerk in m/s³ (``None``: acceleration may step)."""
 
     speed: float
@@ -193,7 +193,7 @@ class Move:
         return piece_at(t, pieces, Setpoint(self.end, 0.0, 0.0))
 
 
-def gaining_time(speed: float, limits: Limits) -> float:
+def gaining_time(speed: float, limits: MoveLimits) -> float:
     """Shortest time in s from rest to a speed in m/s."""
     if limits.jerk is None:
         return speed / limits.acceleration
@@ -201,7 +201,7 @@ def gaining_time(speed: float, limits: Limits) -> float:
     return ramp + speed / (limits.jerk * ramp)
 
 
-def top_speed(distance: float, limits: Limits) -> float:
+def top_speed(distance: float, limits: MoveLimits) -> float:
     """Largest speed in m/s on a way of a distance in m from rest to rest."""
     acceleration, jerk = limits.acceleration, limits.jerk
     if jerk is None:
@@ -216,7 +216,7 @@ def top_speed(distance: float, limits: Limits) -> float:
 
 
 @lru_cache(maxsize=64)
-def moves(points: tuple[float, ...], pauses: tuple[float, ...], limits: Limits) -> tuple[Move, ...]:
+def moves(points: tuple[float, ...], pauses: tuple[float, ...], limits: MoveLimits) -> tuple[Move, ...]:
     """The moves from 0 m to each of some points in turn.
 
     Args:

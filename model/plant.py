@@ -5,7 +5,7 @@ from typing import Annotated
 
 import casadi as ca
 
-from dualwinch.model.quantities.part import Choice
+from dualwinch.model.quantities.part import PartChoice
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
 from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, one_sided, rope_lengths
@@ -25,8 +25,8 @@ class Plant:
     ] = True
     vehicle: Vehicle = field(default_factory=Vehicle)
     track: Track = field(default_factory=Track)
-    rope_1: Annotated[RopeLaw, ROPE_LAW, Choice("rope_1.kind", ROPES, "rope_1")] = field(default_factory=Rope)
-    rope_2: Annotated[RopeLaw, ROPE_LAW, Choice("rope_2.kind", ROPES, "rope_2")] = field(default_factory=Rope)
+    rope_1: Annotated[RopeLaw, ROPE_LAW, PartChoice("rope_1.kind", ROPES, "rope_1")] = field(default_factory=Rope)
+    rope_2: Annotated[RopeLaw, ROPE_LAW, PartChoice("rope_2.kind", ROPES, "rope_2")] = field(default_factory=Rope)
     winch_1: Winch = field(default_factory=Winch)
     winch_2: Winch = field(default_factory=Winch)
     creep_1: Creep = field(default_factory=Creep)
@@ -54,7 +54,7 @@ class Torques:
 
 
 @dataclass(frozen=True)
-class Environment:
+class DisturbanceInputs:
     """What acts on the vehicle from outside."""
 
     force: Annotated[Scalar, Quantity("N", "disturbance force along the track")] = 0.0
@@ -77,7 +77,7 @@ def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, 
     return one_sided(stretch_1, pull_1), one_sided(stretch_2, pull_2)
 
 
-def vehicle_acceleration(v: Scalar, pull: Scalar, environment: Environment, vehicle: Vehicle) -> Scalar:
+def vehicle_acceleration(v: Scalar, pull: Scalar, environment: DisturbanceInputs, vehicle: Vehicle) -> Scalar:
     """Acceleration of the vehicle in m/s² under the net rope force F_1 − F_2 in N (paper Section 2.3)."""
     resistance = friction(v, vehicle, environment.normal_force_variation)
     resistance += drag(v - environment.current, vehicle)
@@ -85,7 +85,7 @@ def vehicle_acceleration(v: Scalar, pull: Scalar, environment: Environment, vehi
 
 
 def derivative(
-    state: PlantState, torques: Torques, environment: Environment, plant: Plant, t: Scalar = NEW
+    state: PlantState, torques: Torques, environment: DisturbanceInputs, plant: Plant, t: Scalar = NEW
 ) -> PlantState:
     """Time derivative of the state (paper Section 2.5 with E1–E3).
 
@@ -179,7 +179,7 @@ def plant(values: Plant | None = None) -> ca.Function:
 
     Returns:
         ``plant(x, u, w, p) -> (dx, F)`` with the state x (6, fields of `PlantState`), the torques u (2), the
-        environment w (3, fields of `Environment`) and the parameters p (in the order of
+        environment w (3, fields of `DisturbanceInputs`) and the parameters p (in the order of
         ``numbers(Plant())``); dx (6) is the time derivative and F (2) are the tensions in N. With `values`
         there is no p.
     """
@@ -189,7 +189,7 @@ def plant(values: Plant | None = None) -> ca.Function:
     x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
     state = PlantState(*ca.vertsplit(x))
     torques = Torques(*ca.vertsplit(u))
-    environment = Environment(*ca.vertsplit(w))
+    environment = DisturbanceInputs(*ca.vertsplit(w))
     dx = derivative(state, shaft_torques(torques, state.theta_1, state.theta_2, parameters), environment, parameters)
     inputs = {"x": x, "u": u, "w": w} | ({} if values else {"p": p})
     outputs = [ca.vertcat(*leaves(dx).values()), ca.vertcat(*tensions(state, parameters))]

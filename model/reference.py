@@ -17,8 +17,8 @@ import annotated_types as at
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import (
     Departures,
-    Limits,
     Move,
+    MoveLimits,
     RecordedMotion,
     Setpoint,
     later,
@@ -123,7 +123,7 @@ class Reference:
     @property
     def moves(self) -> tuple[Move, ...]:
         """The moves through the way-points."""
-        limits = Limits(cruise_speed(self), self.acceleration, self.jerk_limit)
+        limits = MoveLimits(cruise_speed(self), self.acceleration, self.jerk_limit)
         return moves(self.points, self.pauses, limits)
 
     @property

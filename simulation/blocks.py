@@ -16,7 +16,7 @@ from dualwinch.controllers.signals import Measurement
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed
 from dualwinch.model.plant import (
-    Environment,
+    DisturbanceInputs,
     Plant,
     PlantState,
     Torques,
@@ -144,7 +144,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the plant as `simulate` integrates it, and its time derivative."""
     controller, plant, _ = _symbolic(experiment, symbols)
     state = _new((*describe(PlantState), PHASE, SAMPLE, SLOW))
-    torques, sea = _new(describe(Torques)), _new(describe(Environment))
+    torques, sea = _new(describe(Torques)), _new(describe(DisturbanceInputs))
     sample_time = symbols["simulation.sample_time"]
     motion = with_leaves(Motion(PlantState(0, 0, 0, 0, 0, 0)), {f"plant.{name}": state[name] for name in state} | state)
     t, here = state[SAMPLE] * sample_time, motion.plant
@@ -152,7 +152,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         t=t,
         duration=sample_time,
         torques=torques_amid(Torques(**torques), here, sample_time, plant),
-        environment=Environment(**sea),
+        environment=DisturbanceInputs(**sea),
         disturbance=with_leaves(experiment.disturbance, symbols, "disturbance."),
         plant=plant,
     )
@@ -177,7 +177,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         output=output(moved.plant, t + sample_time),
         about=(
             states,
-            _facts(describe(Torques)) | _facts(describe(Environment)),
+            _facts(describe(Torques)) | _facts(describe(DisturbanceInputs)),
             states | {name: (COLUMNS[name], ANY) for name in ("F1", "F2")},
         ),
         output_now=output(here, t),

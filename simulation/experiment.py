@@ -10,7 +10,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.actuators import ACTUATORS, Actuator, Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantities.part import Choice, Choices
+from dualwinch.model.quantities.part import PartChoice, PartChoices
 from dualwinch.model.quantities.quantity import Mark, Quantity, Rule
 from dualwinch.model.quantities.tree import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
@@ -87,11 +87,11 @@ class Experiment:
     actuator: Annotated[
         Actuator,
         Quantity("", "what stands between a torque command and the torque of the motor", "assumption"),
-        Choice("actuator.kind", ACTUATORS, "actuator"),
+        PartChoice("actuator.kind", ACTUATORS, "actuator"),
     ] = field(default_factory=Ideal)
     simulation: Simulation = field(default_factory=Simulation)
     metrics: Annotated[
-        Sequence[Metric], Quantity("", "figures of merit beside the built-in ones"), Choices(METRICS)
+        Sequence[Metric], Quantity("", "figures of merit beside the built-in ones"), PartChoices(METRICS)
     ] = ()
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 from dualwinch.controllers.controller import own_signals
 from dualwinch.controllers.signals import ControllerOutput, Measurement
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques, vehicle_acceleration
+from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques, vehicle_acceleration
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves
@@ -72,7 +72,7 @@ def row_of(
     forces: tuple[Scalar, Scalar],
     reference: Setpoint,
     output: ControllerOutput,
-    environment: Environment,
+    environment: DisturbanceInputs,
     plant: Plant,
     nominal: Plant,
     bias: Scalar = 0.0,

@@ -10,8 +10,8 @@ import numpy as np
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension, TensionLoops
 from dualwinch.controllers.estimators.estimator import Estimator
-from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import CoordinationOutput, Estimate, Measurement, PositionOutput
 from dualwinch.model.quantities.quantity import Mark, Quantity, Rule, Tunable
 from dualwinch.model.reference import Setpoint

@@ -23,11 +23,7 @@ FACE = ("reports", "environments", "commands", "cli")
 ORDER = (*FLOORS, *FACE)
 
 TWICE: set[str] = {
-    "Choice",
     "Content",
-    "Environment",
-    "Limits",
-    "Motion",
     "Page",
     "Structure",
 }

@@ -26,8 +26,8 @@ from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
-from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.limits import within_limits
+from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import CoordinationOutput, Estimate
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tied, Tunable
 from dualwinch.model.reference import Setpoint

@@ -36,7 +36,7 @@ from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, transpose
-from dualwinch.model.plant import Environment, Plant, vehicle_acceleration
+from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
@@ -206,7 +206,7 @@ def corrected(
     v = state.v + v_x * surprise_x + v_v * surprise_v
     learnt = d_x * surprise_x + d_v * surprise_v
     d, rate = state.d + learnt, state.rate + gains.ramp * gains.bandwidth * learnt
-    acceleration = vehicle_acceleration(v, F1 - F2, Environment(), nominal.vehicle) + d
+    acceleration = vehicle_acceleration(v, F1 - F2, DisturbanceInputs(), nominal.vehicle) + d
     following = KalmanState(
         x=x + sample_time * v + sample_time**2 / 2 * acceleration,
         v=v + sample_time * acceleration,

@@ -15,9 +15,9 @@ from typing import Annotated, ClassVar
 import annotated_types as at
 
 from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.extended_state_observer import Expected, corrected
-from dualwinch.controllers.laws.nominal_forces import nominal_forces
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, corrected
 from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.model.reference import Setpoint
@@ -25,7 +25,7 @@ from dualwinch.model.scalar import Scalar, clip
 
 
 @dataclass(frozen=True)
-class AdrcState(Expected):
+class AdrcState(ExtendedState):
     """What the observer expects."""
 
 

@@ -27,8 +27,8 @@ from typing import Annotated, ClassVar
 import annotated_types as at
 
 from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint

@@ -14,7 +14,7 @@ from dualwinch.model.scalar import Scalar, exp, where
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExtendedState:
     """What the observer expects of the coming sample."""
 
     x: Annotated[Scalar, Quantity("m", "expected position"), Mark.POSITION] = 0.0
@@ -24,7 +24,7 @@ class Expected:
 
 
 def corrected(
-    expected: Expected, estimate: Estimate, bandwidth: Scalar, sample_time: Scalar
+    expected: ExtendedState, estimate: Estimate, bandwidth: Scalar, sample_time: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Position in m, speed in m/s and disturbance acceleration in m/s² of this sample; at the first, as estimated."""
     T = sample_time

@@ -23,8 +23,8 @@ import annotated_types as at
 import numpy as np
 
 from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.nominal_forces import nominal_forces
 from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
 from dualwinch.model.quantities.quantity import Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint

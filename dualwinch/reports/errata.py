@@ -215,7 +215,7 @@ NOTES = (
             "controller.observer.rate_scale",
             "controller.observer.filter_time",
         ),
-        modules=("controllers/laws/fuzzy.py", "controllers/laws/observer.py"),
+        modules=("controllers/laws/observer.py", "controllers/laws/observer.py"),
     ),
     Note(
         "A9",

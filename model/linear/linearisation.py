@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import PRELOAD, TENSION_MAX, TENSION_MIN, OperatingPoint, operating_points
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import (
-    Environment,
+    DisturbanceInputs,
     Plant,
     PlantState,
     Torques,
@@ -31,8 +31,8 @@ OUTPUTS = ("x", "v", "F1", "F2", "omega_1", "omega_2")
 
 UNITS = {
     **{key: leaf.quantity.unit for group in (PlantState, Torques) for key, leaf in describe(group).items()},
-    "D": describe(Environment)["force"].quantity.unit,
-    "current": describe(Environment)["current"].quantity.unit,
+    "D": describe(DisturbanceInputs)["force"].quantity.unit,
+    "current": describe(DisturbanceInputs)["current"].quantity.unit,
     **{name: describe(OperatingPoint)[name].quantity.unit for name in ("F1", "F2")},
 }
 """Name → unit of every state, input and output."""
@@ -137,7 +137,7 @@ def _jacobians(structure: Plant) -> ca.Function:
     """``(state, torques, environment, parameters) -> (A, B, C, D)``."""
     plant, p = symbolic_plant(structure)
     x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
-    state, environment = PlantState(*ca.vertsplit(x)), Environment(*ca.vertsplit(w))
+    state, environment = PlantState(*ca.vertsplit(x)), DisturbanceInputs(*ca.vertsplit(w))
     torques = shaft_torques(Torques(*ca.vertsplit(u)), state.theta_1, state.theta_2, plant)
     dx = ca.vertcat(*leaves(derivative(state, torques, environment, plant)).values())
     force_1, force_2 = tensions(state, plant)

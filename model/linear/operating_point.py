@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import (
-    Environment,
+    DisturbanceInputs,
     Plant,
     PlantState,
     Torques,
@@ -53,7 +53,7 @@ class SteadyMotion(NamedTuple):
     F2: Scalar
 
 
-def resistance(v: Scalar, environment: Environment, plant: Plant) -> Scalar:
+def resistance(v: Scalar, environment: DisturbanceInputs, plant: Plant) -> Scalar:
     """Net rope force F1 − F2 in N that keeps the speed v in m/s: friction, drag and disturbance (paper Section 2.3)."""
     opposing = friction(v, plant.vehicle, environment.normal_force_variation)
     return opposing + drag(v - environment.current, plant.vehicle) - environment.force
@@ -210,9 +210,9 @@ class OperatingPoint:
         return Torques(self.tau_1, self.tau_2)
 
     @property
-    def environment(self) -> Environment:
+    def environment(self) -> DisturbanceInputs:
         """What acts from outside."""
-        return Environment(self.force, self.current)
+        return DisturbanceInputs(self.force, self.current)
 
 
 def operating_point(
@@ -306,7 +306,7 @@ def operating_point_law(structure: Plant) -> ca.Function:
     plant, p = symbolic_plant(structure)
     point = ca.SX.sym("point", 7)
     x, v, preload, force, current, tension_min, tension_max = ca.vertsplit(point)
-    environment = Environment(force, current)
+    environment = DisturbanceInputs(force, current)
     shared = shared_tensions(resistance(v, environment, plant), preload, tension_min, tension_max)
     cruise = steady_motion(x, v, shared, plant)
     values = [*leaves(cruise.state).values(), *leaves(cruise.torques).values(), cruise.F1, cruise.F2]
@@ -320,7 +320,7 @@ def _left(structure: Plant) -> ca.Function:
     x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 2)
     state = PlantState(*ca.vertsplit(x))
     torques = shaft_torques(Torques(*ca.vertsplit(u)), state.theta_1, state.theta_2, plant)
-    rate = derivative(state, torques, Environment(*ca.vertsplit(w)), plant)
+    rate = derivative(state, torques, DisturbanceInputs(*ca.vertsplit(w)), plant)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     accelerations = ca.vertcat(rate.v, radius_1 * rate.omega_1, radius_2 * rate.omega_2)
     tension_rates = ca.jtimes(ca.vertcat(*tensions(state, plant)), x, ca.vertcat(*leaves(rate).values()))

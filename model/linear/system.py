@@ -26,7 +26,7 @@ from dualwinch.model.quantities.tables import page, readable_unit, section, tabl
 
 
 @dataclass(frozen=True)
-class Content:
+class SystemContent:
     """What a file holds: one system, or a sweep of systems, whose names and sample time are those of the content.
 
     Attributes:
@@ -46,7 +46,7 @@ class Content:
     operating_point: Mapping[str, float | list[float]]
 
 
-def write(content: Content, path: str | PathLike[str]) -> None:
+def write(content: SystemContent, path: str | PathLike[str]) -> None:
     """Write linear systems to a file, which appears whole or not at all.
 
     Args:
@@ -63,7 +63,7 @@ def write(content: Content, path: str | PathLike[str]) -> None:
         write_format(unfinished, content)
 
 
-def writer(path: str | PathLike[str]) -> Callable[[Path, Content], None]:
+def writer(path: str | PathLike[str]) -> Callable[[Path, SystemContent], None]:
     """What writes the format of a path's suffix.
 
     Raises:
@@ -77,7 +77,7 @@ def writer(path: str | PathLike[str]) -> Callable[[Path, Content], None]:
         raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
 
 
-def _write_json(path: Path, content: Content) -> None:
+def _write_json(path: Path, content: SystemContent) -> None:
     entries = {
         **{name: matrix.tolist() for name, matrix in content.matrices.items()},
         "dt": content.dt,
@@ -90,7 +90,7 @@ def _write_json(path: Path, content: Content) -> None:
     path.write_text(json.dumps(entries, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _write_npz(path: Path, content: Content) -> None:
+def _write_npz(path: Path, content: SystemContent) -> None:
     arrays = {
         **content.matrices,
         "dt": np.array(content.dt or 0.0),
@@ -103,7 +103,7 @@ def _write_npz(path: Path, content: Content) -> None:
     np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
 
 
-def _write_mat(path: Path, content: Content) -> None:
+def _write_mat(path: Path, content: SystemContent) -> None:
     from scipy.io import savemat
 
     entries = {
@@ -131,7 +131,7 @@ def _field(name: str) -> str:
     return name.replace(".", "_")
 
 
-WRITERS: dict[str, Callable[[Path, Content], None]] = {
+WRITERS: dict[str, Callable[[Path, SystemContent], None]] = {
     ".json": _write_json,
     ".mat": _write_mat,
     ".npz": _write_npz,
@@ -143,7 +143,7 @@ LARGEST = 16
 """Rows and columns of the largest matrix that is shown; of a larger system only the names are."""
 
 
-def html(system: Content) -> str:
+def html(system: SystemContent) -> str:
     """Names, units and, of a small system, the matrix [A B; C D] with its rows and columns named."""
     sizes = len(system.states), len(system.inputs), len(system.outputs)
     words = "{} states, {} inputs, {} outputs".format(*sizes)
@@ -158,12 +158,12 @@ def html(system: Content) -> str:
     return page("Linear system", f"{time}, {words}", *parts, names)
 
 
-def _is_small(system: Content) -> bool:
+def _is_small(system: SystemContent) -> bool:
     states, inputs, outputs = len(system.states), len(system.inputs), len(system.outputs)
     return max(states + inputs, states + outputs) <= LARGEST
 
 
-def _matrix(system: Content) -> str:
+def _matrix(system: SystemContent) -> str:
     numbers = np.block([[system.matrices["A"], system.matrices["B"]], [system.matrices["C"], system.matrices["D"]]])
     columns = (*system.states, *system.inputs)
     form = "d{}/dt" if system.dt is None else "next {}"
@@ -304,7 +304,7 @@ class LinearSystem:
         write(self._content, path)
 
     @property
-    def _content(self) -> Content:
+    def _content(self) -> SystemContent:
         return _content(self, {name: getattr(self, name) for name in "ABCD"}, self.operating_point)
 
 
@@ -323,8 +323,8 @@ def save_sweep(systems: Sequence[LinearSystem], path: str | PathLike[str]) -> No
 
 def _content(
     first: LinearSystem, matrices: Mapping[str, Array], operating_point: Mapping[str, float] | Mapping[str, list[float]]
-) -> Content:
-    return Content(
+) -> SystemContent:
+    return SystemContent(
         matrices=matrices,
         dt=first.dt,
         states=first.states,

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import annotated_types as at
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.part import Choice, Choices, Part, built_in, named
+from dualwinch.model.quantities.part import Part, PartChoice, PartChoices, built_in, named
 from dualwinch.model.quantities.quantity import (
     Elements,
     Key,
@@ -51,9 +51,9 @@ class Slot:
     below: str
     beside: str
     plain: bool
-    choice: Choice | None
+    choice: PartChoice | None
     choice_key: str
-    choices: Choices | None
+    choices: PartChoices | None
 
     def find(self, kind: type) -> Any:
         """The first piece of metadata of a type."""
@@ -81,7 +81,7 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
         if Mark.CONTENT in metadata:
             continue
         given = next((item.name for item in metadata if isinstance(item, Key)), None)
-        choice = next((item for item in metadata if isinstance(item, Choice)), None)
+        choice = next((item for item in metadata if isinstance(item, PartChoice)), None)
         found.append(
             Slot(
                 field=field.name,
@@ -94,7 +94,7 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
                 plain=hint in PLAIN or get_origin(hint) is Literal or _all_plain(get_args(hint)),
                 choice=choice,
                 choice_key=prefix + choice.key if choice else "",
-                choices=next((item for item in metadata if isinstance(item, Choices)), None),
+                choices=next((item for item in metadata if isinstance(item, PartChoices)), None),
             )
         )
     return tuple(found)

@@ -343,7 +343,7 @@ def registries() -> Iterator[Registry[Any]]:
 
 
 @dataclass(frozen=True)
-class Choice:
+class PartChoice:
     """A field that holds a part.
 
     Attributes:
@@ -358,7 +358,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Choices:
+class PartChoices:
     """A field that holds a tuple of parts, no two of a kind, and the registry that knows the kinds there are."""
 
     registry: Registry[Any]

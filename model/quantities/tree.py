@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, own_prefix, slots
-from dualwinch.model.quantities.part import HOW_TO_REGISTER, Choices, Part
+from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoices
 from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, elements, is_array, numbers_of, rebuilt
 
 Group = TypeVar("Group")
@@ -89,7 +89,7 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
     return _changed(group, changes, prefix)
 
 
-def _chosen(choices: Choices, parts: tuple[Part, ...], kinds: Sequence[str] | None) -> tuple[Part, ...]:
+def _chosen(choices: PartChoices, parts: tuple[Part, ...], kinds: Sequence[str] | None) -> tuple[Part, ...]:
     if kinds is None:
         return parts
     known = {part.kind: part for part in parts}

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
-from dualwinch.model.plant import Environment, Plant, symbolic_plant, vehicle_acceleration
+from dualwinch.model.plant import DisturbanceInputs, Plant, symbolic_plant, vehicle_acceleration
 from dualwinch.model.quantities.tree import numbers, with_leaves
 from dualwinch.model.reference import setpoint
 from dualwinch.model.ropes import Rope
@@ -126,7 +126,7 @@ def pull(outside: ca.SX, disturbance: Disturbance, plant: Plant) -> Scalar:
     t, x, v, a, push, current, load = ca.vertsplit(outside)
     vehicle = plant.vehicle
     vortex = vortex_force(t, v, _phase(x, disturbance, vehicle), disturbance, vehicle)
-    free = vehicle_acceleration(v, 0.0, Environment(push + vortex, current, load), vehicle)
+    free = vehicle_acceleration(v, 0.0, DisturbanceInputs(push + vortex, current, load), vehicle)
     return inertia(vehicle) * (a - free)
 
 

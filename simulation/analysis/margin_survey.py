@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from dualwinch.model.linear.operating_point import resistance
-from dualwinch.model.plant import Environment
+from dualwinch.model.plant import DisturbanceInputs
 from dualwinch.model.reference import setpoint
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, with_taut_ropes
@@ -64,7 +64,7 @@ def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
     """
     t = np.linspace(0, experiment.duration, INSTANTS)
     fastest = float(np.abs(setpoint(t, experiment.reference).v).max())
-    needed = float(resistance(fastest, Environment(), experiment.plant))
+    needed = float(resistance(fastest, DisturbanceInputs(), experiment.plant))
     steady = fastest > 0 and abs(needed) < experiment.controller.limits.force
     speeds = (-fastest, 0.0, fastest) if steady else (0.0,)
     return [(share * experiment.plant.track.length, v) for share in SHARES for v in speeds]

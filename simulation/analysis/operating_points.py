@@ -20,7 +20,7 @@ from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_point_law, resistance
 from dualwinch.model.linear.operating_point import operating_point as of_plant
-from dualwinch.model.plant import Environment, Plant, PlantState, tensions
+from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Creep
@@ -158,7 +158,7 @@ def loop_operating_point(
     """
     calm = in_calm(experiment)
     check(calm)
-    limits, needed = calm.controller.limits, resistance(v, Environment(), calm.plant)
+    limits, needed = calm.controller.limits, resistance(v, DisturbanceInputs(), calm.plant)
     if not abs(needed) < limits.force:
         raise ConfigurationError(
             f"v = {v:g}: steady motion needs a force of {float(needed):.4g} N, must be within ±{limits.force:g} N "

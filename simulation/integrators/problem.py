@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
+from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques, derivative
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.ropes import Rope, RopeLaw, Track, stiffness
 from dualwinch.model.scalar import Scalar
@@ -40,11 +40,11 @@ class Problem:
     t: Scalar
     duration: Scalar
     torques: Torques
-    environment: Environment
+    environment: DisturbanceInputs
     disturbance: Disturbance
     plant: Plant
 
-    def environment_at(self, t: Scalar, v: Scalar, phase: Scalar) -> Environment:
+    def environment_at(self, t: Scalar, v: Scalar, phase: Scalar) -> DisturbanceInputs:
         """The environment with the vortex force at the time t in s and the speed v in m/s."""
         vortex = vortex_force(t, v, phase, self.disturbance, self.plant.vehicle)
         return replace(self.environment, force=self.environment.force + vortex)

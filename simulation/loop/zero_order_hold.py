@@ -8,7 +8,7 @@ import casadi as ca
 
 from dualwinch.codegen.source.expressions import as_written
 from dualwinch.model.disturbance import Disturbance
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques
+from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar, minimum
@@ -45,7 +45,7 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
         t=hold.t,
         duration=hold.duration if isinstance(hold, JitteringHold) else duration,
         torques=hold.torques,
-        environment=Environment(hold.force, hold.current, hold.normal_force_variation),
+        environment=DisturbanceInputs(hold.force, hold.current, hold.normal_force_variation),
         disturbance=disturbance,
         plant=plant,
     )

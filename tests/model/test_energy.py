@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dualwinch.model.disturbance import Disturbance
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques, derivative
+from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques, derivative
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.ropes import Rope, Track, kelvin_voigt, rope_lengths, stiffness
 from dualwinch.model.winch import Winch
@@ -54,7 +54,7 @@ def reeled_power(state: PlantState, plant: Plant) -> float:
 
 def energy_rate(state: PlantState, plant: Plant) -> tuple[float, float]:
     """Rate of `energy` in W by the equations of motion, and the sum of its terms' sizes."""
-    slope = derivative(state, OFF, Environment(), plant)
+    slope = derivative(state, OFF, DisturbanceInputs(), plant)
     terms = [
         plant.vehicle.mass * state.v * slope.v,
         plant.winch_1.inertia * state.omega_1 * slope.omega_1,
@@ -101,7 +101,7 @@ FIXED = replace(
 def one_sample(name: str) -> ca.Function:
     """``state -> state`` one millisecond later, torques off, in fine sub-steps."""
     x = ca.SX.sym("x", 6)
-    problem = Problem(0.0, 1e-3, OFF, Environment(), Disturbance(), FIXED)
+    problem = Problem(0.0, 1e-3, OFF, DisturbanceInputs(), Disturbance(), FIXED)
     after = INTEGRATORS[name].advance(problem, Motion(PlantState(*ca.vertsplit(x))), 16).plant
     return ca.Function("sample", [x], [ca.vertcat(*leaves(after).values())])
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.model.plant import (
-    Environment,
+    DisturbanceInputs,
     Plant,
     PlantState,
     Torques,
@@ -21,7 +21,7 @@ from tests.oracle.values import DEFAULTS
 
 PLANT, ORACLE = Plant(), OraclePlant(DEFAULTS)
 environments = st.builds(
-    Environment,
+    DisturbanceInputs,
     force=st.just(0.0),
     current=st.floats(-0.154, 0.154),
     normal_force_variation=st.floats(-1000, 1000),
@@ -41,7 +41,7 @@ def states(draw: st.DrawFn) -> PlantState:
 torques = st.builds(Torques, st.floats(0, 140), st.floats(0, 140))
 
 
-def oracle_derivative(state: PlantState, motors: Torques, around: Environment) -> list[float]:
+def oracle_derivative(state: PlantState, motors: Torques, around: DisturbanceInputs) -> list[float]:
     position, speed = (state.x, state.theta_1, state.theta_2), (state.v, state.omega_1, state.omega_2)
     hold = Hold(motors.tau_1, motors.tau_2, around.current, around.normal_force_variation)
     rates, _ = ORACLE.motion(0.0, position, speed, hold, ORACLE.taut(position, speed))
@@ -50,7 +50,7 @@ def oracle_derivative(state: PlantState, motors: Torques, around: Environment) -
 
 @given(states(), torques, environments)
 def test_equations_of_motion_equal_the_independent_ones(
-    state: PlantState, motors: Torques, around: Environment
+    state: PlantState, motors: Torques, around: DisturbanceInputs
 ) -> None:
     ours = list(leaves(derivative(state, motors, around, PLANT)).values())
     assert ours == pytest.approx(oracle_derivative(state, motors, around), rel=1e-9, abs=1e-5)
@@ -63,7 +63,9 @@ def test_tensions_equal_the_independent_ones(state: PlantState) -> None:
 
 
 @given(states(), torques, environments)
-def test_the_named_function_equals_the_law_on_floats(state: PlantState, motors: Torques, around: Environment) -> None:
+def test_the_named_function_equals_the_law_on_floats(
+    state: PlantState, motors: Torques, around: DisturbanceInputs
+) -> None:
     inputs = {
         name: np.array(list(leaves(group).values())) for name, group in zip("xuw", (state, motors, around), strict=True)
     }
@@ -79,7 +81,7 @@ def test_the_named_function_equals_the_law_on_floats(state: PlantState, motors: 
 def test_at_rest_the_holding_torques_keep_it_at_rest(x: float, preload: float) -> None:
     state = resting_state(preload, PLANT, x)
     assert tensions(state, PLANT) == pytest.approx((preload / 2, preload / 2), rel=1e-6)
-    moved = derivative(state, holding_torques(preload, PLANT), Environment(), PLANT)
+    moved = derivative(state, holding_torques(preload, PLANT), DisturbanceInputs(), PLANT)
     assert list(leaves(moved).values()) == pytest.approx([0] * 6, abs=0.02)
 
 

@@ -20,7 +20,7 @@ from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.disturbance import Disturbance, vortex_force
 from dualwinch.model.plant import (
-    Environment,
+    DisturbanceInputs,
     Plant,
     PlantState,
     Torques,
@@ -70,7 +70,7 @@ def test_e1_as_printed_no_equilibrium_is_stable() -> None:
     """A drum that winds in loosens its own rope and winds in further."""
     x = ca.SX.sym("x", 6)
     state, torques = PlantState(*ca.vertsplit(x)), holding_torques(2000.0, PLANT)
-    ours = derivative(state, torques, Environment(), PLANT)
+    ours = derivative(state, torques, DisturbanceInputs(), PLANT)
     rest = [float(value) for value in leaves(REST).values()]
     assert fastest_growth(as_function(list(leaves(ours).values()), x), rest) < 1e-6
 
@@ -103,7 +103,7 @@ def test_e2_as_printed_they_push_a_vehicle_that_moves_back() -> None:
 
 
 def test_e2_as_printed_a_vehicle_at_rest_starts_to_move() -> None:
-    ours = derivative(REST, holding_torques(2000.0, PLANT), Environment(), PLANT)
+    ours = derivative(REST, holding_torques(2000.0, PLANT), DisturbanceInputs(), PLANT)
     assert ours.v == pytest.approx(0, abs=1e-9)
     printed = (1000 - 1000 - 0.1 * 4900) / 1e4
     assert printed < -0.04
@@ -348,5 +348,5 @@ def test_a2_ropes_that_push_would_hold_a_vehicle_between_slack_ropes() -> None:
     """Both drums pay out a millimetre: real ropes hang loose, the paper's push the vehicle from both sides."""
     loose = replace(REST, theta_1=(25 - 1e-3) / 0.8, theta_2=(-25 - 1e-3) / 0.8)
     assert tensions(loose, PLANT) == (0, 0)
-    slopes = derivative(loose, Torques(0.0, 0.0), Environment(), Plant(rope_slack=False))
+    slopes = derivative(loose, Torques(0.0, 0.0), DisturbanceInputs(), Plant(rope_slack=False))
     assert min(slopes.omega_1, slopes.omega_2) > 100

@@ -17,12 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.extended_state_observer import Expected, corrected
-from dualwinch.controllers.laws.nominal_forces import nominal_forces
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, corrected
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.predictive.box import least_in_box
-from dualwinch.controllers.laws.predictive.prediction import Prediction, prediction
-from dualwinch.controllers.laws.predictive.program import Motion, Program, Weights, cost_of_changes, room, slope_of_cost
+from dualwinch.controllers.laws.predictive.program import (
+    Prediction,
+    Program,
+    VehicleMotion,
+    Weights,
+    cost_of_changes,
+    prediction,
+    room,
+    slope_of_cost,
+)
+from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
@@ -33,7 +41,7 @@ from dualwinch.model.scalar import Scalar, clip, minimum
 class MpcState:
     """What the observer expects, the last force, and which ends of stages it was at its limits at."""
 
-    observer: Expected
+    observer: ExtendedState
     force: Annotated[Scalar, Quantity("N", "force command of the last sample")]
     sides: Annotated[
         NDArray[np.float64], Quantity("1", "-1 or 1 where the force is at its lower or upper limit, else 0")
@@ -94,7 +102,7 @@ class Mpc(PositionLaw):
 
     def initial_state(self) -> MpcState:
         """Nothing expected, no force."""
-        return MpcState(Expected(), 0.0, np.zeros(self.stages))
+        return MpcState(ExtendedState(), 0.0, np.zeros(self.stages))
 
     def step(
         self, state: MpcState, estimate: Estimate, setpoint: Setpoint, context: Context
@@ -113,7 +121,7 @@ class Mpc(PositionLaw):
         u_sat = clip(u, -limit, limit)
 
         a = (u_sat - forces.resistance) / forces.mass + d
-        expected = Expected(x + T * v + T**2 / 2 * a, v + T * a, d, 1.0)
+        expected = ExtendedState(x + T * v + T**2 / 2 * a, v + T * a, d, 1.0)
         following = MpcState(expected, u_sat, vector(sides))
         return following, MpcOutput(u=u, u_sat=u_sat, d_hat=d)
 
@@ -142,7 +150,7 @@ class Mpc(PositionLaw):
         ]
         jerk = self.force_rate / mass
         weights = Weights((jerk / self.position) ** 2, (jerk / self.speed) ** 2)
-        now = Motion(x, v, (force - forces.resistance) / mass + d)
+        now = VehicleMotion(x, v, (force - forces.resistance) / mass + d)
         limit = context.limits.force / mass
         return Program(
             cost_of_changes(self.predicted, weights),

@@ -1,17 +1,95 @@
-"""The quadratic program of a sample: which changes of force over the horizon cost least."""
+"""The quadratic program of a sample of predictive control: which changes of force over the horizon cost least.
+
+Predicted is a mass whose acceleration goes from instant to instant of the horizon along straight lines. Its errors of
+position and speed are weighed against the changes of acceleration, in the form that `box` minimises.
+
+Beyond the horizon comes the least cost of a triple integrator, without limits. States are the errors of position, speed
+and acceleration, the input is the jerk. What is least is the integral of ``position x² + speed v² + jerk²``. The best
+feedback ``jerk = -(k1 x + k2 v + k3 a)`` has a characteristic polynomial ``s³ + k3 s² + k2 s + k1`` whose product with
+its mirror image is ``-s⁶ - speed s² + position``. So ``k1² = position``, ``k2 = k3² / 2`` and ``k3⁴ / 4 - 2 k1 k3 =
+speed``; the Riccati equation then gives the cost.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.controllers.laws.predictive.cost_to_go import cost_to_go
-from dualwinch.controllers.laws.predictive.prediction import Prediction
 from dualwinch.model.matrix import Matrix, plus, times, transpose
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, maximum, minimum
+from dualwinch.model.scalar import Scalar, maximum, minimum, power, sqrt
+
+GROWTH = 1.6
+"""Each stage is so many times as long as the one before: what is near is shaped finely."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Instants and what a change of acceleration at one of them does to the motion at all.
+
+    Attributes:
+        lengths: (n,) of the stages in s.
+        times: (n,) of their ends in s.
+        weights: (n,) time in s that an end stands for, by the trapezoidal rule.
+        of_position, of_speed: (n, n) change of position in m and of speed in m/s at each end, by the acceleration in
+            m/s² at each; lower triangular.
+        of_change: (n, n) sum over the stages of squared changes of acceleration over length, as a quadratic form.
+    """
+
+    lengths: Floats
+    times: Floats
+    weights: Floats
+    of_position: Floats
+    of_speed: Floats
+    of_change: Floats
+
+
+@cache
+def prediction(horizon: float, stages: int) -> Prediction:
+    """The prediction over a horizon in s."""
+    growing = GROWTH ** np.arange(stages)
+    lengths = horizon * growing / growing.sum()
+    position, speed = np.zeros((stages, stages)), np.zeros((stages, stages))
+    before = np.eye(stages, k=-1)
+    x = v = np.zeros(stages)
+    for k, (h, last, now) in enumerate(zip(lengths, before, np.eye(stages), strict=True)):
+        x = x + h * v + h**2 * (last / 3 + now / 6)
+        v = v + h * (last + now) / 2
+        position[k], speed[k] = x, v
+    difference = np.eye(stages) - before
+    return Prediction(
+        lengths=lengths,
+        times=np.cumsum(lengths),
+        weights=(lengths + np.append(lengths[1:], 0.0)) / 2,
+        of_position=position,
+        of_speed=speed,
+        of_change=difference.T @ np.diag(1 / lengths) @ difference,
+    )
+
+
+NEWTON_STEPS = 12
+"""From above, on a convex function: they converge for all weights."""
+
+
+def optimal_feedback(position: Scalar, speed: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """k1, k2 and k3 for a weight of the position in 1/s⁶ and of the speed in 1/s⁴, beside 1 of the jerk."""
+    k1 = sqrt(position)
+    k3 = 2 * power(k1, 1 / 3) + sqrt(2 * sqrt(speed))
+    for _ in range(NEWTON_STEPS):
+        k3 = k3 - (k3**4 / 4 - 2 * k1 * k3 - speed) / (k3**3 - 2 * k1)
+    return k1, k3**2 / 2, k3
+
+
+def cost_to_go(position: Scalar, speed: Scalar) -> Matrix:
+    """(3, 3) quadratic form of the errors of position, speed and acceleration; weights as `optimal_feedback`."""
+    k1, k2, k3 = optimal_feedback(position, speed)
+    return (k1 * k2, k1 * k3, k1), (k1 * k3, k2 * k3 - k1, k2), (k1, k2, k3)
+
 
 Column = tuple[Scalar, ...]
 
@@ -39,7 +117,7 @@ class Weights:
 
 
 @dataclass(frozen=True)
-class Motion:
+class VehicleMotion:
     """Position in m, speed in m/s and acceleration in m/s² of the vehicle now."""
 
     x: Scalar
@@ -63,7 +141,7 @@ def cost_of_changes(predicted: Prediction, weights: Weights) -> Matrix:
 
 
 def slope_of_cost(
-    predicted: Prediction, weights: Weights, now: Motion, ahead: Sequence[Setpoint], lost: Sequence[Scalar]
+    predicted: Prediction, weights: Weights, now: VehicleMotion, ahead: Sequence[Setpoint], lost: Sequence[Scalar]
 ) -> Column:
     """(n,) slope of the cost where the force stays as it is.
 

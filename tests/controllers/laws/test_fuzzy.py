@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.laws.fuzzy import inference, memberships
+from dualwinch.controllers.laws.observer import inference, memberships
 from tests.oracle.laws import fuzzy
 
 inputs = st.floats(-3, 3)

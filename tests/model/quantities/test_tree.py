@@ -8,7 +8,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts, owners
-from dualwinch.model.quantities.part import Choice, Part, Registry
+from dualwinch.model.quantities.part import Part, PartChoice, Registry
 from dualwinch.model.quantities.quantity import Elements, Key, Mark, Quantity, Rule, Tied, Tunable, TunableRatio
 from dualwinch.model.quantities.tree import alike, leaves, numbers, pairs, rules, with_leaves
 
@@ -132,7 +132,7 @@ class Oar:
 
 @dataclass(frozen=True)
 class Boat:
-    engine: Annotated[Engine, Quantity("", "what drives it"), Choice("drive.kind", ENGINES)] = field(
+    engine: Annotated[Engine, Quantity("", "what drives it"), PartChoice("drive.kind", ENGINES)] = field(
         default_factory=Diesel
     )
     size: Annotated[Tank, Key("hull")] = field(default_factory=Tank)
@@ -233,9 +233,13 @@ WHEELS: Registry[Wheel] = Registry("wheel", Wheel)
 
 @dataclass(frozen=True)
 class Cart:
-    left: Annotated[Wheel, Quantity("", "wheel"), Choice("left.kind", WHEELS, "left")] = field(default_factory=Wheel)
-    right: Annotated[Wheel, Quantity("", "wheel"), Choice("right.kind", WHEELS, "right")] = field(default_factory=Wheel)
-    horse: Annotated[Engine, Quantity("", "in front"), Choice("horse.kind", ENGINES, "horse")] = field(
+    left: Annotated[Wheel, Quantity("", "wheel"), PartChoice("left.kind", WHEELS, "left")] = field(
+        default_factory=Wheel
+    )
+    right: Annotated[Wheel, Quantity("", "wheel"), PartChoice("right.kind", WHEELS, "right")] = field(
+        default_factory=Wheel
+    )
+    horse: Annotated[Engine, Quantity("", "in front"), PartChoice("horse.kind", ENGINES, "horse")] = field(
         default_factory=Steam
     )
 
@@ -276,8 +280,8 @@ def test_rules_come_with_their_group_and_what_its_keys_begin_with() -> None:
 def test_a_key_that_two_parts_share_is_paired_with_the_value_of_each() -> None:
     @dataclass(frozen=True)
     class Tandem:
-        front: Annotated[Engine, Quantity("", "front"), Choice("front", ENGINES)] = field(default_factory=Diesel)
-        rear: Annotated[Engine, Quantity("", "rear"), Choice("rear", ENGINES)] = field(default_factory=Steam)
+        front: Annotated[Engine, Quantity("", "front"), PartChoice("front", ENGINES)] = field(default_factory=Diesel)
+        rear: Annotated[Engine, Quantity("", "rear"), PartChoice("rear", ENGINES)] = field(default_factory=Steam)
 
     assert [value for key, value in pairs(Tandem()) if key == "tank.volume"] == [1.0, 3.0]
     assert [value for key, value in pairs(Tandem()) if key == "steam.heat"] == [400.0]

@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.part import Choice, Part, Registry
+from dualwinch.model.quantities.part import Part, PartChoice, Registry
 from dualwinch.model.quantities.quantity import Quantity, Rule
 from dualwinch.model.quantities.tree import check_rules, check_values, shown, validated
 
@@ -50,8 +50,8 @@ GAUGES: Registry[Part] = Registry("gauge", Gauge, Feeler)
 class Bench:
     colour: Annotated[Literal["red", "blue"], Quantity("", "its colour")] = "red"
     lit: Annotated[bool, Quantity("", "whether it is lit")] = False
-    first: Annotated[Part, Quantity("", "first gauge"), Choice("first", GAUGES)] = field(default_factory=Gauge)
-    second: Annotated[Part, Quantity("", "second gauge"), Choice("second", GAUGES)] = field(default_factory=Feeler)
+    first: Annotated[Part, Quantity("", "first gauge"), PartChoice("first", GAUGES)] = field(default_factory=Gauge)
+    second: Annotated[Part, Quantity("", "second gauge"), PartChoice("second", GAUGES)] = field(default_factory=Feeler)
 
 
 LEAVES = describe(Range) | describe(Bench)

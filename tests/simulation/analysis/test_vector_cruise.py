@@ -11,7 +11,7 @@ import pytest
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.estimator import Estimator
-from dualwinch.controllers.laws.nominal_forces import nominal_forces
+from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Elements, Mark, Quantity

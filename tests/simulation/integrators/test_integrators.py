@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import Disturbance
-from dualwinch.model.plant import Environment, Plant, PlantState, Torques
+from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from tests.oracle.collocation import Collocation
@@ -61,7 +61,7 @@ class Stretch:
 def one_step(name: str) -> ca.Function:
     """``(t, h, motion, torques) -> motion`` at t + h."""
     t, h, motion, torques = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("motion", 8), ca.SX.sym("torques", 2)
-    problem = Problem(t, h, Torques(*ca.vertsplit(torques)), Environment(), Disturbance(vortex=True), Plant())
+    problem = Problem(t, h, Torques(*ca.vertsplit(torques)), DisturbanceInputs(), Disturbance(vortex=True), Plant())
     *state, phase, slow = ca.vertsplit(motion)
     after = INTEGRATORS[name].advance(problem, Motion(PlantState(*state), phase, slow), 1)
     return ca.Function("one_step", [t, h, motion, torques], [ca.vertcat(*leaves(after).values())])

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dualwinch.model.actuators import Motor
-from dualwinch.model.plant import Environment, PlantState, Torques, derivative, tensions
+from dualwinch.model.plant import DisturbanceInputs, PlantState, Torques, derivative, tensions
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.traces import POINTS, finely
@@ -31,7 +31,7 @@ def test_it_is_what_a_stiff_solver_finds(run: Result, row: int) -> None:
     start = [run[name][row] for name in ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2")]
 
     def rate(_t: float, state: np.ndarray) -> list[float]:
-        return list(leaves(derivative(PlantState(*state), torques, Environment(), plant)).values())
+        return list(leaves(derivative(PlantState(*state), torques, DisturbanceInputs(), plant)).values())
 
     at = np.arange(POINTS) * 1e-3 / POINTS
     found = solve_ivp(rate, (0, 1e-3), start, method="Radau", t_eval=at, rtol=1e-10, atol=1e-12)

@@ -6,9 +6,16 @@ import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.laws.predictive.cost_to_go import cost_to_go, optimal_feedback
-from dualwinch.controllers.laws.predictive.prediction import prediction
-from dualwinch.controllers.laws.predictive.program import Motion, Weights, cost_of_changes, room, slope_of_cost
+from dualwinch.controllers.laws.predictive.program import (
+    VehicleMotion,
+    Weights,
+    cost_of_changes,
+    cost_to_go,
+    optimal_feedback,
+    prediction,
+    room,
+    slope_of_cost,
+)
 from dualwinch.model.reference import Setpoint
 
 PREDICTED = prediction(0.6, 5)
@@ -43,7 +50,7 @@ def test_changes_of_acceleration_move_the_vehicle() -> None:
     assert (np.diff(PREDICTED.lengths) > 0).all()
 
 
-def cost(changes: np.ndarray, weights: Weights, now: Motion, ahead: list[Setpoint], lost: np.ndarray) -> float:
+def cost(changes: np.ndarray, weights: Weights, now: VehicleMotion, ahead: list[Setpoint], lost: np.ndarray) -> float:
     """What is to be least, put down as it is meant."""
     t = PREDICTED.times
     x, v = motion(changes - lost)
@@ -59,7 +66,7 @@ def cost(changes: np.ndarray, weights: Weights, now: Motion, ahead: list[Setpoin
 @given(st.integers(0, 1000))
 def test_the_program_is_the_cost(seed: int) -> None:
     draws = np.random.default_rng(seed)
-    weights, now = Weights(400.0, 20.0), Motion(*draws.standard_normal(3))
+    weights, now = Weights(400.0, 20.0), VehicleMotion(*draws.standard_normal(3))
     ahead = [Setpoint(*draws.standard_normal(3)) for _ in range(N)]
     lost, changes = 0.1 * draws.standard_normal((2, N))
     quadratic, linear = (
