@@ -23,7 +23,6 @@ FACE = ("reports", "environments", "commands", "cli")
 ORDER = (*FLOORS, *FACE)
 
 TWICE: set[str] = {
-    "Content",
     "Page",
     "Structure",
 }
