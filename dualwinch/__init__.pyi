@@ -6,6 +6,7 @@ from .codegen.native import compile as compile  # noqa: A004
 from .commands.export import export_c as export_c
 from .commands.export import export_casadi as export_casadi
 from .commands.export import export_mex as export_mex
+from .commands.export import generate_c as generate_c
 from .commands.export_fmu import export_fmu as export_fmu
 from .commands.race import race as race
 from .commands.stress import stress as stress

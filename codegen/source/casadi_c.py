@@ -64,11 +64,20 @@ def casadi_text(functions: Iterable[ca.Function], style: Style) -> str:
             warnings.warn(message, CodegenWarning, stacklevel=4)
     generator = ca.CodeGenerator("generated.c")
     for function in written:
-        generator.add(_renamed(function))
+        generator.add(renamed(function, f"generated_{function.name()}"))
     text = generator.dump()
-    if refused := re.search(r"#error (.*)", text):
-        raise CodegenError(f"no C for {', '.join(function.name() for function in written)}: {refused[1]}")
+    check_generated(text, ", ".join(function.name() for function in written))
     return BEFORE + text + AFTER
+
+
+def check_generated(text: str, name: str) -> None:
+    """Check that CasADi has written all of a text.
+
+    Raises:
+        CodegenError: it has no C for a part of it.
+    """
+    if refused := re.search(r"#error (.*)", text):
+        raise CodegenError(f"no C for {name}: {refused[1]}")
 
 
 def calling_statements(
@@ -81,7 +90,7 @@ def calling_statements(
         elements: of each evaluation, one after the other, ``(argument or result, element) -> C``.
         optional: whether results are arrays that may be null, and are not written then.
     """
-    made = _renamed(function)
+    made = renamed(function, f"generated_{function.name()}")
     ins = [(name, made.numel_in(name)) for name in made.name_in()]
     outs = [(name, made.numel_out(name)) for name in made.name_out()]
     lines = []
@@ -103,9 +112,9 @@ def calling_statements(
 
 
 @lru_cache(maxsize=64)
-def _renamed(function: ca.Function) -> ca.Function:
-    """The function under a name that leaves its own to the C function that calls it."""
+def renamed(function: ca.Function, name: str) -> ca.Function:
+    """The function under another name, operation by operation."""
     inputs: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     names = function.name_in(), function.name_out()
     with as_written():
-        return ca.Function(f"generated_{function.name()}", inputs, function.call(inputs), *names)
+        return ca.Function(name, inputs, function.call(inputs), *names)

@@ -36,6 +36,7 @@ def wrote(folder: Path, files: list[Path]) -> None:
     dualwinch export c --out controller
     dualwinch export c --precision float --freeze --out firmware
     dualwinch export c --what plant --case 4 --out plant
+    dualwinch export c --generator casadi --what plant --mex --out plant
 """,
 )
 def export_c(
@@ -48,6 +49,13 @@ def export_c(
     freeze: Annotated[
         bool, Parameter(help="Write the parameters as constants instead of an argument.", negative="")
     ] = False,
+    generator: Annotated[
+        Literal["dualwinch", "casadi"],
+        Parameter(help="What writes the C; casadi: CasADi's own code generator, for `casadi.external`."),
+    ] = "dualwinch",
+    header: Annotated[bool, Parameter(help="CasADi's option: write a header file, too.")] = True,
+    main: Annotated[bool, Parameter(help="CasADi's option: write a `main` function, too.", negative="")] = False,
+    mex: Annotated[bool, Parameter(help="CasADi's option: write a gateway for MATLAB, too.", negative="")] = False,
     case: Case = None,
     config: Config = None,
     set_: Assignments = None,
@@ -58,10 +66,20 @@ def export_c(
     No heap, no globals, no recursion; several instances may run at once.
     """
     from dualwinch.commands.export import export_c as run
+    from dualwinch.commands.export import generate_c
     from dualwinch.commands.simulate import experiment
+    from dualwinch.model.errors import ConfigurationError
 
     use_parts(plugin)
-    wrote(out, run(experiment(case, config, None, set_ or []), out, what=what, precision=precision, freeze=freeze))
+    asked = experiment(case, config, None, set_ or [])
+    if generator == "dualwinch":
+        if main or mex or not header:
+            raise ConfigurationError("--header, --main and --mex: need --generator casadi")
+        wrote(out, run(asked, out, what=what, precision=precision, freeze=freeze))
+        return
+    if freeze or precision != "double":
+        raise ConfigurationError("--generator casadi: writes double precision with parameters as an argument")
+    wrote(out, generate_c(asked, out, blocks=[what], header=header, main=main, mex=mex))
 
 
 @app.command(

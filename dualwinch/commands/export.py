@@ -2,20 +2,22 @@
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
 
+import casadi as ca
+
 from dualwinch import __version__
 from dualwinch.codegen.block import Block
-from dualwinch.codegen.export.casadi_files import casadi_files
+from dualwinch.codegen.export.casadi import casadi_files, functions_of_blocks, generated_c, variables_of
 from dualwinch.codegen.export.mex import mex_files
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.folders import make_folder
 from dualwinch.config.experiment_file import to_toml
-from dualwinch.simulation.blocks import BLOCKS, block
+from dualwinch.simulation.blocks import BLOCKS, BlockName, block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
 
@@ -72,6 +74,45 @@ def export_c(
     """
     made = block(what, experiment)
     return write(c_package(made, symbol(made), provenance(experiment), precision, freeze=freeze), out)
+
+
+def generate_c(
+    what: Experiment | ca.Function,
+    folder: str | PathLike[str],
+    *,
+    blocks: Sequence[BlockName] = BLOCKS,
+    header: bool = True,
+    main: bool = False,
+    mex: bool = False,
+) -> list[Path]:
+    """Generate C by CasADi's own code generator, ready for ``casadi.external``.
+
+    Of an experiment: ``dualwinch.c`` with ``controller_step``, ``plant_step``, ``closed_loop_step``, each block's
+    ``initial`` and, where it has them, ``output`` and ``derivative``, and ``variables.json``, which names the elements
+    of every vector. Of a function ``f``: ``f.c``.
+
+    Args:
+        what: an experiment, or any CasADi function.
+        folder: for the files; made where there is none.
+        blocks: of an experiment, the parts.
+        header: CasADi's option: a header file, too.
+        main: likewise: a ``main`` that reads arguments from a file.
+        mex: likewise: a gateway for MATLAB and Octave.
+
+    Returns:
+        The files.
+
+    Raises:
+        CodegenError: CasADi generates no C for the function.
+        ConfigurationError: an unknown block, or a folder that cannot be written to.
+    """
+    if isinstance(what, ca.Function):
+        files = generated_c({what.name(): what}, what.name(), header=header, main=main, mex=mex)
+    else:
+        made = [block(name, what) for name in blocks]
+        files = generated_c(functions_of_blocks(made), "dualwinch", header=header, main=main, mex=mex)
+        files |= {"variables.json": variables_of(made)}
+    return write(files, folder)
 
 
 def export_casadi(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
