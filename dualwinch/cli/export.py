@@ -24,7 +24,7 @@ Out = Annotated[Path, Parameter(help="Folder for the files; made where there is 
 
 def wrote(folder: Path, files: list[Path]) -> None:
     """Say which files were written to a folder."""
-    from dualwinch.commands.terminal import terminal
+    from dualwinch.commands.output import terminal
 
     terminal(stderr=True).print(f"wrote {folder}: {', '.join(path.name for path in files)}", soft_wrap=True)
 
@@ -117,9 +117,9 @@ def export_fmu(
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
     from dualwinch.commands.export_fmu import export_fmu as run
+    from dualwinch.commands.output import terminal
     from dualwinch.commands.progress import ProgressLine
     from dualwinch.commands.simulate import experiment
-    from dualwinch.commands.terminal import terminal
 
     use_parts(plugin)
     chosen, console = experiment(case, config, None, set_ or []), terminal(stderr=True)

@@ -14,9 +14,9 @@ from rich.text import Text
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.output import styled, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot, experiment
-from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.stability import GAPS, REAL, Certificate, Condition, NearbyGains, nearby_gains
@@ -99,12 +99,17 @@ def _verdict(certificate: Certificate) -> Text:
         return styled("bold", "Certified", ", also with what the ropes do not deliver counted as disturbance.")
     if certificate.certified:
         return styled("bold", "Certified as printed", f", but not with {REAL}: the force lags behind its command.")
-    printed = [c for c in certificate.conditions if c.basis != REAL]
+    printed = _printed(certificate)
     failing, with_ropes = _failing(printed), _failing(certificate.conditions)
     words = f"{failing} of the paper's {len(printed)} conditions fail"
     if with_ropes > failing:
         words += f"; with {REAL}, {with_ropes - failing} more"
     return styled("bold", "Not certified", f": {words} ({with_ropes} of the {len(certificate.conditions)} rows above).")
+
+
+def _printed(certificate: Certificate) -> list[Condition]:
+    """The conditions as the paper prints them."""
+    return [condition for condition in certificate.conditions if condition.basis != REAL]
 
 
 def _failing(conditions: Sequence[Condition]) -> int:
@@ -124,7 +129,7 @@ def _search(near: NearbyGains) -> str:
 
 def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
     """The report as plain values; what is not finite becomes null."""
-    result, terms = certificate.result, certificate.terms
+    result, terms, printed = certificate.result, certificate.terms, _printed(certificate)
     stride = max(1, -(-len(result["t"]) // POINTS))
     names = ("surface", "auxiliary", "estimate", "adaptation")
     curves = {"t": result["t"], "V": terms.total} | {name: getattr(terms, name) for name in names}
@@ -137,6 +142,11 @@ def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
         "bounds": {basis: asdict(bounds) for basis, bounds in certificate.bounds.items()},
         "decreasing_share": certificate.decreasing,
         "within_claim_share": certificate.within_claim,
+        "largest_V": float(terms.total.max()),
+        "last_V": float(terms.total[-1]),
+        "failing_conditions": {"printed": _failing(printed), "with_ropes": _failing(certificate.conditions)},
+        "judged_conditions": {"printed": len(printed), "with_ropes": len(certificate.conditions)},
+        "units": {"end_time": "s", "t": "s", "decreasing_share": "1", "within_claim_share": "1"},
         "curves": {name: values[::stride].tolist() for name, values in curves.items()}
         | {"dV_dt": certificate.rate[::stride].tolist()},
         "nearby_gains": {
@@ -144,6 +154,7 @@ def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
             "changes": {key: {"given": a, "tried": b} for key, (a, b) in near.changes.items()},
             "reason": near.reason,
             "history": near.history,
+            "decreasing_share": near.certificate.decreasing if near.certificate else None,
         },
         "gaps": list(GAPS),
         "configuration": to_toml(result.experiment),

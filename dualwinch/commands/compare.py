@@ -12,9 +12,9 @@ from rich.table import Table
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.output import terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
-from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment

@@ -11,7 +11,7 @@ from dualwinch import __version__
 from dualwinch.codegen.cache import cache_folder, libraries
 from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.commands.terminal import terminal
+from dualwinch.commands.output import terminal
 
 REQUIRED = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")
 OPTIONAL = {

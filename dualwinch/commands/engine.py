@@ -4,7 +4,7 @@ import os
 
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.errors import CompilerNotFoundError
-from dualwinch.commands.terminal import terminal
+from dualwinch.commands.output import terminal
 from dualwinch.simulation.loop.engine import EngineName
 
 NO_COMPILER = (

@@ -7,9 +7,9 @@ from typing import Literal
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.folders import check_folder
 from dualwinch.commands.identify_run import believed_from, prior_from
+from dualwinch.commands.output import terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
-from dualwinch.commands.terminal import terminal
 from dualwinch.commands.tune import seconds_from
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.identification.excitation import excite

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from rich.console import Console
 from rich.table import Table
 
-from dualwinch.commands.measured import measured
+from dualwinch.commands.output import measured
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.simulation.loop.engine import EngineName

@@ -8,8 +8,8 @@ from typing import Any
 from dualwinch import __version__
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.output import terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.lab.assemble import assemble
 from dualwinch.lab.content import content

@@ -11,14 +11,13 @@ from rich.table import Table
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
-from dualwinch.commands.measured import measured
+from dualwinch.commands.output import measured, styled, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot, experiment
-from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.preload import Least, Preloads, preloads
+from dualwinch.simulation.analysis.preload import Least, LeastPreload, Preloads, preloads
 from dualwinch.simulation.results.result import Result
 
 COLUMNS = {
@@ -88,39 +87,56 @@ def print_preloads(found: Preloads) -> None:
         ended = "" if run.outcome == "completed" else f" ({run.outcome})"
         values = (measured(factor * run.metrics[column], form) for column, (_, factor, form) in COLUMNS.items())
         table.add_row(name + ended, _sums(name, run), *values)
-    least = found.least
-    reached = {
-        "continuous_load": least.continuous_load,
-        "peak_tension": least.peak_tension,
-        "min_tension": float(min(least.F1.min(), least.F2.min())),
-        "energy": least.energy,
-        "mse": float((least.e**2).mean()),
-    }
+    least, reached = found.least, _least_metrics(found.least)
     values = (measured(factor * reached.get(name, math.nan), form) for name, (_, factor, form) in COLUMNS.items())
     table.add_row("least", f"{least.preload.min():.0f}–{least.preload.max():.0f}", *values)
     console.print(table)
     if found.best is None:
         console.print("No constant preload has an error as small and keeps both ropes as taut as the schedule.")
         return
-    ours, theirs = (run.metrics[found.measure] for run in (found.scheduled, found.best))
-    bound = getattr(least, found.measure)
+    over_best = _over_best(found)
     words = found.measure.replace("_", " ")
     console.print(
         styled(
             "bold",
-            f"The schedule takes {ours / theirs:.3g} of the {words}",
+            f"The schedule takes {over_best['scheduled']:.3g} of the {words}",
             " of the best constant preload that is as precise and keeps the ropes as taut; the least there could be is "
-            f"{bound / theirs:.3g}: {100 * found.saved:.3g} % of what can be saved is saved.",
+            f"{over_best['least']:.3g}: {100 * found.saved:.3g} % of what can be saved is saved.",
         ),
         soft_wrap=True,
     )
 
 
-def _sums(name: str, run: Result) -> str:
+def _least_metrics(least: LeastPreload) -> dict[str, float]:
+    """Figures of merit of the least preload, in their SI units."""
+    return {
+        "continuous_load": least.continuous_load,
+        "peak_tension": least.peak_tension,
+        "min_tension": float(min(least.F1.min(), least.F2.min())),
+        "energy": least.energy,
+        "mse": float((least.e**2).mean()),
+    }
+
+
+def _over_best(found: Preloads) -> dict[str, float]:
+    """What schedule and least preload take of the measure, over what the best constant preload takes."""
+    if found.best is None:
+        return {}
+    theirs = found.best.metrics[found.measure]
+    ours, bound = found.scheduled.metrics[found.measure], getattr(found.least, found.measure)
+    return {"scheduled": ours / theirs, "least": bound / theirs}
+
+
+def _extremes(name: str, run: Result) -> list[float]:
+    """Smallest and largest sum of tensions that a run asks for, in N."""
     if name != "scheduled":
-        return f"{run.experiment.controller.limits.preload:.0f}"
-    asked = run["preload"]
-    return f"{asked.min():.0f}–{asked.max():.0f}"
+        return [run.experiment.controller.limits.preload] * 2
+    return [float(run["preload"].min()), float(run["preload"].max())]
+
+
+def _sums(name: str, run: Result) -> str:
+    first, last = _extremes(name, run)
+    return f"{first:.0f}" if name != "scheduled" else f"{first:.0f}–{last:.0f}"
 
 
 def as_json(found: Preloads) -> dict[str, Any]:
@@ -131,17 +147,31 @@ def as_json(found: Preloads) -> dict[str, Any]:
         report[name.replace(" ", "_")] = {
             "outcome": str(run.outcome),
             "preload": run.experiment.controller.limits.preload,
+            "preload_extremes": _extremes(name, run),
             "metrics": {key: _plain(run.metrics[key]) for key in run.metrics},
             "curves": {key: [_plain(value) for value in run[key][::stride]] for key in ("t", "F1", "F2", "e")},
         }
     least = found.least
     report["least"] = {
-        "metrics": {key: getattr(least, key) for key in ("continuous_load", "peak_tension", "energy")},
+        "metrics": _least_metrics(least),
+        "preload_extremes": [float(least.preload.min()), float(least.preload.max())],
         "curves": {key: getattr(least, key).tolist() for key in ("t", "F1", "F2", "e")},
     }
     return report | {
         "measure": found.measure,
         "saved_share": _plain(found.saved),
+        "measure_over_best_constant": _over_best(found),
+        "units": {
+            "t": "s",
+            "F1": "N",
+            "F2": "N",
+            "e": "m",
+            "preload": "N",
+            "preload_extremes": "N",
+            "saved_share": "1",
+            "measure_over_best_constant": "1",
+        }
+        | {name: quantity.unit for name, quantity in found.scheduled.metrics.quantities.items()},
         "configuration": to_toml(found.scheduled.experiment),
         "versions": versions(),
     }

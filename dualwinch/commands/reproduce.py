@@ -15,9 +15,9 @@ from dualwinch.commands.doctor import versions
 from dualwinch.commands.engine import engine_here
 from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
 from dualwinch.commands.folders import made_folder
+from dualwinch.commands.output import styled, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.reproduce_print import new_table, print_claims, print_tables
-from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.reports.claims import claims

@@ -6,8 +6,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from dualwinch.commands.measured import measured
-from dualwinch.commands.terminal import styled
+from dualwinch.commands.output import measured, styled
 from dualwinch.reports.claims import Claim
 from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS, percent, reductions
 from dualwinch.simulation.results.result import Result

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from dualwinch.commands.output import terminal
 from dualwinch.commands.sensitivities_tables import Effects, as_json, content_of, print_effects
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.sweep_run import writer
-from dualwinch.commands.terminal import terminal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.batch.sensitivities import differentiable_numbers, sensitivities

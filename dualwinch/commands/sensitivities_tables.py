@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
-from dualwinch.commands.terminal import styled, terminal
+from dualwinch.commands.output import styled, terminal
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.model.quantities.tree import leaves

@@ -10,9 +10,8 @@ from rich.table import Table
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.engine import engine_here
 from dualwinch.commands.folders import check_folder
-from dualwinch.commands.measured import measured
+from dualwinch.commands.output import measured, styled, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError

@@ -7,10 +7,9 @@ from rich.table import Table
 
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import check_folder
-from dualwinch.commands.measured import measured
+from dualwinch.commands.output import measured, styled, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot, experiment
-from dualwinch.commands.terminal import styled, terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.quantities.tables import readable_unit

@@ -12,10 +12,10 @@ from typing import Any
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.folders import made_folder
+from dualwinch.commands.output import terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.stress import stress
-from dualwinch.commands.terminal import terminal
 from dualwinch.config.ensemble_file import ensemble_to_toml
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError

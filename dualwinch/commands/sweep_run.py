@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from dualwinch.commands.folders import check_folder
+from dualwinch.commands.output import terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.sweep_axes import axes_from
 from dualwinch.commands.sweep_tables import as_json, content_of, print_sweep
-from dualwinch.commands.terminal import terminal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.experiment import Experiment

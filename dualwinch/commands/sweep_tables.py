@@ -9,7 +9,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from dualwinch.commands.terminal import styled, terminal
+from dualwinch.commands.output import styled, terminal
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves

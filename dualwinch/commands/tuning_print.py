@@ -4,7 +4,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from dualwinch.commands.terminal import styled, terminal
+from dualwinch.commands.output import styled, terminal
 from dualwinch.tuning.result import (
     TuningResult,
     advice,

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from dualwinch.commands.output import terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.stress import SCENARIOS, base_and_ensemble, stress
 from dualwinch.commands.stress_run import write_stress
-from dualwinch.commands.terminal import terminal
 from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble

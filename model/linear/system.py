@@ -35,6 +35,7 @@ class SystemContent:
         states, inputs, outputs: names.
         units: name → unit.
         operating_point: name → value, or values of a sweep.
+        figures: what was found of the systems, plain data with names and units; empty: nothing.
     """
 
     matrices: Mapping[str, NDArray[np.float64]]
@@ -44,6 +45,7 @@ class SystemContent:
     outputs: tuple[str, ...]
     units: Mapping[str, str]
     operating_point: Mapping[str, float | list[float]]
+    figures: Mapping[str, Any] = field(default_factory=dict)
 
 
 def write(content: SystemContent, path: str | PathLike[str]) -> None:
@@ -86,6 +88,7 @@ def _write_json(path: Path, content: SystemContent) -> None:
         "outputs": list(content.outputs),
         "units": dict(content.units),
         "operating_point": dict(content.operating_point),
+        **({"figures": dict(content.figures)} if content.figures else {}),
     }
     path.write_text(json.dumps(entries, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
@@ -99,6 +102,7 @@ def _write_npz(path: Path, content: SystemContent) -> None:
         "outputs": np.array(content.outputs),
         "units": np.array(json.dumps(dict(content.units))),
         "operating_point": np.array(json.dumps(dict(content.operating_point))),
+        **({"figures": np.array(json.dumps(dict(content.figures)))} if content.figures else {}),
     }
     np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
 
@@ -117,6 +121,7 @@ def _write_mat(path: Path, content: SystemContent) -> None:
         "outputs": _cells(content.outputs),
         "units": {_field(name): unit for name, unit in content.units.items()},
         "operating_point": {_field(name): value for name, value in content.operating_point.items()},
+        **({"figures": json.dumps(dict(content.figures))} if content.figures else {}),
     }
     savemat(path, entries, long_field_names=True)
 
@@ -294,22 +299,28 @@ class LinearSystem:
         """As a notebook shows it."""
         return html(self._content)
 
-    def save(self, path: str | PathLike[str]) -> None:
+    def save(self, path: str | PathLike[str], figures: Mapping[str, Any] | None = None) -> None:
         """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.system`).
+
+        Args:
+            path: of the file.
+            figures: what was found of the system, plain data; the entry `figures`, as JSON text in .mat and .npz.
 
         Raises:
             ConfigurationError: unknown suffix.
             OSError: the file cannot be written.
         """
-        write(self._content, path)
+        write(replace(self._content, figures=figures or {}), path)
 
     @property
     def _content(self) -> SystemContent:
         return _content(self, {name: getattr(self, name) for name in "ABCD"}, self.operating_point)
 
 
-def save_sweep(systems: Sequence[LinearSystem], path: str | PathLike[str]) -> None:
-    """Write systems of the same names to one file (see `model.linear.system`).
+def save_sweep(
+    systems: Sequence[LinearSystem], path: str | PathLike[str], figures: Mapping[str, Any] | None = None
+) -> None:
+    """Write systems of the same names to one file (see `model.linear.system`), with figures as `LinearSystem.save`.
 
     Raises:
         ConfigurationError: unknown suffix.
@@ -318,7 +329,7 @@ def save_sweep(systems: Sequence[LinearSystem], path: str | PathLike[str]) -> No
     first = systems[0]
     matrices = {name: np.array([getattr(system, name) for system in systems]) for name in "ABCD"}
     values = {name: [system.operating_point[name] for system in systems] for name in first.operating_point}
-    write(_content(first, matrices, values), path)
+    write(replace(_content(first, matrices, values), figures=figures or {}), path)
 
 
 def _content(

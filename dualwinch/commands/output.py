@@ -1,0 +1,105 @@
+"""What commands print and write: tables of named figures with units, which the terminal and files show alike."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+
+def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
+    """A console for which brackets in the names of files, studies and parts mean nothing."""
+    return Console(stderr=stderr, soft_wrap=soft_wrap, markup=False)
+
+
+def styled(style: str, words: str, *plain: str) -> Text:
+    """Words in a style such as ``bold`` or ``red``, and plain ones behind them."""
+    return Text.assemble((words, style), *plain)
+
+
+def measured(value: float, form: str = ".4g") -> str:
+    """A figure of merit in a format: a dash where there was nothing to measure, ∞ where nothing limits it."""
+    return "–" if math.isnan(value) else f"{value:{form}}".replace("inf", "∞")
+
+
+def json_value(value: Any) -> Any:
+    """A value as JSON holds it: NaN is null, infinity the text ``inf``, arrays are lists."""
+    if isinstance(value, Mapping):
+        return {str(key): json_value(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_value(inner) for inner in value]
+    if hasattr(value, "tolist"):
+        return json_value(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else f"{value}"
+    return value
+
+
+@dataclass(frozen=True)
+class FigureColumn:
+    """One column of a table of figures.
+
+    Attributes:
+        name: of the figure, in files.
+        unit: of the value in files; "1": a pure number, "": words.
+        heading: on the terminal; default: the name.
+        factor: from the file's value to the printed one, e.g. 1e3 where seconds are printed in ms.
+        form: format of the printed number.
+        words: what is printed instead of some values.
+    """
+
+    name: str
+    unit: str = "1"
+    heading: str | None = None
+    factor: float = 1.0
+    form: str = ".4g"
+    words: Mapping[Any, str] = field(default_factory=dict)
+
+    def shown(self, value: Any) -> str:
+        """A value as the terminal shows it."""
+        if value in self.words:
+            return self.words[value]
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return measured(self.factor * value, self.form) if number else str(value)
+
+
+@dataclass(frozen=True)
+class FigureTable:
+    """Figures that a command prints, and writes to its file: both are made of this table.
+
+    Attributes:
+        name: of the table, in files.
+        columns: of the table.
+        rows: a value for every column.
+    """
+
+    name: str
+    columns: Sequence[FigureColumn]
+    rows: Sequence[Sequence[Any]]
+
+    def render(self) -> Table:
+        """The table on a terminal; words stand left, numbers right."""
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        for column in self.columns:
+            heading = column.name if column.heading is None else column.heading
+            table.add_column(heading, justify="right" if column.unit else "left", no_wrap=bool(column.unit))
+        for row in self.rows:
+            table.add_row(*(column.shown(value) for column, value in zip(self.columns, row, strict=True)))
+        return table
+
+    def record(self) -> dict[str, Any]:
+        """The table as plain data: units by name, and a mapping from name to value for every row."""
+        names = [column.name for column in self.columns]
+        return {
+            "units": {column.name: column.unit for column in self.columns},
+            "rows": [dict(zip(names, map(json_value, row), strict=True)) for row in self.rows],
+        }
+
+
+def records(tables: Sequence[FigureTable]) -> dict[str, Any]:
+    """Tables as plain data, by their names."""
+    return {table.name: table.record() for table in tables}
