@@ -63,7 +63,7 @@ def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, 
     weights = fitting.filters.run(fitting.with_values(values), noise, robust=False)
     begin = values * 1.002  # near enough that both come to the same end
     before, begun = fitting.passes, perf_counter()
-    exact, _ = fitting.least_squares.solve(begin, noise, weights, SearchCoordinates(unknowns))
+    exact, _ = fitting.likelihood.solve_with_gains(begin, noise, weights, SearchCoordinates(unknowns))
     taken, passes = perf_counter() - begun, fitting.passes - before
 
     base, calls = fitting.filters.parameters(fitting.with_values(values), noise), 0

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
-from dualwinch.identification.likelihood import Likelihood
 from dualwinch.identification.log import TORQUES, Log
 from dualwinch.identification.noise import noise_by_differences
 from dualwinch.identification.options import DEFAULTS, DiagnosticsOptions, EstimationOptions, PlausibilityOptions
@@ -331,16 +330,29 @@ def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimat
         method: of the logs.
         estimate: the best.
         key: of the parameter.
-
-    Raises:
-        KeyboardInterrupt: interrupted.
     """
     options, unknowns = method.options.diagnostics, method.unknowns
     index = next(number for number, unknown in enumerate(unknowns) if unknown.key == key)
     covariance = covariance_of(estimate.information, unknowns)
-    likelihood = method.likelihood(method.coordinates(itself=index))
-    unknown, deviation, coordinates = unknowns[index], np.sqrt(covariance[index, index]), likelihood.coordinates
-    best, least = _maximised(likelihood, coordinates.of(estimate.values), estimate, None, options)
+    unknown, deviation, coordinates = (
+        unknowns[index],
+        np.sqrt(covariance[index, index]),
+        method.coordinates(itself=index),
+    )
+
+    def maximised(at: Floats, fixed: int | None) -> tuple[Floats, float]:
+        """Coordinates of the largest likelihood, and the deviance there; one coordinate may be fixed."""
+        step = None
+        for _ in range(options.profile_steps):
+            found = method.likelihood.step(at, estimate.noise, coordinates, step, fixed)
+            if found is None:
+                return at, np.inf
+            step, at = found, found.at
+            if step.fall < options.profile_tolerance:
+                break
+        return at, np.inf if step is None else step.deviance
+
+    best, least = maximised(coordinates.of(estimate.values), None)
     value = float(coordinates.values(best)[index])
     found, along = {value: 0.0}, covariance[:, index] / covariance[index, index]
     points = options.profile_points
@@ -352,21 +364,6 @@ def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimat
             if fixed in found:
                 break
             start = coordinates.of(coordinates.values(at) + along * (fixed - last))
-            at, deviance = _maximised(likelihood, start, estimate, index, options)
+            at, deviance = maximised(start, index)
             found[fixed], last = deviance - least, fixed
     return LikelihoodProfile(key, np.array(sorted(found)), np.array([found[each] for each in sorted(found)]))
-
-
-def _maximised(
-    likelihood: Likelihood, at: Floats, estimate: ParameterEstimate, fixed: int | None, options: DiagnosticsOptions
-) -> tuple[Floats, float]:
-    """Coordinates of the largest likelihood, and the deviance there; one coordinate may be fixed."""
-    step = None
-    for _ in range(options.profile_steps):
-        found = likelihood.step(at, estimate.noise, step, fixed)
-        if found is None:
-            return at, np.inf
-        step, at = found, found.at
-        if step.fall < options.profile_tolerance:
-            break
-    return at, np.inf if step is None else step.deviance

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
 from dualwinch.identification.filter import LogFilters, all_completed
-from dualwinch.identification.likelihood import FixedGainLeastSquares, Likelihood
+from dualwinch.identification.likelihood import Likelihood
 from dualwinch.identification.noise import NoiseEstimator, initial_noise
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
@@ -80,9 +80,8 @@ class PredictionErrorMethod:
         self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
         self.filters = self.filters_of(sections)
         columns = [parameter_names(self.structure).index(key) for key in keys]
-        self.least_squares = FixedGainLeastSquares(self.filters, self.with_values, columns, options.search)
+        self.likelihood = Likelihood(self.filters, self.with_values, columns, options.search)
         self._noise = NoiseEstimator(self.filters, experiment, options.noise)
-        self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
 
     @property
     def passes(self) -> int:
@@ -103,11 +102,6 @@ class PredictionErrorMethod:
         readings = np.concatenate([section.readings for section in self.filters.sections])
         return initial_noise(readings, self._experiment, self.options.noise)
 
-    def likelihood(self, coordinates: SearchCoordinates) -> Likelihood:
-        """The likelihood of the logs in some coordinates of the unknowns."""
-        machine = self.with_values
-        return Likelihood(self.filters, self.least_squares, machine, self._filtered, coordinates, self._search)
-
     def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
         """Coordinates of the unknowns; arguments as of `SearchCoordinates`."""
         return SearchCoordinates(self.unknowns, within, itself, self._search)
@@ -115,10 +109,10 @@ class PredictionErrorMethod:
     def information(self, values: Floats) -> Floats | None:
         """(p, p) information of the logs at some values with the initial noise; None: filters diverge."""
         noise = self.initial_noise()
-        filtered = self._filtered(values, noise)
+        filtered = self.likelihood.filtered(values, noise)
         if not all_completed(filtered):
             return None
-        normal = self.least_squares.normal(values, noise, filtered)
+        normal = self.likelihood.normal(values, noise, filtered)
         return normal[:-1, :-1] if np.isfinite(normal).all() else None
 
     def run(
@@ -134,26 +128,25 @@ class PredictionErrorMethod:
         Raises:
             ConfigurationError: the filter diverges: the log is of another machine; or a parameter without a prior has
                 no effect at all.
-            KeyboardInterrupt: interrupted.
         """
         estimated, search = noise is None, self._search
         noise = noise or self.initial_noise()
-        if estimated and not all_completed(self._filtered(start, noise)):
+        if estimated and not all_completed(self.likelihood.filtered(start, noise)):
             noise = self._noise.tolerable(self.with_values(start), noise)
-        if not all_completed(self._filtered(start, noise)):
+        if not all_completed(self.likelihood.filtered(start, noise)):
             raise self._diverged()
         values, noise = self._least_squares_rounds(start, noise, estimated, progress)
-        likelihood = self.likelihood(self.coordinates())
-        at, step, converged = likelihood.coordinates.of(values), None, False
+        coordinates = self.coordinates()
+        at, step, converged = coordinates.of(values), None, False
         for number in range(search.steps):
             progress((1 + number / (number + 2)) / 2)  # a few steps are usual
-            experiment = self.with_values(likelihood.coordinates.values(at))
+            experiment = self.with_values(coordinates.values(at))
             if estimated:
                 if number < search.process_noise_steps:
                     noise = self._noise.with_process_noise(experiment, noise)
                 filtered = self.filters.run(experiment, noise, gains=False)
                 noise = self._noise.with_measurement_noise(experiment, noise, filtered)
-            found = likelihood.step(at, noise, step)
+            found = self.likelihood.step(at, noise, coordinates, step)
             if found is None:
                 break
             step, at = found, found.at
@@ -162,7 +155,7 @@ class PredictionErrorMethod:
                 break
         if step is None:
             raise self._diverged()
-        values = unwrapped(likelihood.coordinates.values(at), self.unknowns)
+        values = unwrapped(coordinates.values(at), self.unknowns)
         return ParameterEstimate(
             values=values,
             information=step.information,
@@ -183,11 +176,11 @@ class PredictionErrorMethod:
         """Values and noise near the best, by least squares with new gains in every round."""
         search = self._search
         cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
-        filtered, last, before = self._filtered(values, noise), np.zeros(len(values)), np.inf
+        filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
         for number in range(search.rounds):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
             coordinates = cautious if number < search.cautious_rounds else anywhere
-            found, information = self.least_squares.solve(
+            found, information = self.likelihood.solve_with_gains(
                 values, noise, filtered, coordinates, search.least_squares_tolerance
             )
             if number == 0:
@@ -216,11 +209,11 @@ class PredictionErrorMethod:
     def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
         """Values on the way from here to there, as far as no filter diverges, and the passes with them."""
         for _ in range(self._search.shortenings):
-            filtered = self._filtered(there, noise)
+            filtered = self.likelihood.filtered(there, noise)
             if all_completed(filtered):
                 break
             there = (here + there) / 2
-        return there, self._filtered(there, noise)
+        return there, self.likelihood.filtered(there, noise)
 
     def _check_effects(self, information: Floats) -> None:
         for unknown, own in zip(self.unknowns, np.diag(information).tolist(), strict=True):
@@ -229,15 +222,6 @@ class PredictionErrorMethod:
                     f"--fit {unknown.key}: nothing in these logs depends on it: other values switch it off, or its "
                     "sensor was not recorded"
                 )
-
-    def _filtered(self, values: Floats, noise: NoiseCovariances) -> list[FilterPass]:
-        """Passes at some values; those of the last call where it was for the same, else in the place of them."""
-        parameters = self.filters.parameters(self.with_values(values), noise)
-        last_parameters, last_noise, filtered = self._last
-        if last_noise is not noise or not np.array_equal(parameters, last_parameters):
-            filtered = self.filters.run(self.with_values(values), noise, into=filtered)
-            self._last = parameters, noise, filtered
-        return filtered
 
 
 def damped(move: Floats, last: Floats) -> Floats:
@@ -278,7 +262,6 @@ def multistart(
 
     Raises:
         ConfigurationError: the filter diverges at the first start.
-        KeyboardInterrupt: interrupted.
     """
     found: list[ParameterEstimate] = []
     for number, start in enumerate(starts_of(method.unknowns, starts, seed)):

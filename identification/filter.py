@@ -77,9 +77,6 @@ class LogFilters:
             samples: first samples of each section that are filtered; default: all.
             into: earlier passes over the same sections whose arrays may be overwritten.
             how: `gains`, `rows`, `watched` of `codegen.drivers.prediction.Predictor.filter`.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
         """
         old = dict(zip(map(id, self.sections), into, strict=False))
 
@@ -101,9 +98,6 @@ class LogFilters:
         """Minus twice the log-likelihood of all innovations, but for a constant, for each of some machines.
 
         Infinite where a filter diverges.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
         """
 
         def deviance(experiment: Experiment, section: LogSection) -> float:
@@ -131,9 +125,6 @@ class LogFilters:
             noise: likewise.
             filtered: gains of the sections.
             rows: whether innovations are kept.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
         """
         numbered = dict(zip(map(id, self.sections), filtered, strict=True))
 
@@ -149,9 +140,6 @@ class LogFilters:
         Returns:
             Of each section (samples, states) filtered states, (samples, disturbances) smoothed disturbances, and
             (samples, disturbances, disturbances) their covariances.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
         """
         passes = self.run(experiment, noise, robust=False, rows=True, watched=len(DISTURBANCES))
         numbered = dict(zip(map(id, self.sections), passes, strict=True))
@@ -164,11 +152,7 @@ class LogFilters:
         return self._each(smoothed)
 
     def whitened_innovations(self, experiment: Experiment, noise: NoiseCovariances) -> list[Floats]:
-        """(samples, readings) whitened innovations of each section; NaN where nothing was read.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
-        """
+        """(samples, readings) whitened innovations of each section; NaN where nothing was read."""
         filtered = self.run(experiment, noise, robust=False)
         predictions = self.predict(self.parameters(experiment, noise), experiment, noise, filtered, rows=True)
         return [each.innovations for each in predictions if each.innovations is not None]

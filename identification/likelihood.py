@@ -24,108 +24,6 @@ from dualwinch.simulation.experiment import Experiment
 Floats = NDArray[np.float64]
 
 
-class FixedGainLeastSquares:
-    """The least-squares problem of the whitened innovations with given gains: exact derivatives, but not all of L."""
-
-    def __init__(
-        self,
-        filters: LogFilters,
-        machine: Callable[[Floats], Experiment],
-        columns: Sequence[int],
-        options: SearchOptions,
-    ) -> None:
-        """A problem of the sections of `filters`.
-
-        Args:
-            filters: of the logs.
-            machine: values of the unknowns → experiment.
-            columns: indices of the unknowns among the predictor's parameters.
-            options: of the search.
-        """
-        self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
-
-    def normal(self, values: Floats, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> Floats:
-        """(p + 1, p + 1) normal equations: products of the derivatives by p unknowns, and of the innovations, summed.
-
-        NaN where filters diverge.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
-        """
-        experiment = self._machine(values)
-        return self._normal(self._filters.parameters(experiment, noise), experiment, noise, filtered)
-
-    def solve(
-        self,
-        values: Floats,
-        noise: NoiseCovariances,
-        filtered: Sequence[FilterPass],
-        coordinates: SearchCoordinates,
-        tolerance: float = 1e-8,
-    ) -> tuple[Floats, Floats]:
-        """Gauss–Newton steps within bounds (trust region reflective); (p,) values, and (p, p) information of the logs.
-
-        Args:
-            values: (p,) where the search begins.
-            noise: R and Q.
-            filtered: gains of the sections.
-            coordinates: give bounds and priors.
-            tolerance: relative change of the sum of squares that ends the search.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
-        """
-        experiment = self._machine(values)
-        base = self._filters.parameters(experiment, noise)
-        rows, centre = coordinates.prior()
-        last = dict[bytes, tuple[Floats, Floats, Floats]]()
-
-        def squares(at: Floats) -> tuple[Floats, Floats, Floats]:
-            key = at.tobytes()
-            if key not in last:
-                parameters = base.copy()
-                parameters[self._columns] = coordinates.values(at)
-                normal = self._normal(parameters, experiment, noise, filtered)
-                residual, jacobian = self._square_root(normal, coordinates.jacobian(at))
-                last[key] = (
-                    np.concatenate([residual, rows @ (at - centre)]),
-                    np.concatenate([jacobian, rows]),
-                    normal,
-                )
-            return last[key]
-
-        solver: Any = least_squares  # its stub lacks the function that returns the Jacobian
-        found = solver(
-            lambda at: squares(at)[0],
-            coordinates.of(values),
-            lambda at: squares(at)[1],
-            bounds=coordinates.bounds,
-            x_scale="jac",
-            ftol=tolerance,
-            xtol=10 * tolerance,
-            max_nfev=self._options.evaluations,
-        ).x
-        return coordinates.values(found), squares(found)[2][:-1, :-1]
-
-    def _normal(
-        self, parameters: Floats, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
-    ) -> Floats:
-        runs = self._filters.predict(parameters, experiment, noise, filtered)
-        normal = np.sum([run.normal for run in runs], axis=0)
-        return normal if all_completed(runs) else np.full_like(normal, np.nan)
-
-    def _square_root(self, normal: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
-        """Residuals (p + 1,) and their Jacobian in some coordinates, with the same squares as all innovations have."""
-        p, largest = len(jacobian), self._options.largest_sum
-        if not np.isfinite(normal).all() or normal[-1, -1] > largest:
-            return np.full(p + 1, np.sqrt(largest)), np.zeros((p + 1, p))
-        by = np.eye(p + 1)
-        by[:p, :p] = jacobian
-        eigenvalues, vectors = np.linalg.eigh(by.T @ normal @ by)
-        root = np.sqrt(np.maximum(eigenvalues, 0.0))[:, np.newaxis] * vectors.T
-        return root[:, -1], root[:, :-1]
-
-
 @dataclass(frozen=True)
 class NewtonStep:
     """A Newton step of the deviance: minus twice the log-likelihood, but for a constant.
@@ -152,97 +50,183 @@ class NewtonStep:
 
 
 class Likelihood:
-    """The likelihood of logs and priors at coordinates of the unknowns."""
+    """The likelihood of logs and priors; the unknowns in the coordinates of a search."""
 
     def __init__(
         self,
         filters: LogFilters,
-        least_squares: FixedGainLeastSquares,
         machine: Callable[[Floats], Experiment],
-        filtered: Callable[[Floats, NoiseCovariances], list[FilterPass]],
-        coordinates: SearchCoordinates,
+        columns: Sequence[int],
         options: SearchOptions,
     ) -> None:
         """A likelihood of the sections of `filters`.
 
         Args:
             filters: of the logs.
-            least_squares: of the same sections.
             machine: values of the unknowns → experiment.
-            filtered: values of the unknowns, R and Q → passes through the sections.
-            coordinates: of the unknowns.
+            columns: indices of the unknowns among the predictor's parameters.
             options: of the search.
         """
-        self._filters, self._least_squares, self._machine, self._options = filters, least_squares, machine, options
-        self._filtered = filtered
-        self.coordinates = coordinates
-        self._rows, self._centre = coordinates.prior()
-        self._prior = self._rows.T @ self._rows + np.diag(1.0 - coordinates.known)
+        self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
+        self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
 
-    def deviances(self, points: Sequence[Floats], noise: NoiseCovariances) -> Floats:
-        """Minus twice the logarithm, but for a constant, at each of some coordinates; infinite where filters diverge.
+    def filtered(self, values: Floats, noise: NoiseCovariances) -> list[FilterPass]:
+        """Passes at some values; those of the last call where it was for the same, else in the place of them."""
+        parameters = self._filters.parameters(self._machine(values), noise)
+        last_parameters, last_noise, filtered = self._last
+        if last_noise is not noise or not np.array_equal(parameters, last_parameters):
+            filtered = self._filters.run(self._machine(values), noise, into=filtered)
+            self._last = parameters, noise, filtered
+        return filtered
 
-        Raises:
-            KeyboardInterrupt: interrupted.
+    def normal(
+        self,
+        values: Floats,
+        noise: NoiseCovariances,
+        filtered: Sequence[FilterPass],
+        start: Floats | None = None,
+    ) -> Floats:
+        """(p + 1, p + 1) normal equations: products of the derivatives by p unknowns, and of the innovations, summed.
+
+        NaN where filters diverge.
+
+        Args:
+            values: (p,) of the unknowns.
+            noise: R and Q.
+            filtered: gains of the sections.
+            start: values of the machine that gives the initial states; default: `values`.
         """
-        ends = self.coordinates.bounds
-        machines = [self._machine(self.coordinates.values(np.clip(point, *ends))) for point in points]
-        logs = self._filters.deviances(machines, noise) if machines else np.zeros(0)
-        return logs + np.array([self._prior_deviance(point) for point in points])
+        experiment = self._machine(values if start is None else start)
+        parameters = self._filters.parameters(experiment, noise)
+        parameters[self._columns] = values
+        runs = self._filters.predict(parameters, experiment, noise, filtered)
+        normal = np.sum([run.normal for run in runs], axis=0)
+        return normal if all_completed(runs) else np.full_like(normal, np.nan)
 
-    def _prior_deviance(self, at: Floats) -> float:
-        return float(np.sum((self._rows @ (at - self._centre)) ** 2))
+    def solve_with_gains(
+        self,
+        values: Floats,
+        noise: NoiseCovariances,
+        filtered: Sequence[FilterPass],
+        coordinates: SearchCoordinates,
+        tolerance: float = 1e-8,
+    ) -> tuple[Floats, Floats]:
+        """Least squares of the whitened innovations with given gains, within bounds (trust region reflective).
+
+        Args:
+            values: (p,) where the search begins.
+            noise: R and Q.
+            filtered: gains of the sections.
+            coordinates: give bounds and priors.
+            tolerance: relative change of the sum of squares that ends the search.
+
+        Returns:
+            (p,) values, and (p, p) information of the logs.
+        """
+        last = dict[bytes, tuple[Floats, Floats, Floats]]()
+
+        def squares(at: Floats) -> tuple[Floats, Floats, Floats]:
+            key = at.tobytes()
+            if key not in last:
+                normal = self.normal(coordinates.values(at), noise, filtered, start=values)
+                residual, jacobian = self._square_root(normal, coordinates.jacobian(at))
+                residual = np.concatenate([residual, coordinates.prior_residuals(at)])
+                last[key] = residual, np.concatenate([jacobian, coordinates.prior_rows]), normal
+            return last[key]
+
+        solver: Any = least_squares  # its stub lacks the function that returns the Jacobian
+        found = solver(
+            lambda at: squares(at)[0],
+            coordinates.of(values),
+            lambda at: squares(at)[1],
+            bounds=coordinates.bounds,
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=10 * tolerance,
+            max_nfev=self._options.evaluations,
+        ).x
+        return coordinates.values(found), squares(found)[2][:-1, :-1]
+
+    def _square_root(self, normal: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
+        """Residuals (p + 1,) and their Jacobian in some coordinates, with the same squares as all innovations have."""
+        p, largest = len(jacobian), self._options.largest_sum
+        if not np.isfinite(normal).all() or normal[-1, -1] > largest:
+            return np.full(p + 1, np.sqrt(largest)), np.zeros((p + 1, p))
+        by = np.eye(p + 1)
+        by[:p, :p] = jacobian
+        eigenvalues, vectors = np.linalg.eigh(by.T @ normal @ by)
+        root = np.sqrt(np.maximum(eigenvalues, 0.0))[:, np.newaxis] * vectors.T
+        return root[:, -1], root[:, :-1]
+
+    def deviances(self, points: Sequence[Floats], noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats:
+        """Minus twice the logarithm, but for a constant, at each of some points; infinite where filters diverge."""
+        machines = [self._machine(coordinates.values(np.clip(point, *coordinates.bounds))) for point in points]
+        logs = self._filters.deviances(machines, noise) if machines else np.zeros(0)
+        return logs + np.array([_prior_deviance(point, coordinates) for point in points])
 
     def step(
-        self, at: Floats, noise: NoiseCovariances, before: NewtonStep | None = None, fixed: int | None = None
+        self,
+        at: Floats,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
+        before: NewtonStep | None = None,
+        fixed: int | None = None,
     ) -> NewtonStep | None:
         """One Newton step towards the maximum of the likelihood; None: filters diverge where it would begin.
 
-        1. Least squares with the gains at these coordinates give a gradient and an information matrix, whose Cholesky
-           factor gives directions of one standard deviation each.
+        1. Least squares with the gains at this point give a gradient and an information matrix, whose Cholesky factor
+           gives directions of one standard deviation each.
         2. Differences of the likelihood along these correct slope and curvature.
         3. The step is halved while it does not lower the deviance.
 
         Args:
             at: (p,) coordinates.
             noise: R and Q.
+            coordinates: of the unknowns.
             before: the last step; directions in which it corrected nothing are not differenced.
             fixed: index of a coordinate that stays as it is.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
         """
-        values, jacobian = self.coordinates.values(at), self.coordinates.jacobian(at)
-        filtered = self._filtered(values, noise)
-        normal = self._least_squares.normal(values, noise, filtered)
+        values, jacobian = coordinates.values(at), coordinates.jacobian(at)
+        filtered = self.filtered(values, noise)
+        normal = self.normal(values, noise, filtered)
         if not all_completed(filtered) or not np.isfinite(normal).all():
             return None
-        gradient = jacobian.T @ normal[:-1, -1] + self._rows.T @ (self._rows @ (at - self._centre))
-        known = jacobian.T @ normal[:-1, :-1] @ jacobian + self._prior
-        free = self._free(at, fixed)
+        rows = coordinates.prior_rows
+        prior = rows.T @ rows + np.diag(1.0 - coordinates.known)
+        gradient = jacobian.T @ normal[:-1, -1] + rows.T @ coordinates.prior_residuals(at)
+        known = jacobian.T @ normal[:-1, :-1] @ jacobian + prior
+        lower, upper = coordinates.bounds
+        free = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != fixed))
+        block = np.ix_(free, free)
         try:
-            root = np.linalg.cholesky(known[free])
+            root = np.linalg.cholesky(known[block])
         except np.linalg.LinAlgError:  # derivatives that have grown beyond all measure, as where a rope slackens
             return None
         directions = np.zeros_like(known)
-        directions[free] = np.linalg.inv(root)
+        directions[block] = np.linalg.inv(root)
         least, most = self._options.least_difference, self._options.difference
-        reach = np.array([min(self._room(at, way), self._room(at, -way), most) for way in directions])
-        here = 2 * sum(each.negative_log_likelihood for each in filtered) + self._prior_deviance(at)
+        reach = np.array([min(coordinates.room(at, way), coordinates.room(at, -way), most) for way in directions])
+        here = 2 * sum(each.negative_log_likelihood for each in filtered) + _prior_deviance(at, coordinates)
         plain = directions @ gradient
-        slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, before)
+        slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, coordinates, before)
         move = np.where(reach > least, -(plain + slopes) / curvatures, 0.0) @ directions
-        move *= min(self._room(at, move), 1.0)
+        move *= min(coordinates.room(at, move), 1.0)
         expected = float(np.where(reach > least, (plain + slopes) ** 2 / curvatures, 0.0).sum())
-        move, there = self._shortened(at, move, here, expected, noise)
+        move, there = self._shortened(at, move, here, expected, noise, coordinates)
         back = np.linalg.inv(jacobian)
-        known[free] = (root * np.minimum(curvatures[free[0][:, 0]], 1.0)) @ root.T
-        information = back.T @ _positive_part(known - self._prior) @ back
-        at = np.clip(at + move, *self.coordinates.bounds)
+        known[block] = (root * np.minimum(curvatures[free], 1.0)) @ root.T
+        information = back.T @ _positive_part(known - prior) @ back
+        at = np.clip(at + move, *coordinates.bounds)
         return NewtonStep(at, there, here - there, expected, slopes, curvatures, information)
 
     def _shortened(
-        self, at: Floats, move: Floats, here: float, expected: float, noise: NoiseCovariances
+        self,
+        at: Floats,
+        move: Floats,
+        here: float,
+        expected: float,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
     ) -> tuple[Floats, float]:
         """A move, halved while it does not lower the deviance, and the deviance at its end.
 
@@ -252,7 +236,7 @@ class Likelihood:
         if expected < options.small_gain:
             return move, here - expected
         for _ in range(options.insistent_halvings if expected > options.large_gain else options.halvings):
-            there = float(self.deviances([at + move], noise)[0])
+            there = float(self.deviances([at + move], noise, coordinates)[0])
             if there <= here:
                 return move, there
             move = move / 2
@@ -266,6 +250,7 @@ class Likelihood:
         reach: Floats,
         plain: Floats,
         noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
         before: NewtonStep | None,
     ) -> tuple[Floats, Floats]:
         """Along each direction the slope beyond the plain one of least squares, and the curvature."""
@@ -276,10 +261,14 @@ class Likelihood:
             last_slopes, last_curvatures = before.slopes, before.curvatures
             wanted &= (np.abs(last_slopes) > negligible) | (np.abs(last_curvatures - 1) > negligible)
         ahead, behind = np.full(len(at), np.nan), np.full(len(at), np.nan)
-        ahead[wanted] = _finite(self.deviances([*(at + (reach[:, np.newaxis] * directions)[wanted])], noise))
+        ahead[wanted] = _finite(
+            self.deviances([*(at + (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
+        )
         slopes = (ahead - here) / (2 * reach) - reach / 2 - plain
         wanted &= ~(np.abs(slopes) < negligible)
-        behind[wanted] = _finite(self.deviances([*(at - (reach[:, np.newaxis] * directions)[wanted])], noise))
+        behind[wanted] = _finite(
+            self.deviances([*(at - (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
+        )
         central, curvatures = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
         slopes = np.where(np.isfinite(slopes), slopes, last_slopes)
         slopes = np.where(np.isfinite(central), central - plain, slopes)
@@ -287,17 +276,9 @@ class Likelihood:
         curvatures = np.where(np.isfinite(central), np.maximum(curvatures, least), last_curvatures)
         return slopes, curvatures
 
-    def _room(self, at: Floats, way: Floats) -> float:
-        """How often a way can be gone before a coordinate leaves its range."""
-        lower, upper = self.coordinates.bounds
-        ends = np.where(way > 0, upper, lower)
-        return float(np.min(np.divide(ends - at, way, out=np.full(len(at), np.inf), where=way != 0)))
 
-    def _free(self, at: Floats, fixed: int | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of all coordinates but the fixed one and those at an end of their range."""
-        lower, upper = self.coordinates.bounds
-        rows = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != fixed))
-        return rows[:, np.newaxis], rows[np.newaxis, :]
+def _prior_deviance(at: Floats, coordinates: SearchCoordinates) -> float:
+    return float(np.sum(coordinates.prior_residuals(at) ** 2))
 
 
 def _finite(values: ArrayLike) -> Floats:

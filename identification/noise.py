@@ -93,11 +93,7 @@ class NoiseEstimator:
         self._samples = round(options.section_time / experiment.simulation.sample_time)
 
     def tolerable(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
-        """The least process noise of a grid with which no filter diverges; as given where there is none.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
-        """
+        """The least process noise of a grid with which no filter diverges; as given where there is none."""
         wider = sorted(self._grid(noise), key=lambda each: each.process["torque_1"].deviation)
         return next((each for each in wider if all_completed(self._filter(experiment, each, None))), noise)
 
@@ -111,9 +107,6 @@ class NoiseEstimator:
             noise: R, and Q to begin with.
             anywhere: whether a grid over the whole range is searched first.
             roughly: whether the beginning of each section is enough.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
         """
         samples = self._samples if roughly else None
         if anywhere:
@@ -164,9 +157,6 @@ class NoiseEstimator:
             experiment: the machine.
             noise: Q, and R to begin with.
             filtered: passes through the sections with these.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
         """
         noise, changed = self._em_step(noise, filtered)
         for _ in range(self._options.em_steps):

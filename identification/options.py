@@ -27,9 +27,7 @@ class ResamplingOptions:
     standstill_speed: Annotated[Positive, Quantity("m/s", "speed below which the machine stands still")] = 0.05
     standstill_window: Annotated[Positive, Quantity("s", "time over which that speed is averaged")] = 0.5
     shortest_move: Annotated[Positive, Quantity("s", "shortest interval of motion that is used alone")] = 2.0
-    least_moving_time: Annotated[
-        Positive, Quantity("s", "total time of motion below which standstill is not left out")
-    ] = 5.0
+    least_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is kept")] = 5.0
 
 
 @dataclass(frozen=True)
@@ -50,19 +48,13 @@ class NoiseOptions:
     finest_tension: Annotated[Positive, Quantity("N", "least deviation of a load cell's noise")] = 0.1
     finest_angle: Annotated[Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
     finest_drum_speed: Annotated[Positive, Quantity("rad/s", "least deviation of a drum speed's noise")] = 1e-4
-    force_time: Annotated[Positive, Quantity("s", "correlation time of the force that no description covers")] = 1.0
-    torque_time: Annotated[
-        Positive, Quantity("s", "correlation time of the torques that no description covers; motors' and gears'")
-    ] = 0.05
-    least_force: Annotated[
-        Positive, Quantity("1", "least deviation of that force, over the vehicle's friction at 1 m/s, or in N")
-    ] = 1e-4
-    least_torque: Annotated[Positive, Quantity("N m", "least deviation of these torques")] = 1e-3
+    force_time: Annotated[Positive, Quantity("s", "correlation time of the further force")] = 1.0
+    torque_time: Annotated[Positive, Quantity("s", "correlation time of the further torques")] = 0.05
+    least_force: Annotated[Positive, Quantity("1", "least deviation of it, over the friction at 1 m/s")] = 1e-4
+    least_torque: Annotated[Positive, Quantity("N m", "least deviation of them")] = 1e-3
     range: Annotated[Factor, Quantity("1", "largest of these deviations, over the least")] = 1e6
-    grid: Annotated[
-        Factor, Quantity("1", "factor between grid points of the first search, and reach of later ones")
-    ] = 30.0
-    line_tolerance: Annotated[Positive, Quantity("1", "tolerance of a deviation's logarithm in a line search")] = 0.3
+    grid: Annotated[Factor, Quantity("1", "factor between points of a grid, and reach of a line search")] = 30.0
+    line_tolerance: Annotated[Positive, Quantity("1", "tolerance of a line search, in a logarithm")] = 0.3
     line_evaluations: Annotated[Count, Quantity("1", "evaluations of a line search, at most")] = 5
     section_time: Annotated[Positive, Quantity("s", "beginning of each section that a rough search uses")] = 10.0
     em_steps: Annotated[int, Ge(0), Quantity("1", "further steps of expectation maximisation for R, at most")] = 8
@@ -92,43 +84,27 @@ class SearchOptions:
     """The search for the maximum of the likelihood (`identification.estimate.PredictionErrorMethod`)."""
 
     outlier: Annotated[
-        Positive, Quantity("1", "innovation, over its deviation, beyond which a reading counts less", "Huber (1964)")
+        Positive, Quantity("1", "innovation, in deviations, beyond which a reading counts less", "Huber (1964)")
     ] = 4.0
-    range_factor: Annotated[
-        Factor, Quantity("1", "range of a parameter around its start, in its scale or prior deviation")
-    ] = 10.0
+    range_factor: Annotated[Factor, Quantity("1", "range of a parameter, in its scale or prior deviation")] = 10.0
     typical: TypicalSizes = field(default_factory=TypicalSizes)
-    least_amplitude: Annotated[
-        Positive, Quantity("1", "least amplitude of a wave, over its scale: at zero its angle has no effect")
-    ] = 1e-4
+    least_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
     rounds: Annotated[int, Ge(0), Quantity("1", "least-squares problems with new gains each, at most")] = 40
-    cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and the noise as it is")] = 3
+    cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and noise as it is")] = 3
     cautious_deviations: Annotated[Positive, Quantity("1", "range in these rounds, in prior deviations")] = 2.0
     evaluations: Annotated[Count, Quantity("1", "evaluations of derivatives with the same gains, at most")] = 5
-    least_squares_tolerance: Annotated[
-        Positive, Quantity("1", "relative change of the sum of squares that ends one least-squares problem")
-    ] = 1e-6
+    least_squares_tolerance: Annotated[Positive, Quantity("1", "change of a sum of squares that ends a problem")] = 1e-6
     largest_sum: Annotated[Positive, Quantity("1", "sum of squares where a filter diverges")] = 1e12
     shortenings: Annotated[int, Ge(0), Quantity("1", "times that a move is halved where filters diverge, at most")] = 6
-    noise_distance: Annotated[
-        Positive, Quantity("1", "largest move, in deviations, after which measurement noise is estimated")
-    ] = 3.0
-    near: Annotated[Positive, Quantity("1", "largest move, in deviations, after which Newton steps begin")] = 0.5
+    noise_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, after which R is estimated")] = 3.0
+    near: Annotated[Positive, Quantity("1", "largest move, in deviations, before Newton steps")] = 0.5
     steps: Annotated[Count, Quantity("1", "Newton steps, at most")] = 12
-    process_noise_steps: Annotated[
-        int, Ge(0), Quantity("1", "first Newton steps, before which Q is estimated anew")
-    ] = 2
+    process_noise_steps: Annotated[int, Ge(0), Quantity("1", "first Newton steps, before which Q is estimated")] = 2
     tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
-    difference: Annotated[
-        Positive, Quantity("1", "step of differences of the likelihood, in deviations by least squares")
-    ] = 1.0
-    least_difference: Annotated[
-        Positive, Quantity("1", "step that must fit between the bounds for a direction to be used")
-    ] = 0.01
+    difference: Annotated[Positive, Quantity("1", "step of differences of the likelihood, in deviations")] = 1.0
+    least_difference: Annotated[Positive, Quantity("1", "least step between bounds of a direction that is used")] = 0.01
     least_curvature: Annotated[Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
-    negligible: Annotated[
-        Positive, Quantity("1", "difference of slope or curvature from least squares that does not count")
-    ] = 0.1
+    negligible: Annotated[Positive, Quantity("1", "difference from least squares that does not count")] = 0.1
     small_gain: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.05
     large_gain: Annotated[Positive, Quantity("1", "expected fall of the deviance that is insisted on")] = 4.0
     halvings: Annotated[Count, Quantity("1", "lengths tried of a step with a smaller expected fall")] = 2
@@ -140,33 +116,23 @@ class DiagnosticsOptions:
     """What is reported of an estimate."""
 
     lags: Annotated[Count, Quantity("samples", "lags of the correlations of innovations")] = 50
-    confidence: Annotated[
-        Share, Quantity("1", "confidence of a sensor's whiteness test over all lags", "Bonferroni")
-    ] = 0.99
-    negligible_correlation: Annotated[
-        Share, Quantity("1", "correlation that counts as none however significant it is")
-    ] = 0.05
+    confidence: Annotated[Share, Quantity("1", "confidence of a whiteness test over all lags", "Bonferroni")] = 0.99
+    negligible_correlation: Annotated[Share, Quantity("1", "correlation that counts as none")] = 0.05
     windows: Annotated[Count, Quantity("1", "windows of time of the innovations' size, at most")] = 200
     window_samples: Annotated[Count, Quantity("samples", "length of a window, at least")] = 50
     unidentifiable: Annotated[
-        Positive, Quantity("1", "deviation of a direction by the logs, over the prior one, that is reported")
+        Positive, Quantity("1", "deviation of a direction over the prior one that is reported")
     ] = 0.5
-    participation: Annotated[
-        Share, Quantity("1", "component of that direction, over its largest, whose key is named")
-    ] = 0.3
+    participation: Annotated[Share, Quantity("1", "component of it, over its largest, whose key is named")] = 0.3
     correlated: Annotated[Share, Quantity("1", "correlation of two estimates that is reported")] = 0.9
-    uninformed: Annotated[Share, Quantity("1", "deviation over the prior one from which on the logs add nothing")] = 0.9
-    optima_distance: Annotated[
-        Positive, Quantity("1", "distance, in deviations, from which on two optima are distinct")
-    ] = 1.0
+    uninformed: Annotated[Share, Quantity("1", "deviation over the prior one that adds nothing")] = 0.9
+    optima_distance: Annotated[Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
     profile_reach: Annotated[Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "its points on each side")] = 4
     profile_steps: Annotated[Count, Quantity("1", "Newton steps at each point, at most")] = 8
     profile_tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends these steps")] = 0.02
     force_spacing: Annotated[Positive, Quantity("s", "time between the rows of a smoothed force")] = 0.01
-    force_difference: Annotated[
-        Positive, Quantity("m/s", "change of the current whose effect gives the force's derivative")
-    ] = 1e-4
+    force_difference: Annotated[Positive, Quantity("m/s", "change of the current for the force's derivative")] = 1e-4
 
 
 @dataclass(frozen=True)
@@ -174,12 +140,10 @@ class PlausibilityOptions:
     """When a log is refused as another machine's."""
 
     unrecorded: Annotated[
-        Positive, Quantity("1", "RMS torque or force that is not recorded, over the recorded one, that refuses a fit")
+        Positive, Quantity("1", "unrecorded torque or force, over the recorded one, that refuses a fit")
     ] = 0.1
-    hopeless: Annotated[
-        Positive, Quantity("1", "the same, from which on the message no longer says how to accept the fit")
-    ] = 0.9
-    noisier: Annotated[Factor, Quantity("1", "noise of a sensor, over what its jumps show, that refuses a fit")] = 50.0
+    hopeless: Annotated[Positive, Quantity("1", "the same, that no option accepts in the message")] = 0.9
+    noisier: Annotated[Factor, Quantity("1", "noise of a sensor, over its jumps, that refuses a fit")] = 50.0
     beyond_track: Annotated[Positive, Quantity("1", "plausible way beyond the track, over its length")] = 0.2
     beyond_limits: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
 
@@ -193,13 +157,9 @@ class ExcitationOptions:
     most_moves: Annotated[Count, Quantity("1", "moves of a motion, at most")] = 12
     shortest_way: Annotated[Positive, Quantity("m", "way of a move, at least")] = 0.1
     slowest: Annotated[Share, Quantity("1", "least speed and acceleration, over the largest")] = 0.3
-    jerk_time: Annotated[
-        Positive, Quantity("s", "rise time of the acceleration where the experiment has no limit of jerk")
-    ] = 0.5
-    force_share: Annotated[
-        Share, Quantity("1", "share of the ropes' largest net force that accelerates; drag needs its own")
-    ] = 0.5
-    slack: Annotated[Share, Quantity("1", "share of a run in which a rope may be slack, as by noise at rest")] = 5e-3
+    jerk_time: Annotated[Positive, Quantity("s", "rise time of the acceleration without a limit of jerk")] = 0.5
+    force_share: Annotated[Share, Quantity("1", "share of the ropes' largest net force that accelerates")] = 0.5
+    slack: Annotated[Share, Quantity("1", "share of a run in which a rope may be slack")] = 5e-3
     overshoot: Annotated[Positive, Quantity("1", "relative overshoot of the speed that is allowed")] = 0.05
     sigma: Annotated[Share, Quantity("1", "first step size of CMA-ES, over each range")] = 0.3
     infeasible: Annotated[Positive, Quantity("1", "penalty of a motion that violates a limit")] = 1e3

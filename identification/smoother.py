@@ -54,9 +54,6 @@ def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterE
         method: of the logs.
         log: one of them.
         estimate: of the method.
-
-    Raises:
-        KeyboardInterrupt: interrupted.
     """
     experiment, options = estimate.experiment, method.options.diagnostics
     filters = method.filters_of([whole_section(log, experiment, method.options.resampling)])

@@ -192,6 +192,9 @@ class SearchCoordinates:
         waves: indices of amplitude and angle of each wave.
         known: (p,) 1 where an unknown has a prior, else 0.
         bounds: (p,) each, of the coordinates.
+        prior_rows, prior_centre: (m, p) and (p,): the rows make standard normal variables of coordinates less the
+            centre. A wave whose amplitude and angle both have a prior is taken for the normal distribution of its parts
+            with their mean and covariance.
     """
 
     def __init__(
@@ -220,6 +223,7 @@ class SearchCoordinates:
         for amplitude, angle in self.waves:
             lower[[amplitude, angle]], upper[[amplitude, angle]] = -upper[amplitude], upper[amplitude]
         self.bounds = lower, upper
+        self.prior_rows, self.prior_centre = self._prior()
 
     def of(self, values: Floats) -> Floats:
         """(p,) coordinates of values, within bounds."""
@@ -249,12 +253,17 @@ class SearchCoordinates:
             found[both] = [[by * np.cos(at), by * np.sin(at)], [-np.sin(at) / size, np.cos(at) / size]]
         return found
 
-    def prior(self) -> tuple[Floats, Floats]:
-        """The priors as (m, p) rows and a centre, (p,).
+    def room(self, at: Floats, way: Floats) -> float:
+        """How often a way can be gone from some coordinates before one leaves its range."""
+        lower, upper = self.bounds
+        ends = np.where(way > 0, upper, lower)
+        return float(np.min(np.divide(ends - at, way, out=np.full(len(at), np.inf), where=way != 0)))
 
-        The rows make standard normal numbers of coordinates less the centre. A wave whose amplitude and angle both have
-        a prior is taken for the normal distribution of its parts with their mean and covariance.
-        """
+    def prior_residuals(self, coordinates: Floats) -> Floats:
+        """(m,) standard normal variables of the priors."""
+        return self.prior_rows @ (coordinates - self.prior_centre)
+
+    def _prior(self) -> tuple[Floats, Floats]:
         p = len(self._unknowns)
         centre, rows, done = np.zeros(p), [], set[int]()
         for amplitude, angle in self.waves:

@@ -45,7 +45,7 @@ def test_a_wave_goes_through_zero_to_the_other_side() -> None:
 def test_what_is_known_of_a_wave_is_what_draws_say() -> None:
     size, at = Prior(5e-5, 2e-5), Prior(0.7, 1.2)
     coordinates = SearchCoordinates(unknowns(size, at))
-    rows, centre = coordinates.prior()
+    rows, centre = coordinates.prior_rows, coordinates.prior_centre
     drawn = np.random.default_rng(0).normal(size=(2, 400_000))
     sizes, angles = size.mean + size.deviation * drawn[0], at.mean + at.deviation * drawn[1]
     parts = np.array([sizes * np.cos(angles), sizes * np.sin(angles)]) / 1e-4
