@@ -27,6 +27,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of, zeros_of
+from dualwinch.simulation.progress import no_progress, part
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +117,7 @@ class PredictionErrorMethod:
         return normal[:-1, :-1] if np.isfinite(normal).all() else None
 
     def run(
-        self, start: Floats, progress: Callable[[float], None] = lambda _: None, noise: NoiseCovariances | None = None
+        self, start: Floats, progress: Callable[[float], None] = no_progress, noise: NoiseCovariances | None = None
     ) -> ParameterEstimate:
         """Search from a start.
 
@@ -265,13 +266,8 @@ def multistart(
     """
     found: list[ParameterEstimate] = []
     for number, start in enumerate(starts_of(method.unknowns, starts, seed)):
-        begun = number / starts
-
-        def report(part: float, begun: float = begun) -> None:
-            progress(begun + part / starts)
-
         try:
-            found.append(method.run(start, report))
+            found.append(method.run(start, part(progress, number / starts, (number + 1) / starts)))
         except ConfigurationError:
             if number == 0:
                 raise

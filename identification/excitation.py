@@ -39,6 +39,7 @@ from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
+from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -348,7 +349,7 @@ def excite(
     seed: int = 0,
     options: EstimationOptions = DEFAULTS,
     threads: int | None = None,
-    progress: Callable[[float], None] = lambda _: None,
+    progress: Callable[[float], None] = no_progress,
 ) -> ExcitationDesign:
     """Design the motion whose log determines some parameters best, by CMA-ES on the information of simulated logs.
 

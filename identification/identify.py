@@ -31,6 +31,7 @@ from dualwinch.identification.unknowns import (
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.results.result import Result
 
 Source = Log | Result | str | PathLike[str]
@@ -52,7 +53,7 @@ def identify(
     unrecorded: float | None = None,
     options: EstimationOptions = DEFAULTS,
     threads: int | None = None,
-    progress: Callable[[float], None] = lambda _: None,
+    progress: Callable[[float], None] = no_progress,
 ) -> IdentificationResult:
     """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
 

@@ -81,7 +81,7 @@ def test_what_the_log_cannot_tell_is_named() -> None:
     right = machine(reference__kind="uniform", reference__speed=1e-3, disturbance__vortex=False)
     found = identify([logged(right)], ["plant.vehicle.drag_coefficient", "plant.rope_1.modulus"], right)
     assert [each.keys for each in found.unidentifiable] == [("plant.vehicle.drag_coefficient",)]
-    assert "next to nothing" in found.unidentifiable[0].words
+    assert "next to no information" in found.unidentifiable[0].words
     assert found.values[0] == pytest.approx(0.3, rel=1), "it stays where it was"
 
 

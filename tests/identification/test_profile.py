@@ -50,7 +50,7 @@ def test_optima_that_differ_are_two() -> None:
     one = identify([logged(right)], ["plant.vehicle.mass"], right)
     assert one.optima[0].searches == 1
     assert "optima" not in repr(one)
-    two = replace(one, optima=(one.optima[0], replace(one.optima[0], values=(2e4,), worse=12.0)))
+    two = replace(one, optima=(one.optima[0], replace(one.optima[0], values=(2e4,), deviance=12.0)))
     assert "2 distinct optima; the second is less likely, exp(-6)" in repr(two)
     assert "log likelihood over the best" in repr(two)
 

@@ -29,7 +29,7 @@ def test_an_experiment_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["--track", "60"], "track = 60: must be > 0 and <= plant.track.length = 50 m"),
         (["--speed", "0"], "speed = 0: must be > 0"),
         (["--out", "run.csv"], "--out run.csv: must end in .toml"),
-        (["--fit", "controller.nftsm.beta"], "no number that a log can tell"),
+        (["--fit", "controller.nftsm.beta"], "no parameter that a log determines"),
     ],
 )
 def test_wrong_words_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
