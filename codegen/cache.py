@@ -22,6 +22,7 @@ import stat
 import tempfile
 import time
 import warnings
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -149,13 +150,48 @@ _substitutes: list[tempfile.TemporaryDirectory[str]] = []
 ABANDONED_AFTER = 3600.0
 """Age in s at which an unfinished build counts as abandoned."""
 
-KEPT = 200
-"""Libraries kept; the ones used longest ago go first."""
+BEING_LOADED = 60.0
+"""Age in s since its last use below which a library may be one that another process is about to load."""
 
 LIBRARY = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.so")
 UNFINISHED = re.compile(r"unfinished-\d+-[0-9a-f]{8}\.so")
 BUILD = re.compile(r"build-\w{8}")
 """Names of what is put into the cache folder; builds are folders."""
+
+
+@dataclass(frozen=True)
+class CacheLimits:
+    """How much is kept of libraries; what was used longest ago goes first, what this process uses never.
+
+    Attributes:
+        megabytes: of all libraries together; ``DUALWINCH_CACHE_MB``.
+        days: since the last use of each; ``DUALWINCH_CACHE_DAYS``.
+    """
+
+    megabytes: float = 1000.0
+    days: float = 60.0
+
+
+def cache_limits() -> CacheLimits:
+    """The limits that the environment asks for, else the defaults.
+
+    Raises:
+        CacheError: one is no number, or negative.
+    """
+    given: dict[str, float] = {}
+    for key, name in (("megabytes", "DUALWINCH_CACHE_MB"), ("days", "DUALWINCH_CACHE_DAYS")):
+        if text := os.environ.get(name):
+            try:
+                given[key] = float(text)
+            except ValueError:
+                given[key] = -1.0
+            if not given[key] >= 0:
+                raise CacheError(f"{name} = {text!r}: must be a number >= 0")
+    return CacheLimits(**given)
+
+
+_used: set[Path] = set()
+"""Libraries that this process has looked up."""
 
 
 def library(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = ()) -> Path:
@@ -168,11 +204,17 @@ def library(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = ()) 
 
     Raises:
         CompileError: the compiler fails.
-        CacheError: the cache folder cannot be used.
+        CacheError: the cache folder cannot be used, or a limit of it is none.
     """
-    folder = cache_folder()
+    folder, limits = cache_folder(), cache_limits()
     key = fingerprint(source, compiler.identity, *extra_flags)
-    return _look_up(folder, key) or _build(folder, key, source, compiler, extra_flags)
+    found = _look_up(folder, key)
+    if found is None:
+        found = _build(folder, key, source, compiler, extra_flags)
+        _used.add(found)
+        _sweep(folder, limits)
+    _used.add(found)
+    return found
 
 
 def _digest(file: Path) -> str:
@@ -204,18 +246,21 @@ def _build(folder: Path, key: str, source: str, compiler: Compiler, extra_flags:
         raise CacheError(f"cannot write to the cache folder {folder}: {error.strerror}") from error
     finally:
         unfinished.unlink(missing_ok=True)
-    _sweep(folder)
     return finished
 
 
 def libraries(folder: Path) -> list[Path]:
     """The compiled libraries in the cache folder, those used last first."""
-    found = [(file.lstat().st_mtime, file) for file in folder.iterdir() if LIBRARY.fullmatch(file.name) and own(file)]
+    found: list[tuple[float, Path]] = []
+    for file in folder.iterdir():
+        with contextlib.suppress(FileNotFoundError):  # another process sweeps, too
+            if LIBRARY.fullmatch(file.name) and own(file):
+                found.append((file.lstat().st_mtime, file))
     return [file for _, file in sorted(found, reverse=True)]
 
 
-def _sweep(folder: Path) -> None:
-    """Remove what killed builds left behind, and the libraries beyond `KEPT`."""
+def _sweep(folder: Path, limits: CacheLimits) -> None:
+    """Remove what killed builds left behind, and libraries beyond the limits."""
     now = time.time()
     with contextlib.suppress(OSError):
         for left in folder.iterdir():
@@ -225,5 +270,12 @@ def _sweep(folder: Path) -> None:
                 left.unlink()
             elif BUILD.fullmatch(left.name) and left.is_dir() and not left.is_symlink():
                 shutil.rmtree(left)
-        for file in libraries(folder)[KEPT:]:
-            file.unlink()
+    size = 0
+    for file in libraries(folder):
+        with contextlib.suppress(OSError):  # another process sweeps, too, or has it loaded
+            facts = file.lstat()
+            size, age = size + facts.st_size, now - facts.st_mtime
+            beyond = size > 1e6 * limits.megabytes or age > 86400 * limits.days
+            if beyond and file not in _used and age > BEING_LOADED:
+                file.unlink()
+                size -= facts.st_size

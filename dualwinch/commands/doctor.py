@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from rich.table import Table
 
 from dualwinch import __version__
-from dualwinch.codegen.cache import cache_folder, libraries
+from dualwinch.codegen.cache import cache_folder, cache_limits, libraries
 from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.commands.output import terminal
@@ -44,7 +44,9 @@ def findings() -> dict[str, str]:
         folder = cache_folder()
         kept = libraries(folder)
         size = sum(file.stat().st_size for file in kept) / 1e6
-        found["cache"] = f"{folder} ({len(kept)} libraries, {size:.1f} MB)"
+        limits = cache_limits()
+        most = f"at most {limits.megabytes:g} MB, unused for {limits.days:g} days"
+        found["cache"] = f"{folder} ({len(kept)} libraries, {size:.1f} MB; {most})"
     except DualwinchError as error:
         found["cache"] = str(error)
     found["processor"] = f"{processor_name()}, {os.cpu_count()} cores"

@@ -2,12 +2,13 @@ import ctypes
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from dualwinch.codegen import cache
-from dualwinch.codegen.cache import MARKER, cache_folder, libraries, library
+from dualwinch.codegen.cache import MARKER, CacheLimits, cache_folder, cache_limits, libraries, library
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CacheError, CompileError
 
@@ -83,12 +84,59 @@ def test_a_killed_compile_is_swept_away_later(monkeypatch: pytest.MonkeyPatch) -
     assert {file for file in folder.iterdir() if file.name != MARKER} == {path, other}
 
 
-def test_old_libraries_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cache, "KEPT", 2)
-    paths = [library(answering(number), find_compiler()) for number in (6, 7, 8)]
-    os.utime(paths[1], (1, 1))
+def left_by_others(number: int, hours: float) -> Path:
+    """A library that another process used last so many hours ago."""
+    path = library(answering(number), find_compiler())
+    cache._used.discard(path)
+    os.utime(path, (time.time() - 3600 * hours,) * 2)
+    return path
+
+
+def test_libraries_used_longest_ago_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = [left_by_others(number, hours) for number, hours in ((6, 3), (7, 5), (8, 1))]
+    size = paths[0].stat().st_size
+    monkeypatch.setenv("DUALWINCH_CACHE_MB", str(3.5 * size / 1e6))
     newest = library(answering(9), find_compiler())
-    assert set(libraries(cache_folder())) == {paths[2], newest}
+    assert set(libraries(cache_folder())) == {paths[0], paths[2], newest}
+
+
+def test_what_nobody_has_used_for_long_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    old, recent = left_by_others(6, 49), left_by_others(7, 47)
+    monkeypatch.setenv("DUALWINCH_CACHE_DAYS", "2")
+    newest = library(answering(8), find_compiler())
+    assert set(libraries(cache_folder())) == {recent, newest}
+    assert not old.exists()
+
+
+def test_hundreds_of_libraries_stay() -> None:
+    """One run of the tests, or a comparison of laws and estimators, builds more than 350."""
+    path = library(answering(6), find_compiler())
+    for number in range(400):
+        copy = path.with_name(f"{number:032x}-{path.name[33:]}")
+        copy.write_bytes(path.read_bytes())
+        copy.chmod(0o700)
+    library(answering(7), find_compiler())
+    assert len(libraries(cache_folder())) == 402
+
+
+def test_what_this_process_uses_or_another_one_is_about_to_load_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = library(answering(6), find_compiler()), left_by_others(7, 0)
+    os.utime(ours, (1, 1))
+    monkeypatch.setenv("DUALWINCH_CACHE_MB", "0")
+    monkeypatch.setenv("DUALWINCH_CACHE_DAYS", "1")
+    newest = library(answering(8), find_compiler())
+    assert set(libraries(cache_folder())) == {ours, theirs, newest}
+
+
+@pytest.mark.parametrize("name", ["DUALWINCH_CACHE_MB", "DUALWINCH_CACHE_DAYS"])
+@pytest.mark.parametrize("value", ["-1", "much", "nan", ""])
+def test_a_limit_that_is_none_is_named(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, value)
+    if not value:
+        assert cache_limits() == CacheLimits()
+        return
+    with pytest.raises(CacheError, match=rf"{name} = '{value}': must be a number >= 0"):
+        library(answering(9), find_compiler())
 
 
 def test_two_processes_at_once_both_end_well() -> None:

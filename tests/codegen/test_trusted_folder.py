@@ -76,7 +76,8 @@ def test_a_folder_of_its_own_with_a_marker(given: Path) -> None:
 
 
 def test_what_else_is_in_the_folder_stays_as_it_is(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cache, "KEPT", 1)
+    monkeypatch.setenv("DUALWINCH_CACHE_MB", "0")
+    monkeypatch.setattr(cache, "BEING_LOADED", -1.0)
     monkeypatch.setattr(cache, "ABANDONED_AFTER", -1.0)
     theirs = given / "theirs"
     theirs.mkdir()
@@ -88,6 +89,7 @@ def test_what_else_is_in_the_folder_stays_as_it_is(given: Path, monkeypatch: pyt
             (folder / name).write_text("mine")
         (folder / "build-abcdefgh").symlink_to(theirs)
     first = library(SOURCE, find_compiler())
+    cache._used.discard(first)
     second = library(PLANTED, find_compiler())
     assert second.exists()
     assert not first.exists()
