@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dualwinch.simulation.batch.sweep import Grid
+from dualwinch.simulation.batch.rollout import RunGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,14 +16,14 @@ import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, shown
-from dualwinch.simulation.batch.sweep import run_grid
+from dualwinch.simulation.batch.rollout import run_grid
 from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import current, leaf_of, override
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(Grid):
+class Sweep(RunGrid):
     """What `dualwinch.sweep` gives: a grid of runs that can be drawn."""
 
     def plot(self, metric: str, ax: "Axes | None" = None) -> "Figure":
@@ -84,7 +84,10 @@ def sweep(
     runs = run_grid(experiments, threads=threads, progress=progress)
     edges = [experiments[(0,) * axis + (slice(None),) + (0,) * (len(shape) - axis - 1)] for axis in range(len(shape))]
     return Sweep(
-        **vars(runs),
+        runs.outcomes,
+        runs.end_times,
+        runs.metrics,
+        runs.interrupted,
         experiment=experiment,
         keys=tuple(grid),
         values=tuple(tuple(leaves(made)[key] for made in edge) for key, edge in zip(grid, edges, strict=True)),

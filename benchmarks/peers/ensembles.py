@@ -11,7 +11,7 @@ from benchmarks.peers.peer import Answer, Run, UnavailableError
 from dualwinch.codegen import CompilerNotFoundError
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
-from dualwinch.simulation.batch.grid import Pairs
+from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.threads import run_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -104,7 +104,7 @@ def prepare_kernel_with(name: str, threads: int) -> Callable[[Case], Run]:
 
 def kernel(scenarios: list[Scenario], threads: int) -> Callable[[], object]:
     """A call of the compiled code alone for some scenarios, on some threads."""
-    pairs = Pairs([], np.empty((1, 0)), scenarios)
+    pairs = ParameterScenarioGrid([], np.empty((1, 0)), scenarios)
     run, jobs = compile_batch(pairs.loop), []
     for first in range(0, len(scenarios), LANES):
         chosen = np.resize(pairs.indices[first : first + LANES], (LANES, 2))

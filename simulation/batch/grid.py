@@ -1,4 +1,4 @@
-"""Sets of parameters in scenarios: what a compiled rollout needs of each pair."""
+"""The parameter–scenario grid: every set of parameters with every scenario, as a compiled rollout takes each pair."""
 
 from collections.abc import Iterable, Sequence
 
@@ -17,7 +17,7 @@ from dualwinch.simulation.metrics.metric import Metric
 Floats = NDArray[np.float64]
 
 
-class Pairs:
+class ParameterScenarioGrid:
     """Every set of parameters (n) with every scenario (m).
 
     Attributes:
@@ -37,22 +37,22 @@ class Pairs:
         """
         self.names, self.values = tuple(names), np.asarray(parameters, float)
         self._scenarios = scenarios
-        self._families = kin = check_batch(self.names, self.values, scenarios)
-        shared = [family.experiment for family in kin]
-        drawn = frozenset[str]().union(*(family.drawn for family in kin))
-        there = {key for family in kin for key, column in family.columns.items() if column.any()}
+        self._groups = groups = check_batch(self.names, self.values, scenarios)
+        shared = [group.experiment for group in groups]
+        drawn = frozenset[str]().union(*(group.drawn for group in groups))
+        there = {key for group in groups for key, column in group.columns.items() if column.any()}
         self.structure = structure_of(shared[0])
-        self.zeros = zeros_of(self.structure, *(family.numbers for family in kin), varying=[*names, *drawn])
+        self.zeros = zeros_of(self.structure, *(group.numbers for group in groups), varying=[*names, *drawn])
         self.zeros |= absent_signals(*shared, varying=there)
         self.loop = closed_loop(self.structure, self.zeros)
         self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
         self._vectors = np.empty((len(scenarios), len(self.loop.parameters)))
-        self._at = np.empty((len(scenarios), 2), np.int64)  # family, and number in it
-        for number, family in enumerate(kin):
-            self.loop.vector(family.numbers)
-            self._vectors[family.members] = family.vectors
-            self._at[family.members] = np.stack(np.broadcast_arrays(number, np.arange(len(family.members))), axis=1)
+        self._at = np.empty((len(scenarios), 2), np.int64)  # group, and number in it
+        for number, group in enumerate(groups):
+            self.loop.vector(group.numbers)
+            self._vectors[group.members] = group.vectors
+            self._at[group.members] = np.stack(np.broadcast_arrays(number, np.arange(len(group.members))), axis=1)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -98,11 +98,11 @@ class Pairs:
         chosen = np.array(list(scenarios))
         made: dict[int, Signals] = {}
         for number in set(self._at[chosen, 0].tolist()):
-            family = self._families[number]
+            group = self._groups[number]
             members = np.unique(self._at[chosen[self._at[chosen, 0] == number], 1])
-            columns = {key: column[members] for key, column in family.columns.items()}
-            sources = exogenous_sources(family.experiment, columns, len(members))
-            made |= zip(family.members[members].tolist(), sources, strict=True)
+            columns = {key: column[members] for key, column in group.columns.items()}
+            sources = exogenous_sources(group.experiment, columns, len(members))
+            made |= zip(group.members[members].tolist(), sources, strict=True)
         return [made[j] for j in chosen.tolist()]
 
     def experiment(self, j: int) -> Experiment:
@@ -115,4 +115,4 @@ class Pairs:
 
     @property
     def _shared(self) -> Experiment:
-        return self._families[0].experiment
+        return self._groups[0].experiment

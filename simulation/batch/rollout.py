@@ -1,23 +1,27 @@
 """Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.model.disturbance import given_signals
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.grid import Pairs
-from dualwinch.simulation.batch.scenarios import Progress, Scenarios, run_in_groups
+from dualwinch.model.errors import ConfigurationError, UnknownNameError
+from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.batch.grid import ParameterScenarioGrid
+from dualwinch.simulation.batch.scenarios import Progress, Scenarios, run_by_structure
 from dualwinch.simulation.batch.threads import cores, run_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
-from dualwinch.simulation.metrics.metrics import final_states, metrics_of
+from dualwinch.simulation.metrics.metric import MetricQuantity
+from dualwinch.simulation.metrics.metrics import final_states, metric_quantities, metrics_of
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run, words_of
 from dualwinch.simulation.scenario import Scenario
 
@@ -79,13 +83,95 @@ def rollout(
         raise ConfigurationError(f"most_slack = {most_slack:g}: must be a share, 0 to 1")
 
     def run(together: Scenarios, report: Progress) -> BatchResult:
-        return _rollout(Pairs(names, parameters, together), stride, most_slack, threads, report)
+        return _rollout(ParameterScenarioGrid(names, parameters, together), stride, most_slack, threads, report)
 
-    return run_in_groups(run, scenarios, progress)
+    return run_by_structure(run, scenarios, progress)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunGrid(RunOutcomes):
+    """What came of an experiment over a grid of some of its values.
+
+    Attributes:
+        interrupted: whether an interrupt ended the runs; those it left out have the outcome ``not_run``.
+        experiment: what all other values are from.
+        keys: what was varied, an axis of the grid each.
+        values: the values of each key, in its axis' order.
+        quantities: key → unit and meaning.
+    """
+
+    interrupted: bool
+    experiment: Experiment
+    keys: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...]
+    quantities: Mapping[str, Quantity]
+
+    @property
+    def merits(self) -> dict[str, MetricQuantity]:
+        """Figure of merit → what it is."""
+        return metric_quantities(self.experiment.metrics)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each key."""
+        return tuple(map(len, self.values))
+
+    def at(self, key: str, value: Any) -> Self:
+        """The part of the sweep with one value of a key, which is no axis any more.
+
+        Raises:
+            UnknownNameError: the key was not varied.
+            ConfigurationError: the value was not among its values.
+        """
+        if key not in self.keys:
+            raise UnknownNameError(f"'{key}' was not swept; did you mean '{nearest(key, self.keys)}'?")
+        axis = self.keys.index(key)
+        if value not in self.values[axis]:
+            raise ConfigurationError(f"{key} = {value}: must be one of {', '.join(map(str, self.values[axis]))}")
+        index = self.values[axis].index(value)
+        return replace(
+            self.take(index, axis),
+            experiment=with_leaves(self.experiment, {key: value}),
+            keys=(*self.keys[:axis], *self.keys[axis + 1 :]),
+            values=(*self.values[:axis], *self.values[axis + 1 :]),
+        )
+
+    def __repr__(self) -> str:
+        axes = ", ".join(f"{key}: {len(values)}" for key, values in zip(self.keys, self.values, strict=True))
+        ends = ", ".join(f"{count} {word}" for word, count in sorted(self.outcome_counts.items()))
+        return f"{type(self).__name__}({axes}; {ends})"
+
+
+def run_grid(
+    experiments: NDArray[np.object_],
+    *,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> BatchResult:
+    """Run experiments, side by side in vector lanes those that are of one structure, length and sample time.
+
+    Args:
+        experiments: an `Experiment` each, or a `Scenario`, in any shape.
+        threads: default: one a core.
+        progress: called now and then with the share that is done.
+
+    Returns:
+        The runs, in that shape; an interrupt (Ctrl-C) leaves what is finished, and ``not_run`` for the rest.
+
+    Raises:
+        ConfigurationError: the values of an experiment do not fit together.
+        DualwinchError: no compiler, or no usable cache folder.
+    """
+
+    def run(together: Scenarios, report: Progress) -> BatchResult:
+        return rollout([], np.empty((1, 0)), together, threads=threads, progress=report)
+
+    found = run_by_structure(run, experiments.ravel().tolist(), progress, alike=False)
+    return found.take(0, axis=0).reshape(experiments.shape)
 
 
 def _rollout(
-    pairs: Pairs, stride: int, most_slack: float | None, threads: int | None, progress: Progress
+    pairs: ParameterScenarioGrid, stride: int, most_slack: float | None, threads: int | None, progress: Progress
 ) -> BatchResult:
     loop, samples = pairs.loop, pairs.samples
     slack = loop.states.index("metrics.slack")

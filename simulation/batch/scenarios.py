@@ -1,4 +1,9 @@
-"""Families: scenarios of a batch that share an experiment and differ in columns of plain numbers."""
+"""Scenarios of a batch, grouped: by what they share, to be checked as columns, and by structure, to be run.
+
+Scenarios that share an experiment and differ in plain numbers alone are a `ScenarioGroup`: their numbers are columns,
+which are checked as a whole; only members that may be out of range are shown to `check`, whose message names what is
+wrong. What one compiled loop can run is of one structure (`run_by_structure`).
+"""
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -31,17 +36,19 @@ from dualwinch.simulation.loop.structure import (
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Scenarios = Sequence[Experiment | Scenario]
 
 IN_COMMON = frozenset({Mark.TIMING, Mark.SHAPES_CODE, Mark.SHAPES_CODE_AT_ZERO})
-"""Marks of numbers that are the same in a whole family."""
+"""Marks of numbers that are the same in a whole group."""
 
 GROUPS_IN_COMMON = ("controller.", "reference.", "metrics.", "plant.track.")
 """What the keys of others begin with: of what a controller believes, and of where a run goes, more follows."""
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class ScenarioGroup:
     """Scenarios that share an experiment and differ in plain numbers.
 
     Attributes:
@@ -73,42 +80,42 @@ class Family:
         return vectors
 
     @property
-    def groups(self) -> dict[str, Any]:
-        """Field of an experiment → the group there, with columns for its numbers."""
+    def with_columns(self) -> dict[str, Any]:
+        """Field of an experiment → its value, with columns for its numbers."""
         held = {field.name: getattr(self.experiment, field.name) for field in fields(Experiment)}
         return {
-            name: with_leaves(group, self.columns, f"{name}.") for name, group in held.items() if is_dataclass(group)
+            name: with_leaves(value, self.columns, f"{name}.") for name, value in held.items() if is_dataclass(value)
         }
 
 
-def families(scenarios: Scenarios) -> list[Family]:
-    """Scenarios as families; mostly there is one.
+def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
+    """Scenarios as scenario_groups; mostly there is one.
 
     Words, and numbers from which more follows than what they are in the compiled code and in random signals, are the
-    same in a family.
+    same in a group.
 
     Raises:
         ConfigurationError: such a value is out of its range; the message names the scenario.
     """
-    found: list[Family] = []
+    found: list[ScenarioGroup] = []
     for places in _grouped(range(len(scenarios)), map(_likeness, scenarios)):
         first = scenarios[places[0]]
         if isinstance(first, Experiment):
-            found.append(Family(np.array(places), first, None, frozenset(), {}))
+            found.append(ScenarioGroup(np.array(places), first, None, frozenset(), {}))
         else:
             found += _of_draws({place: given for place in places if isinstance(given := scenarios[place], Scenario)})
     return found
 
 
-def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[Family]:
-    """The families of draws of one experiment, by their places, in which the same values are words."""
+def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
+    """The scenario_groups of draws of one experiment, by their places, in which the same values are words."""
     place, first = next(iter(drawn.items()))
     shaped = _having(first, place, [key for key, value in first.draws.items() if not _is_number(value)])
     plain = plain_numbers(shaped)
     columns = [key for key in first.draws if key in plain]
     others = [key for key in first.draws if key not in plain]
     for places in _grouped(drawn, (tuple(given.draws[key] for key in others) for given in drawn.values())):
-        yield Family(
+        yield ScenarioGroup(
             members=np.array(places),
             experiment=_having(drawn[places[0]], places[0], others),
             nominal=first.nominal,
@@ -154,7 +161,7 @@ def name_of(given: Experiment | Scenario, place: int) -> str:
 
 
 def plain_numbers(experiment: Experiment) -> frozenset[str]:
-    """Keys of an experiment's numbers in which scenarios of a family may differ."""
+    """Keys of an experiment's numbers in which scenarios of a group may differ."""
     others = (*GROUPS_IN_COMMON, *(f"disturbance.{name}." for name in given_signals(experiment.disturbance)))
     if is_automatic(experiment):
         others += ("plant.",)
@@ -167,39 +174,37 @@ def _is_plain(leaf: Leaf) -> bool:
     return leaf.kind in {float, int} and not leaf.optional and leaf.marks.isdisjoint(IN_COMMON)
 
 
-Flags = NDArray[np.bool_]
-
 BOUNDS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
 """Bound of a constraint of `annotated_types` → what holds between a value and it."""
 
 
-def doubtful(family: Family) -> Flags:
+def doubtful(group: ScenarioGroup) -> Flags:
     """(members,) whether each is to be looked at by itself."""
-    if not family.columns:
-        return np.ones(len(family.members), bool)
+    if not group.columns:
+        return np.ones(len(group.members), bool)
     try:
-        check(family.experiment)
+        check(group.experiment)
     except ConfigurationError:  # its members may be sound all the same
-        return np.ones(len(family.members), bool)
-    known, doubts = describe_parts(family.experiment), np.zeros(len(family.members), bool)
-    for key, column in family.columns.items():
+        return np.ones(len(group.members), bool)
+    known, doubts = describe_parts(group.experiment), np.zeros(len(group.members), bool)
+    for key, column in group.columns.items():
         doubts |= out_of_range(known[key], column)
     if not doubts.any():
-        for doubt in _doubts(family):
+        for doubt in _doubts(group):
             doubts |= doubt
     return doubts
 
 
-def _doubts(family: Family) -> Iterator[Any]:
+def _doubts(group: ScenarioGroup) -> Iterator[Any]:
     """What cannot be told from one column alone: rules, sub-steps, states to start from."""
-    groups = family.groups
-    for name, group in groups.items():
-        for _, owner, rule in rules(group, f"{name}."):
+    with_columns = group.with_columns
+    for name, value in with_columns.items():
+        for _, owner, rule in rules(value, f"{name}."):
             yield breaks(rule, owner)
-    simulation = family.experiment.simulation
-    if not is_automatic(family.experiment):
-        yield ~(substeps_for(fastest_swing(groups["plant"]), simulation) <= simulation.substeps)
-    first = starts(structure_of(family.experiment), family.vectors)
+    simulation = group.experiment.simulation
+    if not is_automatic(group.experiment):
+        yield ~(substeps_for(fastest_swing(with_columns["plant"]), simulation) <= simulation.substeps)
+    first = starts(structure_of(group.experiment), group.vectors)
     yield ~np.isfinite(first).all(axis=1)
 
 
@@ -224,19 +229,16 @@ def out_of_range(leaf: Leaf, column: NDArray[Any]) -> Flags:
     return wrong
 
 
-Floats = NDArray[np.float64]
-
-
-def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> list[Family]:
-    """The scenarios of a batch as families.
+def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> list[ScenarioGroup]:
+    """The scenarios of a batch, checked, as groups.
 
     Raises:
         ConfigurationError: it cannot be run as asked; see `simulation.batch.rollout.rollout`.
     """
     if not scenarios:
         raise ConfigurationError("scenarios: must be at least one experiment")
-    kin = families(scenarios)
-    first = kin[0].experiment
+    groups = scenario_groups(scenarios)
+    first = groups[0].experiment
     structure = structure_of(first)
     described = described_parameters(structure)
     known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
@@ -247,13 +249,13 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
     columns = dict(zip(names, values.T, strict=True))
     _check_bounds(columns, described)
     scaling = [name for name in names if Mark.SCALES_DRAWS in described[name].marks]
-    for family in kin:
-        _check_family(family, scenarios, scaling)
-        if structure_of(family.experiment) != structure or family.experiment.samples != first.samples:
-            place = family.members[0]
+    for group in groups:
+        _check_group(group, scenarios, scaling)
+        if structure_of(group.experiment) != structure or group.experiment.samples != first.samples:
+            place = group.members[0]
             raise ConfigurationError(f"scenarios[{place}]: must have the structure and the length of scenarios[0]")
-    _check_together(columns, kin, scenarios, structure)
-    return kin
+    _check_together(columns, groups, scenarios, structure)
+    return groups
 
 
 def check_shape(names: Sequence[str], values: Floats) -> None:
@@ -262,18 +264,18 @@ def check_shape(names: Sequence[str], values: Floats) -> None:
         raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
 
 
-def _check_family(family: Family, scenarios: Scenarios, scaling: Iterable[str]) -> None:
+def _check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[str]) -> None:
     """Members in doubt are shown to `check`, which has the words for what is wrong with them."""
-    for place in family.members[doubtful(family)]:
+    for place in group.members[doubtful(group)]:
         try:
             check(experiment_of(scenarios[place]))
         except ConfigurationError as error:
             raise ConfigurationError(f"{name_of(scenarios[place], place)}: {error}") from error
     for name in scaling:
-        values = family.columns[name] if name in family.columns else leaves(family.experiment)[name]
-        silent = np.broadcast_to(values == 0, len(family.members))
+        values = group.columns[name] if name in group.columns else leaves(group.experiment)[name]
+        silent = np.broadcast_to(values == 0, len(group.members))
         if silent.any():  # what is drawn is drawn for the scenario, and without any there is nothing to scale
-            place = family.members[silent.argmax()]
+            place = group.members[silent.argmax()]
             where = name_of(scenarios[place], place)
             raise ConfigurationError(f"{where}: {name} = 0: must be > 0 where it varies (without it nothing is drawn)")
 
@@ -294,7 +296,7 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
 
 
 def _check_together(
-    columns: Mapping[str, Floats], kin: Sequence[Family], scenarios: Scenarios, structure: Structure
+    columns: Mapping[str, Floats], groups: Sequence[ScenarioGroup], scenarios: Scenarios, structure: Structure
 ) -> None:
     """Rules between values: rows that break one are shown to `check`, which has the words for it."""
     if not columns:
@@ -304,7 +306,7 @@ def _check_together(
     if whole_plant:  # ropes, drums and loads of each scenario
         suspects = [(place, range(rows)) for place in range(len(scenarios))]
     else:
-        first = {family.experiment.controller: family.members[0] for family in reversed(kin)}
+        first = {group.experiment.controller: group.members[0] for group in reversed(groups)}
         suspects = [(place, _breaking(controller, columns)) for controller, place in first.items()]
     described = described_parameters(structure)
     for place, chosen in suspects:
@@ -322,8 +324,8 @@ def _check_together(
 def _breaking(controller: Controller, columns: Mapping[str, Floats]) -> Iterable[int]:
     """Rows that break a rule of a controller."""
     broken = np.zeros(len(next(iter(columns.values()))), bool)
-    for _, group, rule in rules(with_leaves(controller, columns, "controller.")):
-        broken |= breaks(rule, group)
+    for _, owner, rule in rules(with_leaves(controller, columns, "controller.")):
+        broken |= breaks(rule, owner)
     return np.flatnonzero(broken)
 
 
@@ -353,27 +355,39 @@ class Interruptible(Protocol):
 Result = TypeVar("Result", bound=Interruptible)
 
 
-def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scenarios, progress: Progress) -> Result:
-    """The result of a batch, of groups of scenarios with the same sub-steps each: no pair depends on its neighbours.
+def run_by_structure(
+    run: Callable[[Scenarios, Progress], Result], scenarios: Scenarios, progress: Progress, *, alike: bool = True
+) -> Result:
+    """The result of a batch whose scenarios are run structure by structure: no pair depends on its neighbours.
+
+    One compiled loop runs scenarios of one structure, length and sample time. The sub-steps are part of the structure:
+    they follow from the laws of the ropes.
 
     Args:
         run: gives the result of scenarios that go together; a dataclass of arrays (n, m, ...) and dictionaries of such.
         scenarios: m of them.
         progress: called now and then with the share that is done.
+        alike: whether structures may differ in their sub-steps only.
 
     Raises:
-        ConfigurationError: scenarios of different groups do not go together.
+        ConfigurationError: scenarios differ in more than their sub-steps, and may not.
     """
-    groups: dict[int, list[int]] = {}
-    for family in families(scenarios):
-        experiment = family.experiment
-        substeps = solver_of(experiment).substeps if is_automatic(experiment) else 0
-        groups.setdefault(substeps, []).extend(family.members.tolist())
-    if len(groups) <= 1:
+    places: dict[tuple[Structure, int, float], list[int]] = {}
+    for group in scenario_groups(scenarios):
+        experiment = group.experiment
+        shape = structure_of(experiment), experiment.samples, experiment.simulation.sample_time
+        places.setdefault(shape, []).extend(group.members.tolist())
+    if len(places) <= 1:
         return run(scenarios, progress)
-    _check_alike(scenarios, [indices[0] for indices in groups.values()])
+    if alike:
+        shapes = [(replace(structure, substeps=0), *rest) for structure, *rest in places]
+        for shape, indices in zip(shapes, places.values(), strict=True):
+            if shape != shapes[0]:
+                raise ConfigurationError(
+                    f"scenarios[{indices[0]}]: must have the structure and the length of scenarios[0], and its sample time"
+                )
     results, done = [], 0
-    for indices in groups.values():
+    for indices in places.values():
         if results and results[-1].interrupted:
             results.append(_left_out(results[-1], len(indices)))
             continue
@@ -384,15 +398,7 @@ def run_in_groups(run: Callable[[Scenarios, Progress], Result], scenarios: Scena
 
         results.append(run([scenarios[index] for index in indices], report))
         done += len(indices)
-    return _merged(results, list(groups.values()))
-
-
-def _check_alike(scenarios: Scenarios, indices: list[int]) -> None:
-    experiments = [experiment_of(scenarios[index]) for index in indices]
-    shapes = [(replace(structure_of(experiment), substeps=0), experiment.samples) for experiment in experiments]
-    for index, shape in zip(indices, shapes, strict=True):
-        if shape != shapes[0]:
-            raise ConfigurationError(f"scenarios[{index}]: must have the structure and the length of scenarios[0]")
+    return _merged(results, list(places.values()))
 
 
 def _left_out(result: Any, count: int) -> Any:

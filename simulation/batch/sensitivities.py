@@ -1,4 +1,4 @@
-"""Which numbers of an experiment runs can be differentiated by, and why not by others."""
+"""How runs change with their numbers: exact derivatives of the error, of other columns and of the figures of merit."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,8 +15,8 @@ from dualwinch.model.motions import Setpoint, later
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, nearest
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.batch.grid import Pairs
-from dualwinch.simulation.batch.scenarios import Progress, Scenarios, check_shape, experiment_of, run_in_groups
+from dualwinch.simulation.batch.grid import ParameterScenarioGrid
+from dualwinch.simulation.batch.scenarios import Progress, Scenarios, check_shape, experiment_of, run_by_structure
 from dualwinch.simulation.batch.threads import run_all
 from dualwinch.simulation.check import check
 from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
@@ -108,7 +108,7 @@ class TangentSeeds:
         """Check that everything goes together.
 
         Raises:
-            ConfigurationError: as by `Pairs`, or there is no derivative by a number.
+            ConfigurationError: as by `ParameterScenarioGrid`, or there is no derivative by a number.
         """
         self.names, self._values = tuple(names), np.asarray(parameters, float)
         if not names:
@@ -120,7 +120,9 @@ class TangentSeeds:
             check_differentiable(names, first)
             loop = described_parameters(structure_of(first))
             taken = [name for name in names if name in loop or not shaped_by(name)]
-        self.pairs = Pairs(taken, self._values[:, [self.names.index(name) for name in taken]], scenarios)
+        self.pairs = ParameterScenarioGrid(
+            taken, self._values[:, [self.names.index(name) for name in taken]], scenarios
+        )
         self._shaped = {name: signals for name in self.names if (signals := shaped_by(name))}
         self.signals = tuple(dict.fromkeys(signal for signals in self._shaped.values() for signal in signals))
         if self._shaped:
@@ -241,7 +243,7 @@ def sensitivities(
         seeds, asked = TangentSeeds(names, parameters, together), tuple(dict.fromkeys(columns))
         return _sensitivities(seeds, asked, stride, threads, report)
 
-    return run_in_groups(run, scenarios, progress)
+    return run_by_structure(run, scenarios, progress)
 
 
 def compile_ahead(names: Sequence[str], values: Sequence[float], scenario: Experiment | Scenario) -> None:

@@ -1,4 +1,4 @@
-"""Runs many jobs on threads; compiled code works there without Python's lock."""
+"""Jobs on threads, as many as there are cores: compiled code works there without Python's lock."""
 
 import os
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Paired statistics: controllers that ran in the same scenarios, with confidence intervals on their differences."""
+"""Controllers in the same scenarios of an ensemble: paired statistics, with confidence intervals on the differences."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""A named statistic of a figure of merit over scenarios: ``mean.mse``, ``p95.chatter``, ``worst.peak_tension``."""
+"""The result of an ensemble: what each scenario came to, statistics such as ``mean.mse``, and files."""
 
 import json
 from collections import Counter

@@ -1,4 +1,4 @@
-"""Gathers finished scenarios into a result; each takes about 1 kB, however long its run was."""
+"""Run an ensemble: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
 
 from array import array
 from collections.abc import Callable, Generator, Iterable, Iterator

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tables import readable, readable_unit
-from dualwinch.simulation.batch.sweep import Grid
+from dualwinch.simulation.batch.rollout import RunGrid
 from dualwinch.simulation.plots.page import GivenAxes, Page, scenario
 from dualwinch.simulation.plots.style import BLUE, INK, LIGHT, VERMILION, house_style, law_label
 
@@ -101,7 +101,7 @@ WRITTEN = 60
 """Most cells that have their numbers written in them."""
 
 
-def sweep_figure(found: Grid, metric: str, *, ax: GivenAxes = None) -> Figure:
+def sweep_figure(found: RunGrid, metric: str, *, ax: GivenAxes = None) -> Figure:
     """Draw a sweep; see `Sweep.plot`.
 
     Raises:

@@ -240,7 +240,7 @@ def test_a_problem_runs_nothing(make_problem: MakeProblem, monkeypatch: pytest.M
     def refuse(*_: object, **__: object) -> object:
         raise RunError
 
-    monkeypatch.setattr("dualwinch.simulation.batch.rollout.Pairs", refuse)
+    monkeypatch.setattr("dualwinch.simulation.batch.rollout.ParameterScenarioGrid", refuse)
     problem = make_problem()
     problem.check()
     assert problem.drawn(2, 1) != problem.drawn(2, 1, problem.paper_experiment)

@@ -8,8 +8,8 @@ import numpy as np
 from dualwinch.codegen.drivers.batch import compile_batch
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.grid import Pairs
-from dualwinch.simulation.batch.sweep import run_grid
+from dualwinch.simulation.batch.grid import ParameterScenarioGrid
+from dualwinch.simulation.batch.rollout import run_grid
 from dualwinch.simulation.batch.threads import map_all
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -52,7 +52,7 @@ class ScaledRunner:
             KeyboardInterrupt: interrupted.
         """
         first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
-        loops = dict.fromkeys(Pairs([], np.empty((1, 0)), [scenario]).loop for scenario in first)
+        loops = dict.fromkeys(ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first)
         map_all(compile_batch, list(loops), self._threads)
 
     def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[ScaledRuns]:

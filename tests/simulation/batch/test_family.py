@@ -1,4 +1,4 @@
-"""Scenarios as families: columns of plain numbers, and all else in common."""
+"""Scenarios as scenario_groups: columns of plain numbers, and all else in common."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,7 +9,7 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.scenarios import doubtful, experiment_of, families
+from dualwinch.simulation.batch.scenarios import doubtful, experiment_of, scenario_groups
 from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
@@ -31,7 +31,7 @@ def drawing(ensemble: Ensemble, **distributions: Any) -> Ensemble:
 @pytest.mark.parametrize("ensemble", [SEA, RIG], ids=["sea", "rig"])
 def test_an_ensemble_is_one_family_with_the_parameters_of_its_scenarios(ensemble: Ensemble) -> None:
     scenarios = ensemble.chosen(range(9), 7)
-    (family,) = families(scenarios)
+    (family,) = scenario_groups(scenarios)
     assert family.experiment is ensemble.experiment
     assert family.members.tolist() == list(range(9))
     assert not any("experiment" in vars(scenario) for scenario in scenarios), "none was made"
@@ -49,7 +49,7 @@ def test_scenarios_of_a_family_receive_the_signals_of_their_experiments() -> Non
         plant__vehicle__normal_force=Uniform(4e3, 5e3),
     )
     scenarios = sea.chosen(range(8), 7)
-    (family,) = families(scenarios)
+    (family,) = scenario_groups(scenarios)
     sources = exogenous_sources(family.experiment, family.columns, len(scenarios))
     for scenario, signals in zip(scenarios, sources, strict=True):
         alone = exogenous_signals(scenario.experiment)
@@ -65,7 +65,7 @@ def test_what_more_follows_from_is_the_same_in_a_family() -> None:
         "controller__observer__l0": Choice((5.0, 8.0)),
     }
     scenarios = [*drawing(SEA, **apart).chosen(range(40), 7), case(4), case(4)]
-    found = families(scenarios)
+    found = scenario_groups(scenarios)
     assert len(found) == 2**3 + 2
     assert sorted(member for family in found for member in family.members) == list(range(42))
     for family in found:
@@ -121,7 +121,7 @@ def test_scenarios_that_nobody_may_run_are_found_and_named(key: str) -> None:
 
 
 def test_sound_scenarios_are_not_looked_at_one_by_one() -> None:
-    (family,) = families(RIG.chosen(range(64), 7))
+    (family,) = scenario_groups(RIG.chosen(range(64), 7))
     assert not doubtful(family).any()
 
 
