@@ -89,7 +89,7 @@ class ScenarioGroup:
 
 
 def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
-    """Scenarios as scenario_groups; mostly there is one.
+    """Scenarios as groups; mostly there is one.
 
     Words, and numbers from which more follows than what they are in the compiled code and in random signals, are the
     same in a group.
@@ -108,7 +108,7 @@ def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
 
 
 def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
-    """The scenario_groups of draws of one experiment, by their places, in which the same values are words."""
+    """The groups of draws of one experiment, by their places, in which the same values are words."""
     place, first = next(iter(drawn.items()))
     shaped = _having(first, place, [key for key, value in first.draws.items() if not _is_number(value)])
     plain = plain_numbers(shaped)
@@ -383,8 +383,9 @@ def run_by_structure(
         shapes = [(replace(structure, substeps=0), *rest) for structure, *rest in places]
         for shape, indices in zip(shapes, places.values(), strict=True):
             if shape != shapes[0]:
+                where = f"scenarios[{indices[0]}]"
                 raise ConfigurationError(
-                    f"scenarios[{indices[0]}]: must have the structure and the length of scenarios[0], and its sample time"
+                    f"{where}: must have the structure and the length of scenarios[0], and its sample time"
                 )
     results, done = [], 0
     for indices in places.values():
