@@ -35,10 +35,10 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.model.reference import Reference, cruise_speed, own_duration
 from dualwinch.simulation.batch.threads import run_all
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
@@ -445,7 +445,7 @@ def _present_motion(experiment: Experiment, duration: float) -> Experiment:
     """The experiment's own motion for the same time; for its own where it would leave the track by then."""
     longer = with_motion(experiment, experiment.reference, duration)
     try:
-        check(longer)
+        prepare(longer)
     except ConfigurationError:
         return with_motion(experiment, experiment.reference, min(own_duration(experiment.reference), duration))
     return longer

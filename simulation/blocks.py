@@ -32,11 +32,11 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.scalar import Scalar
-from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_loop_state, nothing_from_outside, starting_state
-from dualwinch.simulation.loop.structure import described_parameters, parameters_of, solver_of, structure_of
+from dualwinch.simulation.loop.structure import described_parameters, solver_of, structure_of
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.rows import COLUMNS
 
 Scalars: TypeAlias = dict[str, Scalar]
@@ -273,8 +273,7 @@ def block(name: str, experiment: Experiment | None = None, nominal: Plant | None
             f"unknown block '{name}': must be {', '.join(BLOCKS)}; did you mean '{nearest(name, BLOCKS)}'?"
         )
     experiment = experiment or Experiment()
-    check(experiment)
-    values = parameters_of(experiment, nominal)
+    values = prepare(experiment, nominal).parameters
     symbols = {name: ca.SX.sym(name) for name in values}
     controller = experiment.controller
     law = f"{controller.law.kind} control, {controller.coordination.kind} coordination"

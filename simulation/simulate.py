@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.plant import Plant
-from dualwinch.simulation.check import check, check_memory
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.engine import EngineName, engine_of
-from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.metrics.metrics import metrics_of
+from dualwinch.simulation.prepare import check_memory, prepare
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.results.result import Result
 
@@ -47,14 +45,11 @@ def simulate(
         ConfigurationError: the experiment's values do not fit together, or its rows not into memory.
         DualwinchError: no compiler, or no usable cache folder.
     """
-    check(experiment)
-    values = parameters_of(experiment, nominal)
-    structure = structure_of(experiment)
-    loop = closed_loop(structure, zeros_of(structure, values) | absent_signals(experiment))
+    prepared = prepare(experiment, nominal)
+    loop = prepared.loop
     check_memory(experiment.samples, stride, len(loop.columns))
     run = engine_of(loop, engine)
-    parameters = loop.vector(values)
-    state = np.array(list(initial_state_of(experiment).values()))
+    parameters, state = loop.vector(prepared.parameters), prepared.state
     kept: list[NDArray[np.float64]] = []
     outcome, done = Outcome.COMPLETED, 0
     for piece in exogenous_pieces(experiment, max(PIECE // max(stride, 1), 1) * max(stride, 1)):

@@ -17,8 +17,8 @@ import numpy as np
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, shown
 from dualwinch.simulation.batch.rollout import run_grid
-from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import current, leaf_of, override
 
 
@@ -112,7 +112,7 @@ def _point(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     """The experiment of a point of the grid, checked."""
     try:
         made = override(experiment, values)
-        check(made)
+        prepare(made)
     except ConfigurationError as error:
         said, assignments = str(error), [f"{key} = {shown(value)}" for key, value in values.items()]
         if said.startswith(("unknown key", *assignments)):

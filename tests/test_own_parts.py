@@ -27,11 +27,11 @@ from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
-from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -150,7 +150,7 @@ def test_their_ranges_and_rules_are_checked() -> None:
         Experiment(controller=Controller(law=StateFeedback(0.0)))
     leaking = Experiment(controller=Controller(law=StateFeedback(1.0, leak=2.0)))
     with pytest.raises(ConfigurationError, match=r"^controller\.state_feedback\.bandwidth = 1: must be > contr"):
-        check(leaking)
+        prepare(leaking)
     with pytest.raises(ConfigurationError, match=r"^parameters\[1\]: controller\.state_feedback\.bandwidth = 1: must"):
         rollout([BANDWIDTH], [[3.0], [1.0]], [override(EXPERIMENT, {"controller.state_feedback.leak": 2})])
 

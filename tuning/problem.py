@@ -9,11 +9,11 @@ from itertools import product
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import baseline_controller
 from dualwinch.tuning.constraints import Constraint, MarginStatistic
@@ -63,14 +63,14 @@ class TuningProblem:
         """The seed of a named random stream: `TRAINING`, `VALIDATION`, `TEST` or `SEARCH`, maybe with a number."""
         return named_seed(self.seed, name)
 
-    def check(self) -> None:
+    def prepare(self) -> None:
         """Find out now whether the start makes sense.
 
         Raises:
             ConfigurationError: values that do not fit together, a start outside of the bounds, or bounds that do
                 not fit together.
         """
-        check(self.experiment)
+        prepare(self.experiment)
         for dimension in self.space.dimensions:
             start = self.start[dimension.name]
             if not dimension.holds(start):
@@ -82,7 +82,7 @@ class TuningProblem:
                 )
         for point in self._limits():
             try:
-                check(self.tuned(point))
+                prepare(self.tuned(point))
             except ConfigurationError as error:
                 raise ConfigurationError(f"space: bounds that do not go together: {error}") from error
 

@@ -12,9 +12,9 @@ from dualwinch.commands.sweep_run import writer
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.batch.sensitivities import differentiable_numbers, sensitivities
-from dualwinch.simulation.check import check_memory
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import BUILT_IN
+from dualwinch.simulation.prepare import check_memory
 from dualwinch.simulation.settings import current
 
 

@@ -24,10 +24,10 @@ from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Creep
-from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import CUTS, ClosedLoop, closed_loop, start_function
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
+from dualwinch.simulation.prepare import prepare
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -157,7 +157,7 @@ def loop_operating_point(
             with which nothing is steady.
     """
     calm = in_calm(experiment)
-    check(calm)
+    prepare(calm)
     limits, needed = calm.controller.limits, resistance(v, DisturbanceInputs(), calm.plant)
     if not abs(needed) < limits.force:
         raise ConfigurationError(

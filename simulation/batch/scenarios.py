@@ -1,7 +1,7 @@
 """Scenarios of a batch, grouped: by what they share, to be checked as columns, and by structure, to be run.
 
 Scenarios that share an experiment and differ in plain numbers alone are a `ScenarioGroup`: their numbers are columns,
-which are checked as a whole; only members that may be out of range are shown to `check`, whose message names what is
+which are checked as a whole; only members that may be out of range are shown to `prepare`, whose message names what is
 wrong. What one compiled loop can run is of one structure (`run_by_structure`).
 """
 
@@ -22,7 +22,6 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, nearest
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
-from dualwinch.simulation.check import check, fastest_swing, substeps_for
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import starts
 from dualwinch.simulation.loop.structure import (
@@ -33,6 +32,7 @@ from dualwinch.simulation.loop.structure import (
     solver_of,
     structure_of,
 )
+from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 
@@ -183,7 +183,7 @@ def doubtful(group: ScenarioGroup) -> Flags:
     if not group.columns:
         return np.ones(len(group.members), bool)
     try:
-        check(group.experiment)
+        prepare(group.experiment)
     except ConfigurationError:  # its members may be sound all the same
         return np.ones(len(group.members), bool)
     known, doubts = describe_parts(group.experiment), np.zeros(len(group.members), bool)
@@ -265,10 +265,10 @@ def check_shape(names: Sequence[str], values: Floats) -> None:
 
 
 def _check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[str]) -> None:
-    """Members in doubt are shown to `check`, which has the words for what is wrong with them."""
+    """Members in doubt are shown to `prepare`, which has the words for what is wrong with them."""
     for place in group.members[doubtful(group)]:
         try:
-            check(experiment_of(scenarios[place]))
+            prepare(experiment_of(scenarios[place]))
         except ConfigurationError as error:
             raise ConfigurationError(f"{name_of(scenarios[place], place)}: {error}") from error
     for name in scaling:
@@ -298,7 +298,7 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
 def _check_together(
     columns: Mapping[str, Floats], groups: Sequence[ScenarioGroup], scenarios: Scenarios, structure: Structure
 ) -> None:
-    """Rules between values: rows that break one are shown to `check`, which has the words for it."""
+    """Rules between values: rows that break one are shown to `prepare`, which has the words for it."""
     if not columns:
         return
     rows = len(next(iter(columns.values())))
@@ -315,7 +315,7 @@ def _check_together(
             values = {name: _typed(described[name], column[row]) for name, column in columns.items()}
             changed = with_leaves(experiment_of(scenarios[place]), values)
             try:
-                check(changed)
+                prepare(changed)
                 _check_substeps(changed, structure)
             except ConfigurationError as error:
                 raise ConfigurationError(f"{where}: {error}") from error

@@ -18,7 +18,6 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, check_shape, experiment_of, run_by_structure
 from dualwinch.simulation.batch.threads import run_all
-from dualwinch.simulation.check import check
 from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
@@ -27,6 +26,7 @@ from dualwinch.simulation.loop.structure import Structure, described_parameters,
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
 from dualwinch.simulation.metrics.own import slopes_of
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.outcomes import WORDS, not_run
 from dualwinch.simulation.scenario import Scenario
 
@@ -131,7 +131,7 @@ class TangentSeeds:
 
     def _check(self, i: int, j: int) -> None:
         try:
-            check(experiment := self._receiving(i, j))
+            prepare(experiment := self._receiving(i, j))
             for name in self._shaped:
                 check_shaped(experiment, name)
         except ConfigurationError as error:

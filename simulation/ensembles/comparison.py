@@ -13,10 +13,10 @@ from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.metrics.metrics import BUILT_IN
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -328,7 +328,7 @@ def _with_controller(ensemble: Ensemble, name: str, controller: Controller) -> E
             )
     experiment = replace(ensemble.experiment, controller=controller)
     try:
-        check(experiment)
+        prepare(experiment)
     except ConfigurationError as error:
         raise ConfigurationError(f"{name}: {error}") from error
     return replace(ensemble, experiment=experiment)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
@@ -188,7 +188,7 @@ def run_ensemble(
         raise ConfigurationError(f"scenarios = {scenarios}: must be a whole number >= 1")
     if seed < 0:
         raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
-    check(ensemble.experiment)
+    prepare(ensemble.experiment)
     kept = Collector(ensemble)
     finished = rollout_scenarios(ensemble.scenarios(scenarios, seed), POINTS if traces else 0, workers)
     try:

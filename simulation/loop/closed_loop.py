@@ -224,10 +224,10 @@ def starting_state(
     return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(metrics)
 
 
-def initial_state_of(experiment: Experiment) -> dict[str, float]:
-    """`starting_state` of an experiment, as floats."""
+def initial_state_of(experiment: Experiment, structure: Structure | None = None) -> dict[str, float]:
+    """`starting_state` of an experiment as floats; of its structure, where that is known."""
     start = starting_state(
-        structure_of(experiment),
+        structure or structure_of(experiment),
         experiment.controller,
         experiment.plant,
         experiment.sensors,
@@ -304,7 +304,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     calm = nothing_from_outside(template.controller)
     queued = _queue_names(structure.delay_samples)
     vectors = {
-        "state": tuple(initial_state_of(template)),
+        "state": tuple(initial_state_of(template, structure)),
         "exogenous": tuple(leaves(calm)),
         "parameters": tuple(parameters_of(template)),
     }

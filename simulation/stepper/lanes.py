@@ -15,7 +15,6 @@ from dualwinch.codegen.drivers.stepping import Commanded, SteppedRuns, Stepping
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import nearest
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment
@@ -24,10 +23,10 @@ from dualwinch.simulation.loop.closed_loop import (
     absent_signals,
     closed_loop,
     exogenous_names,
-    initial_state_of,
 )
-from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, zeros_of
+from dualwinch.simulation.loop.structure import Structure, zeros_of
 from dualwinch.simulation.loop.zero_order_hold import named_function
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.stepper.commands import KINDS, CommandName, under_command
 
@@ -124,10 +123,10 @@ class Scenarios:
         self._base = given.experiment if isinstance(given, Ensemble) else given
         self._command: CommandName = command
         self.experiment = under_command(self._base, command)
-        check(self.experiment)
+        prepared = prepare(self.experiment)
         drawn = self.ensemble.drawn_keys if self.ensemble else ()
-        self._structure = structure_of(self.experiment)
-        self._zeros = zeros_of(self._structure, parameters_of(self.experiment), varying=drawn)
+        self._structure = prepared.structure
+        self._zeros = zeros_of(self._structure, prepared.parameters, varying=drawn)
         self._zeros |= absent_signals(self._base, varying=drawn)
         self.loop = closed_loop(self._structure, self._zeros)
 
@@ -187,11 +186,10 @@ class Scenarios:
     def _lane(self, scenario: Scenario) -> Lane:
         experiment = under_command(scenario.experiment, self._command)
         try:
-            check(experiment)
+            prepared = prepare(experiment, scenario.nominal)
         except ConfigurationError as error:
             raise ConfigurationError(f"scenario {scenario.index}: {error}") from error
-        parameters = self.loop.vector(parameters_of(experiment, scenario.nominal))
-        return Lane(scenario, experiment, parameters, np.array(list(initial_state_of(experiment).values())))
+        return Lane(scenario, experiment, self.loop.vector(prepared.parameters), prepared.state)
 
 
 @GRAPHS.cached

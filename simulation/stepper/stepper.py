@@ -14,11 +14,11 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.simulation.batch.threads import cores
-from dualwinch.simulation.check import check_memory
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import ClosedLoop
 from dualwinch.simulation.metrics.metrics import final_states, metrics_of
+from dualwinch.simulation.prepare import check_memory
 from dualwinch.simulation.results.outcomes import WORDS, words_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.scenario import Scenario

@@ -12,9 +12,9 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.robustness.limits import SHARE, unit_of, with_unit
 
@@ -270,7 +270,7 @@ class ScaledEnsemble:
                 if key in values and not self.known[key].admits(values[key]):
                     return f"{key}: must be {self.known[key].wanted}"
             try:
-                check(self.scenario(index, self._start.experiment.controller, sizes).experiment)
+                prepare(self.scenario(index, self._start.experiment.controller, sizes).experiment)
             except ConfigurationError as error:
                 return str(error)
         return ""

@@ -11,8 +11,8 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.rollout import run_grid
 from dualwinch.simulation.batch.threads import map_all
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.prepare import prepare
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.robustness.found import Breakdown, ImperfectionResult
 from dualwinch.tuning.robustness.imperfections import (
@@ -156,7 +156,7 @@ def stress(
 
 def _check(scaling: ScaledEnsemble, name: str, controller: Controller) -> None:
     try:
-        check(scaling.scenario(0, controller, {}).experiment)
+        prepare(scaling.scenario(0, controller, {}).experiment)
     except ConfigurationError as error:
         raise ConfigurationError(f"{name}: {error}") from error
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from dualwinch.identification.excitation import MotionLimits, motion_dimensions, motion_limits, motion_of, moves_in
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import own_duration, setpoint
-from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.prepare import prepare
 
 ROOM = MotionLimits(farthest=40.0, speed=1.5, acceleration=0.25, jerk=0.5, tension=6000.0)
 
@@ -31,7 +31,7 @@ def test_motions_keep_to_their_limits_and_are_over_in_time(seed: int, duration: 
     assert there.x.max() <= ROOM.farthest
     assert np.abs(there.v).max() <= ROOM.speed * (1 + 1e-9)
     assert np.abs(there.a).max() <= ROOM.acceleration * (1 + 1e-9)
-    check(replace(case(4), reference=reference))
+    prepare(replace(case(4), reference=reference))
 
 
 def test_where_nothing_moves_there_is_no_motion() -> None:

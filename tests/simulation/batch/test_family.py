@@ -10,13 +10,13 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.scenarios import doubtful, experiment_of, scenario_groups
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import override
 
 RIG = reset(load_ensemble("rig"), {"simulation.duration": 0.2})
@@ -105,7 +105,7 @@ def test_scenarios_that_nobody_may_run_are_found_and_named(key: str) -> None:
     wrong = []
     for scenario in ensemble.chosen(range(12), 7):
         try:
-            check(scenario.experiment)
+            prepare(scenario.experiment)
         except ConfigurationError as error:
             wrong.append(f"scenario {scenario.index}: {error}")
     if not message:
@@ -129,7 +129,7 @@ def test_an_ensemble_about_values_that_nobody_may_run_has_sound_scenarios() -> N
     """The experiment that scenarios share need not be one: what is wrong with it may be drawn."""
     base = override(SEA.experiment, {"plant.winch_1.eccentricity": 0.1, "plant.winch_1.drum_radius": 0.3})
     with pytest.raises(ConfigurationError, match="eccentricity"):
-        check(base)
+        prepare(base)
     sound = Ensemble("", "", base, {"plant.winch_1.eccentricity": Drawn(Uniform(0, 1e-4))})
     result = rollout([], [[]], sound.chosen(range(3), 1))
     assert (result.outcomes == "completed").all()

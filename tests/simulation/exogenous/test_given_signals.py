@@ -14,13 +14,13 @@ from dualwinch.model.signals import Signal
 from dualwinch.simulation.analysis.authority import required_force
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.blocks import block
-from dualwinch.simulation.check import check
 from dualwinch.simulation.ensembles.distributions import Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.exogenous.signals import sea_signals
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -176,7 +176,7 @@ WRONG = {
 def test_what_does_not_go_together_is_one_line(values: dict[str, object], message: str) -> None:
     experiment = override(case(2), values)
     with pytest.raises(ConfigurationError) as caught:
-        check(experiment)
+        prepare(experiment)
     assert str(caught.value).startswith(message)
 
 
@@ -186,4 +186,4 @@ def test_a_recorded_motion_off_the_track_names_its_time(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigurationError, match=r"far\.csv: x = 50\.5 m at t = 9 s: must be 0 to plant\.track\.length"
     ):
-        check(replace(case(2), reference=Reference("file", file=str(file), unit="m")))
+        prepare(replace(case(2), reference=Reference("file", file=str(file), unit="m")))

@@ -9,10 +9,10 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import Winch
-from dualwinch.simulation.check import check
 from dualwinch.simulation.integrators.problem import fastest_rate, swing_rate
 from dualwinch.simulation.loop.structure import Solver, solver_of
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import override
 from tests.own_ropes import Bedding, Stiffening
 
@@ -50,7 +50,7 @@ def test_the_fastest_swing_is_that_of_the_shortest_rope() -> None:
 
 def test_a_rope_too_stiff_for_the_sample_time_is_an_error() -> None:
     with pytest.raises(ConfigurationError) as caught:
-        check(case(4, rope=Stiffening(soft=1e12)))
+        prepare(case(4, rope=Stiffening(soft=1e12)))
     message = str(caught.value)
     assert message.startswith("simulation.sample_time = 0.001: must be <= ")
     assert 'for plant.rope_1.kind = "stiffening", which swings at ' in message
@@ -80,6 +80,6 @@ class Backwards(RopeLaw):
 @pytest.mark.parametrize("rope", [Weak(), Backwards()], ids=["weak", "backwards"])
 def test_a_rope_that_cannot_hold_the_tensions_is_an_error(rope: Any) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        check(case(4, rope=rope))
+        prepare(case(4, rope=rope))
     message = f"plant.rope_1: the tension of '{rope.kind}' must grow with the stretch, at 200 to 9000 N too"
     assert str(caught.value) == message

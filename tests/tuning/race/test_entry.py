@@ -9,8 +9,8 @@ from dualwinch.controllers.laws.nftsm import NftsmGains, odd_power
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -67,7 +67,7 @@ def test_ablations_are_settings_that_are_held() -> None:
         assert set(problem.space.keys) == set(whole.space.keys) - set(entry.held)
         values = leaves(problem.tuned(problem.start))
         assert {key: values[key] for key in entry.settings} == entry.settings
-        check(problem.experiment)
+        prepare(problem.experiment)
 
 
 def test_a_constant_gain_is_constant_and_without_anti_saturation_its_state_does_not_count() -> None:

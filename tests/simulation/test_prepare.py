@@ -21,9 +21,9 @@ from dualwinch.model.quantities.description import owners
 from dualwinch.model.reference import Reference
 from dualwinch.model.ropes import Track
 from dualwinch.model.vehicle import Vehicle
-from dualwinch.simulation.check import check
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.settings import known_keys, override
 from dualwinch.simulation.simulate import simulate
@@ -104,7 +104,7 @@ WRONG = {
 @pytest.mark.parametrize(("experiment", "key", "allowed"), WRONG.values(), ids=WRONG)
 def test_the_error_names_the_key_and_what_is_allowed(experiment: Experiment, key: str, allowed: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        check(experiment)
+        prepare(experiment)
     message = str(caught.value)
     assert key in message
     assert allowed in message
@@ -158,8 +158,8 @@ def test_values_that_only_do_not_go_together_may_be_built() -> None:
     """They may be set one after the other."""
     between = override(case(1), {"controller.coordination.tension_min": 1500.0})
     with pytest.raises(ConfigurationError, match=r"^controller\.coordination\.preload = 2000: must be > 3000"):
-        check(between)
-    check(override(between, {"controller.coordination.preload": 4000.0}))
+        prepare(between)
+    prepare(override(between, {"controller.coordination.preload": 4000.0}))
 
 
 @pytest.mark.parametrize("kind", POSITION_LAWS)
@@ -167,7 +167,7 @@ def test_values_that_only_do_not_go_together_may_be_built() -> None:
 @pytest.mark.parametrize("coordination", COORDINATIONS)
 def test_every_controller_there_is_is_sound_as_it_comes(kind: str, estimator: str, coordination: str) -> None:
     law, filtered, shared = POSITION_LAWS[kind](), ESTIMATORS[estimator](), COORDINATIONS[coordination]()
-    check(Experiment(controller=Controller(filtered, law, coordination=shared)))
+    prepare(Experiment(controller=Controller(filtered, law, coordination=shared)))
 
 
 def test_a_run_is_checked_before_it_starts() -> None:
@@ -178,7 +178,7 @@ def test_a_run_is_checked_before_it_starts() -> None:
 @pytest.mark.parametrize("number", CASES)
 def test_the_papers_cases_are_sound(number: int) -> None:
     for kind in CONTROLLERS:
-        check(case(number, kind))
+        prepare(case(number, kind))
 
 
 def test_a_case_the_paper_does_not_have() -> None:
@@ -187,7 +187,7 @@ def test_a_case_the_paper_does_not_have() -> None:
 
 
 def test_a_reference_may_end_at_the_tracks_end() -> None:
-    check(Experiment(reference=replace(FAST, speed=2.0)))
+    prepare(Experiment(reference=replace(FAST, speed=2.0)))
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_a_reference_may_end_at_the_tracks_end() -> None:
 )
 def test_values_that_overflow_are_refused_in_one_line(values: dict[str, float]) -> None:
     with pytest.raises(ConfigurationError, match="too extreme") as caught:
-        check(override(Experiment(), values))
+        prepare(override(Experiment(), values))
     assert "\n" not in str(caught.value)
 
 

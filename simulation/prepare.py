@@ -1,11 +1,16 @@
-"""Rules between the values of an experiment (rules for one value stand beside the value)."""
+"""Experiments checked and made ready to run: whether their values fit together, and what every run of them needs.
+
+Rules for one value stand beside the value.
+"""
 
 import math
 import os
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
@@ -17,8 +22,18 @@ from dualwinch.model.ropes import Track, kelvin_voigt
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.problem import swing_rate
-from dualwinch.simulation.loop.closed_loop import initial_state_of
-from dualwinch.simulation.loop.structure import FINE, KEPT, is_automatic, solver_of, swing_rates
+from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
+from dualwinch.simulation.loop.structure import (
+    FINE,
+    KEPT,
+    Structure,
+    is_automatic,
+    parameters_of,
+    solver_of,
+    structure_of,
+    swing_rates,
+    zeros_of,
+)
 
 MOST_SUBSTEPS = 256
 """Sub-steps of a sample at most."""
@@ -27,9 +42,50 @@ LONGEST = 10**9
 """Samples of the longest run."""
 
 
+@dataclass(frozen=True, eq=False)
+class PreparedExperiment:
+    """An experiment whose values fit together, with what a run of it needs; not to be changed.
+
+    Attributes:
+        experiment: what is run.
+        nominal: the plant the controller was designed for; None: the simulated one.
+        structure: what shapes the compiled code.
+        start: name → value of every state before the first sample.
+    """
+
+    experiment: Experiment
+    nominal: Plant | None
+    structure: Structure
+    start: dict[str, float]
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        """Every number that the closed loop takes at run time, by its key (`loop.structure.parameters_of`)."""
+        return parameters_of(self.experiment, self.nominal)
+
+    @cached_property
+    def loop(self) -> ClosedLoop:
+        """The closed loop, without what is zero for good."""
+        zeros = zeros_of(self.structure, self.parameters) | absent_signals(self.experiment)
+        return closed_loop(self.structure, zeros)
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """(states,) before the first sample, to be written to."""
+        return np.array(list(self.start.values()))
+
+
 @lru_cache(maxsize=KEPT)
-def check(experiment: Experiment) -> None:
-    """Raise `ConfigurationError` where the values of an experiment do not fit together."""
+def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExperiment:
+    """Check that the values of an experiment fit together, and make it ready to run.
+
+    Args:
+        experiment: what is to be run.
+        nominal: the plant the controller was designed for; default: the simulated one.
+
+    Raises:
+        ConfigurationError: values do not fit together; the message names the key and what is allowed.
+    """
     check_rules(experiment)
     _check_points(experiment.reference, experiment.plant.track)
     _check_rows(experiment.reference, experiment.plant.track)
@@ -38,11 +94,13 @@ def check(experiment: Experiment) -> None:
     try:
         _check_reference(experiment)
         _check_substeps(experiment)
-        start = initial_state_of(experiment)
+        structure = structure_of(experiment)
+        start = initial_state_of(experiment, structure)
     except ArithmeticError as error:
         raise ConfigurationError("plant, reference: values too extreme to start from (a number overflows)") from error
     if not all(map(math.isfinite, start.values())):
         raise ConfigurationError("plant: values too extreme to start from (no finite initial state)")
+    return PreparedExperiment(experiment, nominal, structure, start)
 
 
 def _check_time(experiment: Experiment) -> None:
