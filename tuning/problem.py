@@ -63,7 +63,7 @@ class TuningProblem:
         """The seed of a named random stream: `TRAINING`, `VALIDATION`, `TEST` or `SEARCH`, maybe with a number."""
         return named_seed(self.seed, name)
 
-    def prepare(self) -> None:
+    def check(self) -> None:
         """Find out now whether the start makes sense.
 
         Raises:
