@@ -50,6 +50,8 @@ from .environments.single import Environment as Environment
 from .environments.vector import VectorEnvironment as VectorEnvironment
 from .identification.excitation import excite as excite
 from .identification.identify import identify as identify
+from .identification.options import EstimationOptions as EstimationOptions
+from .identification.result import IdentificationResult as IdentificationResult
 from .model.actuators import Actuator as Actuator
 from .model.actuators import Demand as Demand
 from .model.actuators import Ideal as Ideal

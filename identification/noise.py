@@ -140,7 +140,8 @@ class NoiseEstimator:
     def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
         """With a group's deviation so many times its least one."""
         deviation = float(factor) * self._least[names[0]]
-        return noise.with_process({name: replace(noise.process[name], deviation=deviation) for name in names})
+        scaled = {name: replace(noise.process[name], deviation=deviation) for name in names}
+        return replace(noise, process={**noise.process, **scaled})
 
     def _cost(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> float:
         filtered = self._filter(experiment, noise, samples)

@@ -93,7 +93,7 @@ class SearchOptions:
     cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and noise as it is")] = 3
     cautious_deviations: Annotated[Positive, Quantity("1", "range in these rounds, in prior deviations")] = 2.0
     evaluations: Annotated[Count, Quantity("1", "evaluations of derivatives with the same gains, at most")] = 5
-    least_squares_tolerance: Annotated[Positive, Quantity("1", "change of a sum of squares that ends a problem")] = 1e-6
+    least_squares_tolerance: Annotated[Positive, Quantity("1", "relative change that ends least squares")] = 1e-6
     largest_sum: Annotated[Positive, Quantity("1", "sum of squares where a filter diverges")] = 1e12
     shortenings: Annotated[int, Ge(0), Quantity("1", "times that a move is halved where filters diverge, at most")] = 6
     noise_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, after which R is estimated")] = 3.0
@@ -104,7 +104,7 @@ class SearchOptions:
     difference: Annotated[Positive, Quantity("1", "step of differences of the likelihood, in deviations")] = 1.0
     least_difference: Annotated[Positive, Quantity("1", "least step between bounds of a direction that is used")] = 0.01
     least_curvature: Annotated[Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
-    negligible: Annotated[Positive, Quantity("1", "difference from least squares that does not count")] = 0.1
+    negligible: Annotated[Positive, Quantity("1", "difference of slope or curvature that is neglected")] = 0.1
     small_gain: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.05
     large_gain: Annotated[Positive, Quantity("1", "expected fall of the deviance that is insisted on")] = 4.0
     halvings: Annotated[Count, Quantity("1", "lengths tried of a step with a smaller expected fall")] = 2
@@ -117,15 +117,15 @@ class DiagnosticsOptions:
 
     lags: Annotated[Count, Quantity("samples", "lags of the correlations of innovations")] = 50
     confidence: Annotated[Share, Quantity("1", "confidence of a whiteness test over all lags", "Bonferroni")] = 0.99
-    negligible_correlation: Annotated[Share, Quantity("1", "correlation that counts as none")] = 0.05
+    negligible_correlation: Annotated[Share, Quantity("1", "correlation that is neglected even if significant")] = 0.05
     windows: Annotated[Count, Quantity("1", "windows of time of the innovations' size, at most")] = 200
     window_samples: Annotated[Count, Quantity("samples", "length of a window, at least")] = 50
     unidentifiable: Annotated[
-        Positive, Quantity("1", "deviation of a direction over the prior one that is reported")
+        Positive, Quantity("1", "deviation of a direction by the logs, over the prior one, from which on it is named")
     ] = 0.5
-    participation: Annotated[Share, Quantity("1", "component of it, over its largest, whose key is named")] = 0.3
+    participation: Annotated[Share, Quantity("1", "component over the largest from which on its key is named")] = 0.3
     correlated: Annotated[Share, Quantity("1", "correlation of two estimates that is reported")] = 0.9
-    uninformed: Annotated[Share, Quantity("1", "deviation over the prior one that adds nothing")] = 0.9
+    uninformed: Annotated[Share, Quantity("1", "posterior over prior deviation at which the logs add nothing")] = 0.9
     optima_distance: Annotated[Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
     profile_reach: Annotated[Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "its points on each side")] = 4
@@ -142,7 +142,7 @@ class PlausibilityOptions:
     unrecorded: Annotated[
         Positive, Quantity("1", "unrecorded torque or force, over the recorded one, that refuses a fit")
     ] = 0.1
-    hopeless: Annotated[Positive, Quantity("1", "the same, that no option accepts in the message")] = 0.9
+    hopeless: Annotated[Positive, Quantity("1", "the same, from which on the message names no option")] = 0.9
     noisier: Annotated[Factor, Quantity("1", "noise of a sensor, over its jumps, that refuses a fit")] = 50.0
     beyond_track: Annotated[Positive, Quantity("1", "plausible way beyond the track, over its length")] = 0.2
     beyond_limits: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0

@@ -128,10 +128,6 @@ class NoiseCovariances:
     measurement: Floats
     process: Mapping[str, GaussMarkov]
 
-    def with_process(self, process: Mapping[str, GaussMarkov]) -> "NoiseCovariances":
-        """The same with other processes for some disturbances."""
-        return replace(self, process={**self.process, **process})
-
 
 @dataclass(frozen=True)
 class PredictorState:

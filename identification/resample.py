@@ -42,9 +42,13 @@ class LogSection:
 
 
 def sections_of(
-    logs: Sequence[Log], experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling
+    logs: Sequence[Log],
+    experiment: Experiment,
+    options: ResamplingOptions = DEFAULTS.resampling,
+    *,
+    standstill: bool = False,
 ) -> tuple[LogSection, ...]:
-    """All logs, resampled, interval of motion by interval of motion.
+    """All logs, resampled, interval of motion by interval of motion; with `standstill` each log as a whole.
 
     They are not cut further: the disturbances at the end of a section and at the beginning of the next are the same,
     and a filter that starts anew would count them twice.
@@ -55,22 +59,12 @@ def sections_of(
     found: list[LogSection] = []
     for log in logs:
         inputs, readings = resampled(log, experiment, options)
-        moving = moving_intervals(readings, experiment, options)
-        found.extend(_section(log, inputs[interval], readings[interval]) for interval in moving)
+        whole = [slice(0, len(readings))]
+        found += [
+            LogSection(log.name, np.ascontiguousarray(inputs[rows]), np.ascontiguousarray(readings[rows]))
+            for rows in (whole if standstill else moving_intervals(readings, experiment, options))
+        ]
     return tuple(found)
-
-
-def whole_section(log: Log, experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling) -> LogSection:
-    """All of a log, standstill included.
-
-    Raises:
-        ConfigurationError: as `resampled`.
-    """
-    return _section(log, *resampled(log, experiment, options))
-
-
-def _section(log: Log, inputs: Floats, readings: Floats) -> LogSection:
-    return LogSection(log.name, np.ascontiguousarray(inputs), np.ascontiguousarray(readings))
 
 
 def resampled(

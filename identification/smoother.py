@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
 from dualwinch.identification.predictor import DISTURBANCES, state_template
-from dualwinch.identification.resample import whole_section
+from dualwinch.identification.resample import sections_of
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.signals import Signal
@@ -56,7 +56,7 @@ def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterE
         estimate: of the method.
     """
     experiment, options = estimate.experiment, method.options.diagnostics
-    filters = method.filters_of([whole_section(log, experiment, method.options.resampling)])
+    filters = method.filters_of(sections_of([log], experiment, method.options.resampling, standstill=True))
     ((states, smoothed, covariances),) = filters.smooth(experiment, estimate.noise)
     (section,), vehicle, change = filters.sections, experiment.plant.vehicle, options.force_difference
     rows = slice(None, None, max(1, round(options.force_spacing / experiment.simulation.sample_time)))
