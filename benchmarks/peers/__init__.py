@@ -1,5 +1,8 @@
 """The rows of the table: a new peer or algorithm is a new file, or none, and one line in `peers`."""
 
+from collections.abc import Callable
+from functools import partial
+
 from benchmarks.case import Case
 from benchmarks.peers import (
     archimedes_loop,
@@ -17,9 +20,10 @@ from benchmarks.peers import (
     sensitive,
 )
 from benchmarks.peers.candidates import ROLLOUTS
-from benchmarks.peers.peer import Peer
+from benchmarks.peers.peer import Peer, Run
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Simulation
+from dualwinch.simulation.loop.engine import EngineName
 
 LIMIT = "hand-c"
 """Key of the peer that is the limit of the shared algorithm, RK4."""
@@ -53,6 +57,8 @@ def peers(duration: float) -> list[Peer]:
         Peer("numba", "Numba loop", numba_loop.prepare, shared),
         Peer(OURS, "dualwinch, the C call alone", compiled.prepare_call, shared),
         Peer("dualwinch-simulate", "dualwinch, simulate() whole", compiled.prepare_simulate, shared),
+        Peer("engine-casadi", "dualwinch, engine casadi, the C call alone", _engine("casadi"), shared),
+        Peer("engine-interpreter", "dualwinch, engine interpreter", _engine("interpreter"), shared),
         Peer("mapaccum-c", "CasADi mapaccum, compiled C", mapaccum.prepare_compiled, shared),
         Peer("mapaccum", "CasADi mapaccum, interpreted", mapaccum.prepare_interpreted, shared),
         Peer("archimedes", "Archimedes scan, CasADi interpreted", archimedes_loop.prepare, shared),
@@ -79,6 +85,8 @@ def peers(duration: float) -> list[Peer]:
     if preferred != shared:
         rows += [
             Peer(DEFAULT, f"dualwinch {words}, the C call alone", compiled.prepare_call, preferred),
+            Peer("default-casadi", f"dualwinch {words}, engine casadi, the C call alone", _engine("casadi"), preferred),
+            Peer("default-interpreter", f"dualwinch {words}, engine interpreter", _engine("interpreter"), preferred),
             Peer("default-simulate", f"dualwinch {words}, simulate() whole", compiled.prepare_simulate, preferred),
         ]
     rows.append(Peer(SENSITIVE, "the same with its slopes by 12 gains", sensitive.prepare, preferred))
@@ -87,6 +95,10 @@ def peers(duration: float) -> list[Peer]:
         for n in threads
     ]
     return rows + [row for name in ENSEMBLES for row in _in_ensemble(name, preferred, threads)]
+
+
+def _engine(name: EngineName) -> Callable[[Case], Run]:
+    return partial(compiled.prepare_call, engine=name)
 
 
 def _in_ensemble(name: str, case: Case, threads: list[int]) -> list[Peer]:

@@ -1,16 +1,16 @@
-"""dualwinch: the whole rollout in generated C, one call."""
+"""dualwinch: the whole rollout by one of its engines; in generated C, one call."""
 
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError, closed_loop_answer
 from dualwinch.codegen import CompilerNotFoundError
-from dualwinch.simulation.loop.engine import engine_of
+from dualwinch.simulation.loop.engine import EngineName, engine_of
 from dualwinch.simulation.simulate import simulate
 
 
-def prepare_call(case: Case) -> Run:
-    """The C call alone, its inputs at hand (the reference and the noise are drawn ahead of it)."""
+def prepare_call(case: Case, engine: EngineName = "compiled") -> Run:
+    """The call of an engine alone, its inputs at hand (the reference and the noise are drawn ahead of it)."""
     try:
-        rollout = engine_of(case.loop)
+        rollout = engine_of(case.loop, engine)
     except CompilerNotFoundError as error:
         raise UnavailableError(str(error)) from error
     parameters, exogenous, start = case.parameters, case.exogenous, case.start

@@ -88,7 +88,8 @@ def left_by_others(number: int, hours: float) -> Path:
     """A library that another process used last so many hours ago."""
     path = library(answering(number), find_compiler())
     cache._used.discard(path)
-    os.utime(path, (time.time() - 3600 * hours,) * 2)
+    then = time.time() - 3600 * hours
+    os.utime(path, (then, then))
     return path
 
 
