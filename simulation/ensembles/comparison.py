@@ -1,6 +1,5 @@
 """Controllers in the same scenarios of an ensemble: paired statistics, with confidence intervals on the differences."""
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +16,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -72,28 +72,19 @@ class Paired:
     better: float
 
 
-@dataclass(frozen=True)
-class Contender:
-    """What a controller came to.
+@dataclass(frozen=True, eq=False)
+class Contender(RunOutcomes):
+    """What a controller came to; arrays of outcomes are (scenarios,).
 
     Attributes:
         controller: its laws and gains.
-        outcomes: (scenarios,) ``completed``, ``diverged`` or ``left_track``.
-        metrics: figure of merit → (scenarios,), as in `simulation.metrics.metrics.Metrics`.
     """
 
     controller: Controller
-    outcomes: NDArray[np.str_]
-    metrics: dict[str, Floats]
-
-    @cached_property
-    def completed(self) -> NDArray[np.bool_]:
-        """(scenarios,) whether each ran to its end."""
-        return self.outcomes == "completed"
 
     def over(self, statistic: Statistic) -> float:
         """A statistic over the scenarios that ran to their end; NaN without any."""
-        return statistic.over(self.metrics[statistic.metric][self.completed])
+        return statistic.over(self.of_completed(statistic.metric))
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -110,10 +101,10 @@ class Contender:
         """
         statistics = SUMMARY | {f"mean_{name}": Statistic("mean", name) for name in self.own}
         found = {name: self.over(statistic) for name, statistic in statistics.items()}
-        slack = self.metrics["slack_share"][self.completed] > 0
+        slack = self.of_completed("slack_share") > 0
         return found | {
             "slack_scenarios": int(slack.sum()),
-            "outcomes": dict(Counter(self.outcomes.tolist()).most_common()),
+            "outcomes": self.outcome_counts,
         }
 
 
@@ -335,5 +326,5 @@ def _with_controller(ensemble: Ensemble, name: str, controller: Controller) -> E
 
 
 def _gathered(controller: Controller, parts: list[BatchResult]) -> Contender:
-    metrics = {name: np.concatenate([part.metrics[name][0] for part in parts]) for name in parts[0].metrics}
-    return Contender(controller, np.concatenate([part.outcomes[0] for part in parts]), metrics)
+    runs = concatenated([part.take(0, axis=0) for part in parts])
+    return Contender(runs.outcomes, runs.end_times, runs.metrics, controller)

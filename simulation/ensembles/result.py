@@ -1,7 +1,6 @@
 """The result of an ensemble: what each scenario came to, statistics such as ``mean.mse``, and files."""
 
 import json
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
@@ -21,6 +20,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
 from dualwinch.simulation.results.file_formats import FORMATS, FileContent, plain
+from dualwinch.simulation.results.outcomes import RunOutcomes
 
 KINDS = ("mean", "median", "p95", "worst")
 """What a statistic can be: ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
@@ -124,18 +124,15 @@ class Traces:
         return np.quantile(self.sampled[column].astype(float), shares, axis=0)
 
 
-@dataclass(frozen=True)
-class EnsembleResult:
-    """What the scenarios of an ensemble came to.
+@dataclass(frozen=True, eq=False)
+class EnsembleResult(RunOutcomes):
+    """What the scenarios of an ensemble came to; arrays of outcomes are (scenarios,).
 
     Attributes:
         ensemble: what was drawn from.
         seed: of the draws.
         asked: number of scenarios asked for; more than there are where the run was interrupted.
         draws: key → (scenarios,) drawn values.
-        outcomes: (scenarios,) ``completed``, ``diverged`` or ``left_track``.
-        end_times: (scenarios,) time in s at which each run ended.
-        metrics: figure of merit → (scenarios,), as in `simulation.metrics.metrics.Metrics`.
         traces: of the scenarios that ran to their end; ``None`` where none were kept or none completed.
     """
 
@@ -143,9 +140,6 @@ class EnsembleResult:
     seed: int
     asked: int
     draws: dict[str, NDArray[Any]]
-    outcomes: tuple[str, ...]
-    end_times: NDArray[np.float64]
-    metrics: dict[str, NDArray[np.float64]]
     traces: Traces | None
 
     def __len__(self) -> int:
@@ -156,16 +150,6 @@ class EnsembleResult:
     def partial(self) -> bool:
         """Whether the run was interrupted; what is here is what asking for ``len(self)`` scenarios gives."""
         return len(self) < self.asked
-
-    @property
-    def outcome_counts(self) -> dict[str, int]:
-        """Outcome → number of scenarios, the most frequent first."""
-        return dict(Counter(self.outcomes).most_common())
-
-    @property
-    def completed(self) -> NDArray[np.bool_]:
-        """(scenarios,) whether each ran to its end."""
-        return np.array([outcome == "completed" for outcome in self.outcomes], dtype=bool)
 
     def statistic(self, name: str) -> float:
         """A statistic by its name, such as ``worst.mse``, over the scenarios that ran to their end.
@@ -184,7 +168,7 @@ class EnsembleResult:
         return {metric: {kind: self.statistic(f"{kind}.{metric}") for kind in KINDS} for metric in self.metrics}
 
     def _over(self, statistic: Statistic) -> float:
-        return statistic.over(self.metrics[statistic.metric][self.completed])
+        return statistic.over(self.of_completed(statistic.metric))
 
 
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
@@ -195,7 +179,7 @@ def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
     columns: dict[str, tuple[NDArray[Any], Quantity]] = {
         "scenario": (np.arange(len(result)), Quantity("", "number of the scenario")),
         **{key: (values, drawn[key].quantity) for key, values in result.draws.items()},
-        "outcome": (np.array(result.outcomes), Quantity("", "how the run ended")),
+        "outcome": (result.outcomes, Quantity("", "how the run ended")),
         "end_time": (result.end_times, Quantity("s", "time at which the run ended")),
         **{name: (values, merits[name]) for name, values in result.metrics.items()},
     }

@@ -94,7 +94,7 @@ class Collector:
             seed=seed,
             asked=asked,
             draws={key: np.array(values) for key, values in zip(self.ensemble.drawn_keys, draws, strict=True)},
-            outcomes=tuple(self._outcomes[:count]),
+            outcomes=np.array(self._outcomes[:count], dtype=np.str_),
             end_times=np.array(self._end_times[:count]),
             metrics=dict(zip(self._merits, merits, strict=True)),
             traces=self._traces() if self._sampled else None,

@@ -65,7 +65,9 @@ def test_only_the_controller_of_a_file_counts(calm: Path) -> None:
 
 
 def test_json_says_null_where_nothing_completed() -> None:
-    lost = Contender(paper_controller(), np.array(["diverged"]), {name: np.array([np.inf]) for name in BUILT_IN})
+    lost = Contender(
+        np.array(["diverged"]), np.array([1.0]), {name: np.array([np.inf]) for name in BUILT_IN}, paper_controller()
+    )
     facts = as_json(Comparison(load_ensemble("sea"), 0, 1, {"a": lost, "b": lost}))
     assert facts["files"][0]["mean_mse"] is None
     assert facts["files"][1]["over_first"]["mse"]["ratio_of_means"]["low"] is None

@@ -40,7 +40,7 @@ def ten() -> EnsembleResult:
 def same(first: EnsembleResult, other: EnsembleResult) -> bool:
     metrics = all(np.array_equal(first.metrics[name], other.metrics[name], equal_nan=True) for name in BUILT_IN)
     draws = all(np.array_equal(first.draws[key], other.draws[key]) for key in first.draws)
-    return metrics and draws and first.outcomes == other.outcomes
+    return metrics and draws and first.outcomes.tolist() == other.outcomes.tolist()
 
 
 def test_a_scenario_of_an_ensemble_is_that_scenario_alone(ten: EnsembleResult) -> None:

@@ -323,7 +323,7 @@ def test_a_fan_chart_shows_median_bands_and_extremes(at_sea: EnsembleResult) -> 
 
 
 def test_a_fan_chart_says_what_it_leaves_out(at_sea: EnsembleResult) -> None:
-    fewer = replace(at_sea, outcomes=(*at_sea.outcomes[:9], "diverged", "diverged", "left_track"))
+    fewer = replace(at_sea, outcomes=np.array([*at_sea.outcomes[:9], "diverged", "diverged", "left_track"]))
     assert "9 scenarios, seed 7; not drawn: 2 diverged, 1 left track" in texts(plots.fan_chart(fewer))
 
 
