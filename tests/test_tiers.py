@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.tiers import COLLECTED, FULL, QUICK, examples, pairwise
+from tests.tiers import COLLECTED, FULL, QUICK, each_choice, examples, pairwise
 
 
 def test_a_file_with_slow_tests_has_a_quick_one(request: pytest.FixtureRequest) -> None:
@@ -22,6 +22,12 @@ def test_slow_combinations_are_those_beyond_the_covering_array() -> None:
     quick = [each.values for each in parameters if not each.marks]
     assert 12 <= len(quick) <= 14
     assert {values[:2] for values in quick} == {(a, b) for a in "abcd" for b in "pqr"}
+
+
+def test_each_choice_has_every_value_once_or_more() -> None:
+    parameters = each_choice("abcd", "pqr")
+    assert len(parameters) == 12
+    assert [each.values for each in parameters if not each.marks] == [("a", "p"), ("b", "q"), ("c", "r"), ("d", "p")]
 
 
 @pytest.mark.parametrize(("full", "quick"), [(10, 10), (60, QUICK), (FULL, QUICK), (3 * FULL, 3 * QUICK)])

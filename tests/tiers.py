@@ -35,6 +35,16 @@ def pairwise(*factors: Sequence[Any], allowed: Callable[..., bool] = lambda *_: 
     return mostly_slow((row for row in product(*factors) if allowed(*row)), quick.__contains__)
 
 
+def each_choice(*factors: Iterable[Any]) -> list[Any]:
+    """Parameters of a test for every combination; as many as the longest factor has, with every value, are quick.
+
+    The *each choice* of combinatorial testing, where a combination is costly and another test has the pairs.
+    """
+    values = [list(factor) for factor in factors]
+    quick = {tuple(factor[turn % len(factor)] for factor in values) for turn in range(max(map(len, values)))}
+    return mostly_slow(product(*values), quick.__contains__)
+
+
 def mostly_slow(rows: Iterable[tuple[Any, ...]], quick: Callable[[tuple[Any, ...]], bool]) -> list[Any]:
     """Parameters of a test, of which all but the quick ones are slow."""
     return [pytest.param(*row, marks=[] if quick(row) else pytest.mark.slow) for row in rows]

@@ -140,6 +140,7 @@ def test_a_limit_that_is_none_is_named(name: str, value: str, monkeypatch: pytes
         library(answering(9), find_compiler())
 
 
+@pytest.mark.slow
 def test_two_processes_at_once_both_end_well() -> None:
     program = (
         "import ctypes; from dualwinch.codegen.cache import library\n"

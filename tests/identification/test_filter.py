@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -67,10 +68,12 @@ def in_numpy(experiment: Experiment, vector: np.ndarray, course: FilterData, spr
     x, P = course.start.copy(), spread.initial.copy()
     found = Textbook([], [], [], [], 0.0)
 
+    jacobians = cache(ca.Function.jacobian)
+
     def called(function: ca.Function, *given: Any) -> dict[str, np.ndarray]:
         """Outputs by name, and all slopes as CasADi names them, such as ``jac_reading_state``."""
-        values, slopes = function.call(list(given)), function.jacobian()
-        slopes = dict(zip(slopes.name_out(), slopes.call([*given, *values]), strict=True))
+        values, jacobian = function.call(list(given)), jacobians(function)
+        slopes = dict(zip(jacobian.name_out(), jacobian.call([*given, *values]), strict=True))
         return {name: np.array(value).ravel() for name, value in zip(function.name_out(), values, strict=True)} | {
             name: np.array(ca.DM(value)) for name, value in slopes.items()
         }

@@ -43,7 +43,11 @@ def test_units_that_cannot_be_are_refused() -> None:
 
 @pytest.mark.parametrize(
     ("key", "gone"),
-    [("plant.winch_1.ripple_angle", ()), ("sensors.load_cell_zero_1", ("F1",)), ("disturbance.strouhal", ())],
+    [
+        ("plant.winch_1.ripple_angle", ()),
+        pytest.param("sensors.load_cell_zero_1", ("F1",), marks=pytest.mark.slow),
+        pytest.param("disturbance.strouhal", (), marks=pytest.mark.slow),
+    ],
 )
 def test_a_key_that_other_values_fix_is_refused(key: str, gone: tuple[str, ...]) -> None:
     """No ripple has no angle, no load cell no zero; vortices that are off shed at no frequency."""
@@ -64,9 +68,10 @@ WORDS = (
     "truth",
     [
         {"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0},
-        {"plant.winch_1.drum_radius": 0.6, "plant.winch_2.drum_radius": 0.6},
-        {"plant.winch_1.inertia": 20.0, "plant.winch_2.inertia": 20.0},
-        {"plant.rope_1.modulus": 3e10, "plant.rope_2.modulus": 3e10},
+        *(
+            pytest.param({f"plant.{key.format(end)}": value for end in (1, 2)}, marks=pytest.mark.slow)
+            for key, value in {"winch_{}.drum_radius": 0.6, "winch_{}.inertia": 20.0, "rope_{}.modulus": 3e10}.items()
+        ),
     ],
 )
 def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, float]) -> None:
@@ -76,6 +81,7 @@ def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, 
         identify([log], ["plant.vehicle.mass"], machine())
 
 
+@pytest.mark.slow
 def test_a_share_that_is_given_lets_such_a_log_pass_and_says_what_the_model_lacks() -> None:
     log, gear = (
         logged(override(machine(), {"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0})),

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.controller import Controller
@@ -30,6 +30,8 @@ from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
 from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
+from tests.closeness import close
+from tests.tiers import each_choice, examples
 
 SHORT = Simulation(duration=0.3)
 
@@ -83,7 +85,7 @@ experiments = st.builds(
 )
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(experiments)
 def test_limits_hold_in_every_sample(experiment: Experiment) -> None:
     result, limits = simulate(experiment), experiment.controller.limits
@@ -94,7 +96,7 @@ def test_limits_hold_in_every_sample(experiment: Experiment) -> None:
     for command in (result["F1_cmd"], result["F2_cmd"]):
         assert command.min() >= limits.tension_min
         assert command.max() <= limits.tension_max
-    assert result["F1_cmd"] - result["F2_cmd"] == pytest.approx(result["u_sat"], abs=1e-9 * limits.tension_max)
+    assert close(result["F1_cmd"] - result["F2_cmd"], result["u_sat"], abs=1e-9 * limits.tension_max)
     for torque, winch in ((result["tau_1"], experiment.plant.winch_1), (result["tau_2"], experiment.plant.winch_2)):
         lever = winch.drum_radius / winch.gear_ratio
         assert torque.min() >= lever * limits.tension_min * (1 - 1e-12)
@@ -144,7 +146,7 @@ def wild_controllers(draw: st.DrawFn) -> Controller:
     )
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.1))
@@ -156,7 +158,7 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
     assert np.isnan(result.metrics.mse) == np.isnan(result.metrics.peak_tension) == (result.outcome != "completed")
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
@@ -174,8 +176,7 @@ def without_gains(part: type[Group]) -> Group:
     )
 
 
-@pytest.mark.parametrize("coordination", COORDINATIONS.values())
-@pytest.mark.parametrize("law", POSITION_LAWS.values())
+@pytest.mark.parametrize(("law", "coordination"), each_choice(POSITION_LAWS.values(), COORDINATIONS.values()))
 def test_gains_of_zero_give_the_same_outcome_in_both_engines(
     law: type[PositionLaw], coordination: type[Coordination]
 ) -> None:

@@ -69,6 +69,7 @@ def friction(v: float) -> float:
     return 0.1 * math.tanh(v / 0.6) * (1 + 0.5 * math.exp(-((v / 0.9) ** 2))) + 0.04 * v * abs(v)
 
 
+@pytest.mark.slow
 def test_it_learns_a_static_friction_curve() -> None:
     """While the speed swings between ± 1.9 m/s; then the curve stands in the weights, and they are frozen."""
     law = RbfSlidingMode(leakage=1e-4, rate=60.0)

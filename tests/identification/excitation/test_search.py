@@ -22,6 +22,7 @@ def designed() -> ExcitationDesign:
     return excite(KEYS, experiment, duration=30.0, trials=24, seed=2)
 
 
+@pytest.mark.slow
 def test_what_is_expected_is_what_fits_come_to(designed: ExcitationDesign) -> None:
     """Errors of four seeded logs, over what was expected beforehand, are of the size of 1; so are stated deviations.
 
@@ -56,6 +57,7 @@ def test_the_run_keeps_to_its_limits_and_goes_through_a_file(designed: Excitatio
     assert experiment.reference == designed.experiment.reference
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_motion(designed: ExcitationDesign) -> None:
     experiment = machine()
     again = excite(KEYS, experiment, duration=30.0, trials=24, seed=2, threads=1)

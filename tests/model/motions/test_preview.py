@@ -9,6 +9,7 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Departures, Setpoint, no_departures, previewed
 from dualwinch.model.reference import Reference, departures, setpoint
+from tests.closeness import close
 
 NOW, TIMES = Setpoint(2.0, 0.5, 0.1), (0.5, 2.0)
 T = np.arange(0, 60, 0.01)
@@ -57,6 +58,6 @@ def test_what_departs_is_what_the_motion_does(reference: Reference) -> None:
     by = departures(T, TIMES, reference)
     for index, time in enumerate(TIMES):
         now, then = setpoint(T, reference), setpoint(T + time, reference)
-        assert np.asarray(now.x + time * now.v + time**2 / 2 * now.a + by.x[index]) == pytest.approx(then.x, abs=1e-12)
-        assert np.asarray(now.v + time * now.a + by.v[index]) == pytest.approx(np.asarray(then.v), abs=1e-12)
-        assert np.asarray(now.a + by.a[index]) == pytest.approx(np.asarray(then.a), abs=1e-12)
+        assert close(np.asarray(now.x + time * now.v + time**2 / 2 * now.a + by.x[index]), then.x, abs=1e-12)
+        assert close(np.asarray(now.v + time * now.a + by.v[index]), np.asarray(then.v), abs=1e-12)
+        assert close(np.asarray(now.a + by.a[index]), np.asarray(then.a), abs=1e-12)

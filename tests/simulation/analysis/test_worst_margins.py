@@ -20,6 +20,7 @@ from dualwinch.simulation.loop.closed_loop import CUTS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
+from tests.tiers import mostly_slow
 
 PAPER = case(4)
 LAWS: tuple[dict[str, Any], ...] = (
@@ -52,14 +53,29 @@ def drawn(count: int) -> list[Scenario]:
     return [sea.scenario(index, 1, vertex=True) for index in range(count)]
 
 
-@pytest.mark.parametrize("changes", LAWS, ids=str)
-def test_margins_are_those_of_one_loop_after_the_other(changes: dict[str, Any]) -> None:
+def at(monkeypatch: pytest.MonkeyPatch, points: list[tuple[float, float]]) -> None:
+    """Survey these points alone."""
+    for module in (margin_survey, sys.modules[__name__]):
+        monkeypatch.setattr(module, "survey_points", lambda _: points)
+
+
+@pytest.mark.parametrize(
+    ("changes", "all_points"),
+    mostly_slow(((changes, all_points) for changes in LAWS for all_points in (False, True)), lambda row: not row[1]),
+    ids=str,
+)
+def test_margins_are_those_of_one_loop_after_the_other(
+    changes: dict[str, Any], all_points: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     experiment = override(PAPER, changes)
+    if not all_points:
+        at(monkeypatch, [(2.5, -1.8)])
     (found,) = MarginSurvey([experiment], cuts=tuple(CUTS)).worst([[]])
     wanted = one_after_the_other(experiment)
     assert {kind: worst.value for kind, worst in found.items()} == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> None:
     machines = drawn(3)
     (found,) = MarginSurvey(machines, cuts=tuple(CUTS)).each([[]])
@@ -71,11 +87,11 @@ def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> 
     assert knowing != pytest.approx(found[0]["delay"].value, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_filter_that_learns_the_machine_has_margins_on_a_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     """What it learns follows from where the machine is: nominal or drawn, the margins are those of `linearise`."""
     points = [(2.5, -1.8), (25.0, 0.0), (47.5, 1.8)]
-    for module in (margin_survey, sys.modules[__name__]):
-        monkeypatch.setattr(module, "survey_points", lambda _: points)
+    at(monkeypatch, points)
     rig = load_ensemble("rig")
     changes = {"controller.kind": "adrc", "controller.estimator": "self-calibrating-kalman"}
     rig = replace(rig, experiment=override(rig.experiment, changes))
@@ -132,6 +148,7 @@ def test_an_unstable_loop_has_no_margin_and_the_place_is_named() -> None:
     assert not margins(linear_broken_loop(wild, x, v, "u")).stable
 
 
+@pytest.mark.slow
 def test_where_nothing_is_steady_there_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
     master = override(PAPER, {"controller.coordination.kind": "master-slave"})
     monkeypatch.setattr(margin_survey, "survey_points", lambda _: [(25.0, 1.8)])

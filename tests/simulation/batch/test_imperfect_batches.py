@@ -30,6 +30,7 @@ def test_lanes_are_single_runs(threads: int) -> None:
         assert batch.metrics["mse"][i, j] == pytest.approx(alone.metrics["mse"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_errors_of_sensitivities_are_those_of_runs() -> None:
     scenarios = rigs(2)
     found, batch = sensitivities(NAMES, GAINS[:1], scenarios), rollout(NAMES, GAINS[:1], scenarios, stride=1)
@@ -37,6 +38,7 @@ def test_errors_of_sensitivities_are_those_of_runs() -> None:
     assert np.abs(found.metrics["mse"] / batch.metrics["mse"] - 1).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_gradients_on_a_rig_are_those_of_central_differences() -> None:
     smooth, steps = {"sensors.position_resolution": 0.0, "sensors.encoder_counts": 0}, (1e-6, 1e-5)
     scenarios = [drawn.having(smooth) for drawn in rigs(1)]

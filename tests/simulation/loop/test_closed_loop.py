@@ -22,8 +22,10 @@ from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
 from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
+from tests.closeness import close
 from tests.conftest import OracleRun, PaperRun
 from tests.oracle.sampled import Scenario, run
+from tests.tiers import mostly_slow
 
 METRE = 1e-6
 """Largest difference of the position that counts as agreement, in m."""
@@ -44,7 +46,9 @@ RUNS = [
 ]
 
 
-@pytest.mark.parametrize(("integrator", "substeps", "number", "kind"), RUNS)
+@pytest.mark.parametrize(
+    ("integrator", "substeps", "number", "kind"), mostly_slow(RUNS, lambda run: run[2] == 2 or run[3] == "fando-nftsm")
+)
 def test_positions_agree(integrator: Any, substeps: int, number: int, kind: str, oracle_run: OracleRun) -> None:
     simulation = Simulation(integrator=integrator, substeps=substeps)
     ours, theirs = simulate(replace(case(number, kind), simulation=simulation)), oracle_run(number, kind)
@@ -144,7 +148,7 @@ def test_two_sided_ropes_agree() -> None:
 
 def test_rows_are_written_at_the_beginning_of_each_sample(paper_run: PaperRun) -> None:
     result = paper_run(2, "fando-nftsm")
-    assert result["t"] == pytest.approx(1e-3 * np.arange(50_000))
+    assert close(result["t"], 1e-3 * np.arange(50_000), rel=1e-6, abs=1e-12)
     assert result["x"][0] == 0
     assert (result["F1"][0], result["F2"][0]) == pytest.approx((1000, 1000))
 

@@ -52,6 +52,7 @@ def test_a_constant_push_leaves_no_error() -> None:
     assert force[-1] == pytest.approx(-0.1 * MASS, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_force_keeps_to_its_limits_and_to_its_rate() -> None:
     law = Mpc(rise_time=0.29)
     x, force = sampled(law, -0.1, 0.0, 4000)
@@ -96,6 +97,7 @@ def corners(result: Result) -> np.ndarray:
     return np.array([np.abs(result["e"][chosen]).max() for chosen in near])
 
 
+@pytest.mark.slow
 def test_preview_helps_where_the_acceleration_steps() -> None:
     seeing, blind = simulate(case(2, "mpc")), simulate(case(2, law=Blind()))
     assert (corners(seeing) < 0.6 * corners(blind)).all()
@@ -107,6 +109,7 @@ def test_it_is_better_than_the_papers_law_in_vortices(paper_run) -> None:
     assert ours.metrics.chatter < paper.metrics.chatter
 
 
+@pytest.mark.slow
 def test_lanes_and_interpreter_give_the_same_run() -> None:
     short = replace(HURRIED, simulation=replace(HURRIED.simulation, duration=0.6))
     result, interpreted = simulate(short), simulate(short, engine="interpreter")
@@ -132,6 +135,7 @@ def test_in_single_precision_the_exported_controller_gives_nearly_the_same(tmp_p
     assert np.abs(found[:, column] - result["u_sat"]).max() < 1e-3 * 5800
 
 
+@pytest.mark.slow
 def test_runs_are_differentiated_by_its_weights() -> None:
     names, gains = ["controller.mpc.position", "controller.mpc.speed"], np.array([[5e-4, 1e-2]])
     smooth = override(case(4, "mpc"), {"controller.coordination.preload": 5000, "simulation.integrator": "exponential"})
