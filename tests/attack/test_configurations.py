@@ -25,8 +25,8 @@ from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
-FIRST, CONFIGURATIONS = 5, 2
-"""Seed of the first configuration, and their number in every run; each is compiled twice."""
+FIRST = 5
+"""Seed of the first configuration; each is compiled twice."""
 
 CALM = 1e-10
 """Largest change of a column, as a share of its size, by a perturbation of 1e-16 where a loop is not chaotic."""
@@ -97,9 +97,10 @@ def check_limits(run: Result) -> None:
         assert run[f"{name}_cmd"].max() <= limits.tension_max * (1 + 1e-9)
 
 
-def test_random_configurations(attack: int) -> None:
+@pytest.mark.parametrize("configurations", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_random_configurations(configurations: int, attack: int) -> None:
     calm = 0
-    for seed in range(FIRST, FIRST + CONFIGURATIONS * attack):
+    for seed in range(FIRST, FIRST + configurations * attack):
         experiment, chosen = configuration(seed)
         try:
             interpreted = simulate(experiment, engine="interpreter")

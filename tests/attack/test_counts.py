@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 WORKERS, BLOWS = 3, 4
-"""Processes at work at once, and how many of them are hit in a try."""
+"""Processes at work at once in a database, and how many of them are hit in a try."""
 
 LONGEST = 120.0
 """Time in s after which a study counts as stuck."""
@@ -77,11 +77,12 @@ def check(trials: list[FrozenTrial]) -> None:
     assert sorted(origins) == ["paper"] + ["random"] * (TRIALS - 1)
 
 
-def test_a_study_in_a_file(attack: int, processes: ForkServerContext, tmp_path: Path) -> None:
+@pytest.mark.parametrize("blows", [1, pytest.param(BLOWS, marks=pytest.mark.slow)])
+def test_a_study_in_a_file(blows: int, attack: int, processes: ForkServerContext, tmp_path: Path) -> None:
     for seed in range(attack):
         chance = random.Random(seed)  # noqa: S311
         storage = str(tmp_path / f"{seed}.journal")
-        for _ in range(BLOWS):
+        for _ in range(blows):
             process = started(processes, work_in_file, storage)
             time.sleep(chance.uniform(0, 0.5))
             hit(process, chance)

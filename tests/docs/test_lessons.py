@@ -14,13 +14,17 @@ ROOT = Path(__file__).parents[2]
 LESSONS = {"start.md": 1, "machine.md": 1, "sensitivities.md": 1, "stepper.md": 5, "reference/python.md": 10}
 """Page → blocks that it has at least."""
 
+LONG = ("sensitivities.md", "stepper.md", "reference/python.md")
+
 
 def blocks(page: str) -> list[str]:
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     return re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("page", LESSONS)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=pytest.mark.slow if page in LONG else []) for page in LESSONS]
+)
 def test_a_lesson_runs(page: str, tmp_path: Path) -> None:
     """In a process of its own: a lesson may register parts."""
     found = blocks(page)

@@ -10,6 +10,9 @@ from types import ModuleType
 import pytest
 
 from dualwinch.model.quantities.part import Part
+from tests.tuning.conftest import few_scenarios  # noqa: F401 # a fixture
+
+pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -34,16 +37,15 @@ def part_of(module: ModuleType) -> type[Part]:
     return [value for value in own if issubclass(value, Part)][-1]
 
 
-@pytest.fixture(params=EXAMPLES, ids=lambda path: path.stem)
-def example(request: pytest.FixtureRequest) -> ModuleType:
-    return loaded(request.param)
-
-
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(path.stem, marks=[] if path.stem == "own_metric" else pytest.mark.slow) for path in EXAMPLES],
+)
 def test_it_tunes_compares_and_writes_c(
-    example: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    example.main(trials=8, out="made")
+    loaded(ROOT / "examples" / f"{name}.py").main(trials=8, out="made")
     printed = capsys.readouterr().out
     assert "Tuned(" in printed
     assert "Comparison in " in printed
@@ -52,13 +54,15 @@ def test_it_tunes_compares_and_writes_c(
     assert "dualwinch_controller_step" in code
 
 
-def test_its_part_is_short_and_in_the_lesson(example: ModuleType) -> None:
-    source = inspect.getsource(part_of(example)).strip()
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_its_part_is_short_and_in_the_lesson(path: Path) -> None:
+    source = inspect.getsource(part_of(loaded(path))).strip()
     assert len(source.splitlines()) <= LONGEST
     blocks = re.findall(r"```python\n(.*?)```", LESSON, re.DOTALL)
     assert any(source in block for block in blocks), "copy the class into docs/your-own-parts.md"
 
 
+@pytest.mark.slow
 def test_a_law_is_used_like_any_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

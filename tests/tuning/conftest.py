@@ -1,17 +1,36 @@
-"""Small problems that a second is enough for."""
+"""Small problems that a second is enough for, and few scenarios to choose and test gains in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
 
+from dualwinch.commands import tuning_setup
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 
 MakeProblem = Callable[..., TuningProblem]
 
 
-@pytest.fixture
+@dataclass(frozen=True)
+class FewScenarios(SelectionConfig):
+    """The usual choice of gains, in few scenarios."""
+
+    demand_among: int = 80
+    sizes: SampleSizes = field(default_factory=lambda: SampleSizes(6, 100, 8, 4, 2, 20, 2, 8, 20, 24))
+
+
+@pytest.fixture(scope="module")
+def few_scenarios() -> Iterator[None]:
+    """Few scenarios by default, for all tests of a file that has ``usefixtures("few_scenarios")``."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tuning_setup, "SelectionConfig", FewScenarios)
+        yield
+
+
+@pytest.fixture(scope="session")
 def make_problem() -> MakeProblem:
     """``make_problem(ensemble="sea", ...)``: a problem of 0.1 s runs; the words are those of the command line."""
 
@@ -23,6 +42,7 @@ def make_problem() -> MakeProblem:
             "constraints": ["mean.chatter<=1*paper"],
             "scenarios": 4,
             "seed": 3,
+            "selection": FewScenarios(),
         }
         if words.get("ensemble", "sea") is None:
             given["scenarios"] = None

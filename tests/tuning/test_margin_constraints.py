@@ -148,6 +148,7 @@ def study(*constraints: str) -> TuningResult:
     return tune(problem, trials=48, method="cmaes")
 
 
+@pytest.mark.slow
 def test_tuned_gains_keep_the_delay_margin_that_error_alone_would_use_up(tmp_path: Path) -> None:
     free, kept = study(), study(DELAY)
     assert MarginSurvey([free.best]).worst([[]])[0]["delay"].value < 8e-3
@@ -179,7 +180,7 @@ def _stands_and_falls(tuned: TuningResult, borne: int, too_much: int, point: tup
 
 
 def test_an_unstable_start_is_a_violated_constraint_and_its_place_is_told(make_problem: MakeProblem) -> None:
-    late = ["simulation.duration=0.1", "simulation.delay_samples=40"]
+    late = ["simulation.duration=0.1", "simulation.sample_time=0.005", "simulation.delay_samples=8"]
     problem = make_problem(ensemble=None, settings=late, constraints=["none", DELAY], space=[BETA])
     assert not margins(linear_broken_loop(problem.experiment, 2.5, 0.0, "u")).stable
     found = tune(replace(problem), trials=2, method="random")

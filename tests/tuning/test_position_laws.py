@@ -7,7 +7,9 @@ from dualwinch.tuning.tune import tune
 from tests.tuning.conftest import MakeProblem
 
 
-@pytest.mark.parametrize("kind", ["lqi", "eid", "rbf-sliding-mode"])
+@pytest.mark.parametrize(
+    "kind", ["eid", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("lqi", "rbf-sliding-mode"))]
+)
 def test_tuning_improves_gains_by_hand(kind: str, make_problem: MakeProblem) -> None:
     problem = make_problem(
         ensemble=None,

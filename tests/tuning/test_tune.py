@@ -24,11 +24,11 @@ from dualwinch.tuning.scoring import evaluation as scorer
 from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
-from dualwinch.tuning.selection_config import SampleSizes
+from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
 from dualwinch.tuning.tune import tune
-from tests.tuning.conftest import MakeProblem
+from tests.tuning.conftest import FewScenarios, MakeProblem
 
 
 class Recorded:
@@ -63,7 +63,7 @@ class Stubborn:
         """Learn nothing."""
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def tuned(make_problem: MakeProblem) -> TuningResult:
     return tune(make_problem(), trials=60, held_out=6)
 
@@ -73,7 +73,7 @@ def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: Tunin
     assert leaves(tuned.best)["controller.nftsm.beta"] == tuned.gains["controller.nftsm.beta"]
     assert tuned.verdict.has_test_set
     assert tuned.verdict.scored.scenarios == 6
-    assert tuned.verdict.sizes == SampleSizes(test=6)
+    assert tuned.verdict.sizes == replace(FewScenarios().sizes, test=6)
     assert not tuned.interrupted
 
 
@@ -119,7 +119,7 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
 
     monkeypatch.setattr(clock, "now", lambda: time[0])
     monkeypatch.setattr(scorer, "run_pairs", run_pairs)
-    problem = make_problem()
+    problem = make_problem(selection=SelectionConfig())
     tuned = tune(problem, seconds=seconds)
     batch = pace * (BATCH * len(tuned.training.scenarios) + 2 * len(tuned.training.hard))
     assert seconds <= tuned.cost.searching <= seconds + batch

@@ -13,6 +13,7 @@ from dualwinch.commands import tuning_stress
 from dualwinch.commands.race_run import write_race
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tree import leaves
+from tests.tuning.conftest import few_scenarios  # noqa: F401 # a fixture
 from tests.tuning.race.made_up import made_up, scored
 from tests.tuning.stress.ensembles import DRUMS
 
@@ -24,6 +25,8 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 import annotated_types as at
 import dualwinch as dw
+
+pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 @dataclass(frozen=True)
 class Nothing:

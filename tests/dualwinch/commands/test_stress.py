@@ -14,7 +14,10 @@ from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
+from tests.tuning.conftest import few_scenarios  # noqa: F401 # a fixture
 from tests.tuning.stress.ensembles import DRUMS, short
+
+pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 SHORT = ("--set", "simulation.duration=0.5", "--scenarios", "2")
 

@@ -12,7 +12,7 @@ from tests.tuning.conftest import MakeProblem
 MakeRace = Callable[..., tuple[list[EntryProblem], BenchmarkTerms]]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_race(make_problem: MakeProblem) -> MakeRace:
     """``make_race(...)``: two laws in the sea, runs of 0.1 s; words are those of `BenchmarkTerms`."""
 

@@ -1,6 +1,6 @@
 """A small race: the same whoever interrupts it, its numbers those of a comparison, and no one below the least error."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,8 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.ensembles.comparison import compare, paper_controller
 from dualwinch.tuning.benchmark import run as race_run
+from dualwinch.tuning.benchmark.entries import BenchmarkTerms, EntryProblem
+from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.run import race
 from dualwinch.tuning.benchmark.scores import COSTS
 from dualwinch.tuning.benchmark.summary import to_record
@@ -24,11 +26,27 @@ def numbers(found: object) -> dict[str, object]:
     return record
 
 
-def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
-    make_race: MakeRace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@dataclass(frozen=True)
+class Finished:
+    """A race that is over: who took part, on which terms, what was found, and the shares told on the way."""
+
+    entrants: list[EntryProblem]
+    terms: BenchmarkTerms
+    found: BenchmarkResult
+    shares: list[float]
+
+
+@pytest.fixture(scope="module")
+def finished(make_race: MakeRace) -> Finished:
     entrants, terms = make_race()
-    whole = race(entrants, terms, folder=tmp_path / "whole")
+    shares: list[float] = []
+    return Finished(entrants, terms, race(entrants, terms, told=lambda share, _: shares.append(share)), shares)
+
+
+def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
+    finished: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entrants, terms, whole = finished.entrants, finished.terms, finished.found
     assert whole.left == 0
 
     def interrupting(share: float, words: str) -> None:  # noqa: ARG001
@@ -49,8 +67,7 @@ def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
     monkeypatch.setattr(race_run, "scored", counted)
     again = race(entrants, terms, folder=tmp_path / "part")
     assert run == ["adrc"]
-    assert numbers(again) == numbers(whole)
-    assert numbers(race(entrants, terms)) == numbers(whole), "without a folder"
+    assert numbers(again) == numbers(whole), "the whole is without a folder"
 
 
 def test_before_the_first_is_finished_an_interrupt_is_raised(make_race: MakeRace, tmp_path: Path) -> None:
@@ -65,11 +82,9 @@ def test_before_the_first_is_finished_an_interrupt_is_raised(make_race: MakeRace
     assert [file.name for file in (tmp_path / "entries").iterdir()] == ["paper.json"]
 
 
-def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(make_race: MakeRace) -> None:
-    entrants, terms = make_race()
-    shares: list[float] = []
-    found = race(entrants, terms, told=lambda share, _: shares.append(share))
-    assert shares == sorted(shares)
+def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(finished: Finished) -> None:
+    entrants, terms, found = finished.entrants, finished.terms, finished.found
+    assert finished.shares == sorted(finished.shares)
     problem = entrants[0].problem
     assert problem.ensemble is not None
     controllers = {"paper": paper_controller()} | {
@@ -86,9 +101,8 @@ def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(make_rac
     assert {scored.search.rollouts >= 100 for scored in found.entries} == {True}
 
 
-def test_fronts_are_gains_in_the_unseen_scenarios(make_race: MakeRace) -> None:
-    entrants, terms = make_race()
-    found = race(entrants, terms)
+def test_fronts_are_gains_in_the_unseen_scenarios(finished: Finished) -> None:
+    entrants, terms, found = finished.entrants, finished.terms, finished.found
     problems = {entrant.entry.key: entrant.problem for entrant in entrants}
     for scored in found.entries:
         assert set(scored.fronts) == set(COSTS)
@@ -128,9 +142,8 @@ def test_other_terms_are_refused_before_anything_runs(make_race: MakeRace, tmp_p
         replace(terms, held_out=1)
 
 
-def test_who_did_not_run_everything_to_its_end_is_behind(make_race: MakeRace) -> None:
-    entrants, terms = make_race()
-    found = race(entrants, terms)
+def test_who_did_not_run_everything_to_its_end_is_behind(finished: Finished) -> None:
+    found = finished.found
     first, second = found.ranking
     outcomes = np.array(["completed"] * 4 + ["diverged"])
     lost = replace(first, runs=replace(first.runs, outcomes=outcomes))

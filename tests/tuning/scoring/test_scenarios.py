@@ -19,7 +19,7 @@ from dualwinch.tuning.scoring.training_set import (
 from dualwinch.tuning.selection_config import SelectionConfig
 
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
-CONFIG = SelectionConfig()
+CONFIG = SelectionConfig(demand_among=300)
 FURTHEST, LOOKED_AT, BEHIND = CONFIG.largest_lag, CONFIG.demand_among, CONFIG.lags_beyond_authority
 
 
@@ -58,7 +58,7 @@ def test_typical_draws_are_those_in_the_middle_of_equal_shares_of_all() -> None:
     every = sorted(share(scenario) for scenario in SEA.scenarios(LOOKED_AT, 3))
     picks, _ = training_choices(SEA, 8, 3, having(0))
     typical = [share(scenario) for scenario in drawn(picks, SEA, 3) if not scenario.hard]
-    assert np.allclose(typical, [every[number] for number in (75, 225, 375, 525)], rtol=1e-12)
+    assert np.allclose(typical, [every[round((number + 0.5) / 4 * len(every))] for number in range(4)], rtol=1e-12)
 
 
 def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:

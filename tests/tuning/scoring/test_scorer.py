@@ -44,7 +44,11 @@ def test_candidates_with_slack_ropes_are_given_up_where_no_rope_may_be_slack(mak
         Evaluator(
             prepare(
                 make_problem(
-                    settings=["simulation.duration=1"], space=[f"{kp}=1e-4:10:log"], scenarios=2, constraints=bounds
+                    settings=["simulation.duration=1"],
+                    space=[f"{kp}=1e-4:10:log"],
+                    scenarios=2,
+                    constraints=bounds,
+                    selection=SelectionConfig(),
                 )
             )
         )
