@@ -20,7 +20,7 @@ BATCH = 16
 
 def test_steps_go_on_from_the_search_and_the_search_around_where_they_led(make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem())
-    space, method, evaluator = prepared.problem.space, HybridSearch(prepared, 1), Evaluator(prepared)
+    space, method, evaluator = prepared.problem.space, HybridSearch(prepared, 2), Evaluator(prepared)
     trials, turns = list[Evaluation](), list[tuple[int, float]]()
     bests, points = list[Evaluation](), list[Point]()
     while len(turns) < 3:

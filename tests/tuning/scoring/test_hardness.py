@@ -83,7 +83,7 @@ def test_the_best_of_a_call_count_by_their_mean(prepared: TrainingSet) -> None:
 def test_candidates_meet_what_the_best_before_them_failed_in(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seed = 8  # of draws among which the further ones are harder
+    seed = 10  # of draws among which the further ones are harder
     start = prepare(make_problem(seed=seed)).problem.start
     candidates = [Candidate(start | {"controller.observer.l0": float(gain)}, "x") for gain in range(5, 15)]
     free = Evaluator(prepare(make_problem(seed=seed)))
