@@ -1,7 +1,6 @@
 """Small problems that a second is enough for, and few scenarios to choose and test gains in."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -14,19 +13,20 @@ from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 MakeProblem = Callable[..., TuningProblem]
 
 
-@dataclass(frozen=True)
-class FewScenarios(SelectionConfig):
-    """The usual choice of gains, in few scenarios."""
-
-    demand_among: int = 80
-    sizes: SampleSizes = field(default_factory=lambda: SampleSizes(6, 100, 8, 4, 2, 20, 2, 8, 20, 24))
+FEW = SelectionConfig(demand_among=80, sizes=SampleSizes(6, 100, 8, 4, 2, 20, 2, 8, 20, 24))
+"""The usual choice of gains, in few scenarios."""
 
 
 @pytest.fixture(scope="module")
 def few_scenarios() -> Iterator[None]:
     """Few scenarios by default, for all tests of a file that has ``usefixtures("few_scenarios")``."""
+
+    class Few(SelectionConfig):
+        def __new__(cls, *given: Any, **words: Any) -> SelectionConfig:
+            return SelectionConfig(*given, **words) if given or words else FEW
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning_setup, "SelectionConfig", FewScenarios)
+        patch.setattr(tuning_setup, "SelectionConfig", Few)
         yield
 
 
@@ -42,7 +42,7 @@ def make_problem() -> MakeProblem:
             "constraints": ["mean.chatter<=1*paper"],
             "scenarios": 4,
             "seed": 3,
-            "selection": FewScenarios(),
+            "selection": FEW,
         }
         if words.get("ensemble", "sea") is None:
             given["scenarios"] = None

@@ -28,7 +28,7 @@ from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
 from dualwinch.tuning.tune import tune
-from tests.tuning.conftest import FewScenarios, MakeProblem
+from tests.tuning.conftest import MakeProblem
 
 
 class Recorded:
@@ -65,15 +65,15 @@ class Stubborn:
 
 @pytest.fixture(scope="module")
 def tuned(make_problem: MakeProblem) -> TuningResult:
-    return tune(make_problem(), trials=60, held_out=6)
+    return tune(make_problem(selection=SelectionConfig()), trials=96, held_out=6)
 
 
 def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: TuningResult) -> None:
-    assert [trial.number for trial in tuned.trials] == list(range(60))
+    assert [trial.number for trial in tuned.trials] == list(range(96))
     assert leaves(tuned.best)["controller.nftsm.beta"] == tuned.gains["controller.nftsm.beta"]
     assert tuned.verdict.has_test_set
     assert tuned.verdict.scored.scenarios == 6
-    assert tuned.verdict.sizes == replace(FewScenarios().sizes, test=6)
+    assert tuned.verdict.sizes == SampleSizes(test=6)
     assert not tuned.interrupted
 
 
@@ -178,14 +178,14 @@ def test_what_was_trimmed_where_the_best_was_chosen_is_said(tuned: TuningResult)
     trimmed = replace(tuned, verdict=replace(tuned.verdict, best=replace(best, candidate=candidate)))
     assert trimmed.repaired == {beta: (best.point[beta], 0.125)}
     assert headline(trimmed).startswith(
-        f"trial {best.number} of 60, with {beta} changed from {best.point[beta]:.4g} to 0.125, is the best"
+        f"trial {best.number} of 96, with {beta} changed from {best.point[beta]:.4g} to 0.125, is the best"
     )
 
 
 def test_there_is_no_advice_where_nothing_is_wrong(tuned: TuningResult) -> None:
     assert advice(tuned) == []
     assert headline(tuned).startswith(
-        f"trial {tuned.verdict.best.number} of 60 is the best; scored in 6 test scenarios"
+        f"trial {tuned.verdict.best.number} of 96 is the best; scored in 6 test scenarios"
     )
     assert list(headings(tuned)) == ["best", "start", "paper"]
     assert "times lower than the paper's and " in comparison(tuned)

@@ -17,6 +17,8 @@ from tests.tuning.conftest import few_scenarios  # noqa: F401 # a fixture
 from tests.tuning.race.made_up import made_up, scored
 from tests.tuning.stress.ensembles import DRUMS
 
+pytestmark = pytest.mark.usefixtures("few_scenarios")
+
 SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--held-out", "4")
 SEA = ("race", "--ensemble", "sea", "--estimator", "kalman", *SHORT)
 
@@ -25,8 +27,6 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 import annotated_types as at
 import dualwinch as dw
-
-pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 @dataclass(frozen=True)
 class Nothing:

@@ -38,7 +38,6 @@ def test_an_overwhelming_scenario_counts_in_no_statistic_and_may_exceed_bounds_b
     assert judged(5500) == pytest.approx((3000, 0.1 - SelectionConfig.leeway_beyond_authority))
 
 
-@pytest.mark.usefixtures("many_scenarios")
 def test_candidates_with_slack_ropes_are_given_up_where_no_rope_may_be_slack(make_problem: MakeProblem) -> None:
     kp = "controller.winch_1.kp"
     tight, free = (

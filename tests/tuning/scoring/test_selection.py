@@ -166,7 +166,7 @@ def test_overwhelming_vertices_count_unless_only_far_worse_trials_hold_there(
 
 
 def test_who_keeps_to_all_bounds_may_be_the_best_however_near_it_comes_to_them(make_problem: MakeProblem) -> None:
-    evaluator = Evaluator(prepare(make_problem(scenarios=2)))
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, selection=SelectionConfig())))
     trials = studied(evaluator, 32)
     leader = select(evaluator, trials, SMALL).best
 
