@@ -18,7 +18,7 @@ from dualwinch.codegen.errors import CacheError
 from dualwinch.codegen.files import atomic
 from dualwinch.lab.catalogue.catalogue import catalogue
 from dualwinch.lab.wasm.build import FLAGS, modules, wasm_compiler
-from dualwinch.lab.wasm.structures import Structure, structures
+from dualwinch.lab.wasm.structures import LabStructure, structures
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 
 Progress = Callable[[float], None]
@@ -52,7 +52,7 @@ class Content:
 
 
 def content(
-    rig: Ensemble, version: str, *, offered: Sequence[Structure] | None = None, progress: Progress | None = None
+    rig: Ensemble, version: str, *, offered: Sequence[LabStructure] | None = None, progress: Progress | None = None
 ) -> Content:
     """Catalogue and modules, from the cache folder or newly built.
 
@@ -82,7 +82,7 @@ def content(
     return built
 
 
-def _built(offered: Sequence[Structure], rig: Ensemble, version: str, progress: Progress) -> Content:
+def _built(offered: Sequence[LabStructure], rig: Ensemble, version: str, progress: Progress) -> Content:
     found = {}
     for structure, code in zip(offered, modules(structure.module for structure in offered), strict=True):
         found[structure.id] = code

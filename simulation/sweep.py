@@ -40,7 +40,7 @@ class Sweep(RunGrid):
             UnknownNameError: there is no such figure of merit.
             ConfigurationError: there are more than two keys (`at` takes one away), or none.
         """
-        from dualwinch.simulation.plots.sweep import sweep_figure
+        from dualwinch.simulation.plots.ensembles import sweep_figure
 
         return sweep_figure(self, metric, ax=ax)
 

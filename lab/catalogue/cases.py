@@ -3,7 +3,7 @@
 from typing import Any
 
 from dualwinch.lab.catalogue.keys import default_of
-from dualwinch.lab.wasm.structures import Structure
+from dualwinch.lab.wasm.structures import LabStructure
 from dualwinch.simulation.paper import CASES, CONTROLLERS, REDUCTIONS, case
 from dualwinch.simulation.simulate import simulate
 
@@ -11,11 +11,11 @@ OBSERVED = {"case": "case-4", "without": "nftsm", "with": "fando-nftsm"}
 """What the paper's reductions are of (its Figure 21)."""
 
 
-def cases(usual: Structure) -> list[dict[str, Any]]:
+def cases(usual: LabStructure) -> list[dict[str, Any]]:
     """Every case of the paper: its name, the structure to begin with, what it changes, its steady state."""
     found = []
     for number, label in CASES.items():
-        there = Structure(usual.settings, case(number))
+        there = LabStructure(usual.settings, case(number))
         values = {key: default_of(key, there) for key in usual.module.keys}
         changed = {key: value for key, value in values.items() if value != default_of(key, usual)}
         found.append(

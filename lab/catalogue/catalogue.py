@@ -6,12 +6,12 @@ from typing import Any
 from dualwinch.lab.catalogue.cases import cases, claims, reproduced
 from dualwinch.lab.catalogue.keys import chosen, described
 from dualwinch.lab.catalogue.rig import drawn
-from dualwinch.lab.wasm.structures import Structure
+from dualwinch.lab.wasm.structures import LabStructure
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.metrics.metrics import metric_quantities
 
 
-def catalogue(structures: Sequence[Structure], rig: Ensemble, version: str) -> dict[str, Any]:
+def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -> dict[str, Any]:
     """The catalogue of some structures.
 
     Args:
@@ -41,7 +41,7 @@ def catalogue(structures: Sequence[Structure], rig: Ensemble, version: str) -> d
     }
 
 
-def _entry(structure: Structure, defaults: dict[str, Any]) -> dict[str, Any]:
+def _entry(structure: LabStructure, defaults: dict[str, Any]) -> dict[str, Any]:
     """What the catalogue says of a structure."""
     module = structure.module
     return {

@@ -7,7 +7,7 @@ from typing import Any
 
 from dualwinch.controllers.nominal import nominal_plant
 from dualwinch.lab.wasm.settings import DURATION, KIND, MOTIONS
-from dualwinch.lab.wasm.structures import REGISTRIES, Structure
+from dualwinch.lab.wasm.structures import REGISTRIES, LabStructure
 from dualwinch.lab.wasm.wide import LAG
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
@@ -30,7 +30,7 @@ class Slider:
     scale: str = "linear"
 
 
-def default_of(key: str, structure: Structure) -> float | None:
+def default_of(key: str, structure: LabStructure) -> float | None:
     """The number of a key where nothing is said; None where it is left open."""
     return number_of(key, leaves(structure.experiment))
 
@@ -43,7 +43,7 @@ def number_of(key: str, values: Mapping[str, Any]) -> float | None:
     return None if value is None else float(value)
 
 
-def described(structure: Structure, rig: Ensemble) -> dict[str, dict[str, Any]]:
+def described(structure: LabStructure, rig: Ensemble) -> dict[str, dict[str, Any]]:
     """Every key of a structure with what it is, as the catalogue has it.
 
     Args:
@@ -54,7 +54,7 @@ def described(structure: Structure, rig: Ensemble) -> dict[str, dict[str, Any]]:
     return {key: _entry(key, known[key], structure, rig) for key in structure.module.keys}
 
 
-def chosen(structures: Sequence[Structure]) -> dict[str, dict[str, Any]]:
+def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
     """What structures differ in, likewise: every key with what may be chosen, and what people call it."""
     usual, found = structures[0], {}
     for key, default in usual.settings:
@@ -74,7 +74,7 @@ def chosen(structures: Sequence[Structure]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _entry(key: str, leaf: Leaf, structure: Structure, rig: Ensemble) -> dict[str, Any]:
+def _entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> dict[str, Any]:
     default = default_of(key, structure)
     low, high = leaf.bounds if key != LAG else (0.0, math.inf)
     if key == KIND:

@@ -30,7 +30,7 @@ FILTERS = ("kalman", "self-calibrating-kalman")
 
 
 @dataclass(frozen=True)
-class Structure:
+class LabStructure:
     """A structure of the lab.
 
     Attributes:
@@ -72,7 +72,7 @@ class Structure:
         return ", ".join([*parts, *([] if self.chosen[SLACK] else ["ropes that push"])])
 
 
-def structures() -> tuple[Structure, ...]:
+def structures() -> tuple[LabStructure, ...]:
     """Every structure of the lab, the paper's first."""
     values = leaves(Experiment())
     usual = {key: values[key] for key in (LAW, ESTIMATOR, COORDINATION, SLACK)}
@@ -80,4 +80,4 @@ def structures() -> tuple[Structure, ...]:
     changes += [{LAW: law, ESTIMATOR: estimator} for law in FILTERED for estimator in FILTERS]
     changes += [{COORDINATION: kind} for kind in COORDINATIONS if kind != usual[COORDINATION]]
     changes += [{SLACK: False}]
-    return tuple(Structure(tuple((usual | change).items())) for change in changes)
+    return tuple(LabStructure(tuple((usual | change).items())) for change in changes)

@@ -18,11 +18,18 @@ from dualwinch.simulation.animation.machine import (
     WATER,
     WIDTH,
     Frames,
+    Play,
+    add,
     draw_colours,
     draw_machine,
     machine_of,
+    move,
+    number,
+    path,
+    picture,
+    text,
+    written,
 )
-from dualwinch.simulation.animation.svg import Play, add, move, number, path, picture, text, written
 from dualwinch.simulation.plots.page import case_number, scenario
 from dualwinch.simulation.plots.runs import KILO, length_unit
 from dualwinch.simulation.plots.style import GREY, INK, LIGHT, ROPE_COLOURS, VERMILION, law_colour, law_label

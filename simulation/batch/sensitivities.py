@@ -18,14 +18,12 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, check_shape, experiment_of, run_by_structure
 from dualwinch.simulation.batch.threads import run_all
-from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
-from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_slopes
 from dualwinch.simulation.loop.structure import Structure, described_parameters, parameters_of, structure_of
-from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.metric import Metric, slopes_of
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
-from dualwinch.simulation.metrics.own import slopes_of
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.outcomes import WORDS, not_run
 from dualwinch.simulation.scenario import Scenario

@@ -33,9 +33,8 @@ from dualwinch.simulation.loop.zero_order_hold import (
     problem_of,
     zero_order_hold,
 )
-from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.metrics.metric import Metric, states_after, states_before
 from dualwinch.simulation.metrics.metrics import Accumulators, accumulate
-from dualwinch.simulation.metrics.own import states_after, states_before
 from dualwinch.simulation.rows import COLUMNS, Sample, row_of
 from dualwinch.simulation.sensors import Noise, Readings, Sensors, first_readings, measure, silence_of
 

@@ -13,8 +13,7 @@ from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, nearest
 from dualwinch.model.quantities.tables import readable, readable_unit, table
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, sqrt, where
-from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
-from dualwinch.simulation.metrics.own import states_before, values_of
+from dualwinch.simulation.metrics.metric import Metric, MetricQuantity, states_before, values_of
 from dualwinch.simulation.rows import Sample
 
 MILLIMETRES, SQUARE_MILLIMETRES, PERCENT = ("mm", 1e3, ".3g"), ("mm²", 1e6, ".3g"), ("%", 1e2, ".4g")

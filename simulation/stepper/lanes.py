@@ -39,7 +39,7 @@ SHORTEST, LONGEST = 256, 2**16
 """Samples of a page, at least and at most."""
 
 
-class Page:
+class SignalPage:
     """Signals of some samples of a run, and of the first sample of the page that follows.
 
     Readers of one run share its pages, wherever each of them is: a page holds the one that follows, once that has been
@@ -53,7 +53,7 @@ class Page:
     def __init__(self, table: Floats, start: int, source: Iterator[Floats], lock: threading.Lock) -> None:
         self.table, self.start = table, start
         self._source, self._lock = source, lock
-        self._following: Page | None = None
+        self._following: SignalPage | None = None
 
     @property
     def end(self) -> int:
@@ -64,12 +64,12 @@ class Page:
         """Where in memory the signals of a sample stand."""
         return self.table.__array_interface__["data"][0] + (sample - self.start) * self.table.strides[0]
 
-    def following(self) -> "Page":
+    def following(self) -> "SignalPage":
         """The next page."""
         with self._lock:
             if self._following is None:
                 table = np.concatenate([self.table[-1:], next(self._source)])
-                self._following = Page(table, self.end, self._source, self._lock)
+                self._following = SignalPage(table, self.end, self._source, self._lock)
             return self._following
 
 
@@ -79,13 +79,13 @@ def page_length(experiment: Experiment, runs: int) -> int:
     return min(max(ROOM // (8 * signals * runs), SHORTEST), LONGEST)
 
 
-def first_page(experiment: Experiment, length: int) -> Page:
+def first_page(experiment: Experiment, length: int) -> SignalPage:
     """The first page of a run, `length` samples long; all pages together hold one sample more than the run has.
 
     That is for the observation after the last sample.
     """
     source = exogenous_pieces(experiment, length, experiment.samples + 1)
-    return Page(next(source), 0, source, threading.Lock())
+    return SignalPage(next(source), 0, source, threading.Lock())
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ class Scenarios:
             return [self._only] * len(scenarios)
         return [self._lane(scenario) for scenario in scenarios]
 
-    def first_pages(self, lanes: Sequence[Lane], batch: int) -> list[Page]:
+    def first_pages(self, lanes: Sequence[Lane], batch: int) -> list[SignalPage]:
         """The first pages of lanes' signals, of a batch of so many lanes.
 
         Lanes of one experiment read the same pages. They are kept where they are small: they hold all that follow.
@@ -177,7 +177,7 @@ class Scenarios:
             self._only_page = page
         return [page] * len(lanes)
 
-    _only_page: Page | None = None
+    _only_page: SignalPage | None = None
 
     @cached_property
     def _only(self) -> Lane:
@@ -221,11 +221,11 @@ class Lanes:
         """Make room; see `codegen.drivers.stepping.SteppedRuns`."""
         self.runs = SteppedRuns(code, count, samples, shared=shared)
         self.lanes: dict[int, Lane] = {}
-        self._pages: dict[int, Page] = {}
+        self._pages: dict[int, SignalPage] = {}
         self._ends = np.full(count, NEVER)
         self._left = NEVER
 
-    def start(self, indices: Indices, lanes: Sequence[Lane], pages: Sequence[Page]) -> None:
+    def start(self, indices: Indices, lanes: Sequence[Lane], pages: Sequence[SignalPage]) -> None:
         """Begin some runs anew, each from a lane and its first page."""
         states, parameters = (np.array([getattr(lane, name) for lane in lanes]) for name in ("state", "parameters"))
         self.runs.start(indices, states, parameters)
@@ -261,7 +261,7 @@ class Lanes:
         )
         return other
 
-    def _turn(self, index: int, page: Page, sample: int) -> None:
+    def _turn(self, index: int, page: SignalPage, sample: int) -> None:
         self._pages[index], self._ends[index] = page, page.end
         self.runs.read(index, page.address(sample))
 

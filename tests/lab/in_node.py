@@ -16,7 +16,7 @@ from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.lab.content import Content, content
 from dualwinch.lab.wasm.build import wasm_compiler
-from dualwinch.lab.wasm.structures import Structure, structures
+from dualwinch.lab.wasm.structures import LabStructure, structures
 
 NODE = shutil.which("node")
 ENGINE = Path(__file__).parents[2] / "lab" / "engine" / "engine.js"
@@ -35,7 +35,7 @@ def zig_is_there() -> bool:
 needs_node = pytest.mark.skipif(NODE is None or not zig_is_there(), reason="needs node and zig")
 
 
-def of_id(name: str) -> Structure:
+def of_id(name: str) -> LabStructure:
     """A structure of the lab."""
     return next(structure for structure in structures() if structure.id == name)
 

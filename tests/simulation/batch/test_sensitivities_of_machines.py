@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.batch.sensitivities import Sensitivities, check_differentiable, sensitivities
-from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by
+from dualwinch.simulation.exogenous.signals import check_shaped, shaped_by
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of
 from dualwinch.simulation.paper import case

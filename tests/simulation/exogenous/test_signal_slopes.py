@@ -7,8 +7,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.signals import Signal
-from dualwinch.simulation.exogenous.signal_slopes import check_shaped, shaped_by, signal_slope
-from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.settings import override
