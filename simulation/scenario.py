@@ -23,7 +23,7 @@ class Scenario:
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``simulation.seed`` among them.
         vertex: whether it is a vertex of the box of draws, not a draw like the others.
-        hard: whether somebody picked it because it is hard: it counts in what is the worst, and not in a mean.
+        hard: whether it was picked because it is hard: it counts in the worst of the scenarios, and not in a mean.
         beyond_authority: whether it needs more force than actuators have: bounds on the worst have some leeway.
     """
 

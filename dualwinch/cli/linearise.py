@@ -70,7 +70,7 @@ def linearise(
 ) -> None:
     """Linearise the plant at an operating point or along a sweep; print its modes and the sample rate they need.
 
-    At rest the operating point is an equilibrium, else a steady cruise with constant tensions. Every derivative is
+    At rest the operating point is an equilibrium, else steady motion with constant tensions. Every derivative is
     exact.
 
     The closed loop is that of one sample of plant and controller, the broken one is it cut open at a signal; of it,

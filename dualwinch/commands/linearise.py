@@ -35,7 +35,7 @@ from dualwinch.simulation.analysis.describing_function import AmplitudePoint, am
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import Margins, margins
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import CUTS
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 from dualwinch.simulation.settings import override
 
 FigureName: TypeAlias = Literal["amplitude", "bode", "modes", "poles", "shapes"]
@@ -301,7 +301,7 @@ def _print_margins(
     ratio = f" ({systems[0].outputs[0]}/{systems[0].inputs[0]})"
     console.print(styled("bold", f"margins of the loop cut at {cut}", ratio))
     if not any(system.B.any() for system in systems):
-        console.print(f"nothing comes back: {CUTS[cut]} rests on its limit or answers to nothing here")
+        console.print(f"nothing comes back: {LOOP_OPENINGS[cut]} rests on its limit or answers to nothing here")
     first = [FigureColumn(swept, _swept_unit(swept), form="g")] if swept else []
     rows = [(*([values[swept][k]] if swept else []), *_margin_row(margin)) for k, margin in enumerate(found)]
     table = FigureTable("margins", (*first, *MARGIN_COLUMNS), rows)

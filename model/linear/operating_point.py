@@ -45,7 +45,7 @@ TENSION_MIN, TENSION_MAX = 200.0, 6000.0
 
 
 class SteadyMotion(NamedTuple):
-    """State and input at one instant of a steady cruise, with the tensions in N."""
+    """State and input at one instant of steady motion, with the tensions in N."""
 
     state: PlantState
     torques: Torques
@@ -71,7 +71,7 @@ def shared_tensions(net: Scalar, preload: Scalar, tension_min: Scalar, tension_m
 
 
 def steady_motion(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: Plant) -> SteadyMotion:
-    """State and torques of the steady cruise that passes x in m at v in m/s, with the tensions F1 and F2 in N.
+    """State and torques of the steady motion that passes x in m at v in m/s, with the tensions F1 and F2 in N.
 
     The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
     angle the motion is steady for that instant.
@@ -177,7 +177,7 @@ def _newtons(force: float) -> str:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """One instant of a steady cruise (see `model.linear.operating_point`), or an equilibrium where v is zero."""
+    """One instant of steady motion (see `model.linear.operating_point`), or an equilibrium where v is zero."""
 
     x: Annotated[float, Quantity("m", "position of the vehicle along the track")]
     v: Annotated[float, Quantity("m/s", "speed of the vehicle")]

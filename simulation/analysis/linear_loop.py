@@ -21,7 +21,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.simulation.analysis.operating_points import LoopOperatingPoint, loop_operating_point, with_taut_ropes
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop, initial_loop_state
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop, initial_loop_state
 from dualwinch.simulation.loop.structure import Structure, structure_of
 from dualwinch.simulation.rows import COLUMNS
 
@@ -95,12 +95,12 @@ def whole_broken_loop(
     experiment: Experiment, x: float, v: float, cut: str, nominal: Plant | None = None
 ) -> LinearSystem:
     """`linear_broken_loop` with all states, also those that move nothing: the same for all values of the gains."""
-    if cut not in CUTS:
-        raise ConfigurationError(f"unknown cut '{cut}'; did you mean '{nearest(cut, CUTS)}'?")
+    if cut not in LOOP_OPENINGS:
+        raise ConfigurationError(f"unknown cut '{cut}'; did you mean '{nearest(cut, LOOP_OPENINGS)}'?")
     point = loop_operating_point(experiment, x, v, nominal)
     (A,), (B,), (C,), (D,) = (getattr(point.opened, name) for name in "ABCD")
-    here = list(CUTS).index(cut)
-    others = [index for index in range(len(CUTS)) if index != here]
+    here = list(LOOP_OPENINGS).index(cut)
+    others = [index for index in range(len(LOOP_OPENINGS)) if index != here]
     # close the others: what leaves them is what comes back
     closing = np.linalg.inv(np.eye(len(others)) - D[np.ix_(others, others)])
     through, direct = B[:, others] @ closing, D[[here]][:, others] @ closing
@@ -111,7 +111,7 @@ def whole_broken_loop(
         -(D[[here]][:, [here]] + direct @ D[others][:, [here]]),
     )
     names = f"{cut}_in", f"{cut}_out"
-    units = dict.fromkeys(names, point.loop.quantities[CUTS[cut]].unit)
+    units = dict.fromkeys(names, point.loop.quantities[LOOP_OPENINGS[cut]].unit)
     return _named(point, matrices, point.opened.states, names[:1], names[1:], units)
 
 

@@ -15,7 +15,7 @@ from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, le
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, with_taut_ropes
 from dualwinch.simulation.batch.threads import Item, Outcome, map_all
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.scenario import Scenario
 
@@ -43,7 +43,7 @@ class WorstMargin:
             where nothing makes any of the loops unstable.
         machine: index of the machine.
         x, v: position in m and speed in m/s of the operating point.
-        cut: where the loop is cut, one of `CUTS`, or `margins.BOTH`; empty where the value is 0 or infinite.
+        cut: where the loop is cut, one of `LOOP_OPENINGS`, or `margins.BOTH`; empty where the value is 0 or infinite.
         frequency: angular frequency in rad/s at which the loop would oscillate; NaN likewise.
         reason: why the value is 0 (`UNSTABLE`, `UNSTEADY`); else empty.
     """
@@ -85,7 +85,7 @@ class MarginSurvey:
         machines: Sequence[Experiment | Scenario],
         names: Sequence[str] = (),
         threads: int | None = None,
-        cuts: Collection[str] = (*CUTS, BOTH),
+        cuts: Collection[str] = (*LOOP_OPENINGS, BOTH),
     ) -> None:
         """A survey.
 

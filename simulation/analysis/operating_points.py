@@ -3,8 +3,8 @@
 Everything repeats but what the motion itself carries on: positions by ``v Ts``, drums by what keeps the tensions; at
 v = 0 that is rest. Sensors are taken as perfect and disturbances as absent. Many points are solved for side by side by
 Newton's method; a single one is a batch of one. Beside the states the unknowns are what leaves the loop's openings, so
-that the derivatives at a point are those of the loop opened at all of `CUTS` at once: closing all but one gives the
-loop cut at that one, closing all the closed loop.
+that the derivatives at a point are those of the loop opened at all of `LOOP_OPENINGS` at once: closing all but one
+gives the loop cut at that one, closing all the closed loop.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,7 +25,7 @@ from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Creep
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import CUTS, ClosedLoop, closed_loop, start_function
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, ClosedLoop, closed_loop, start_function
 from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
 from dualwinch.simulation.prepare import prepare
 
@@ -128,7 +128,7 @@ class LoopOperatingPoint:
         state, exogenous, parameters: values of the closed loop's vectors.
         row: column → value of the result's row there.
         residual: largest change of a state over a sample beyond the motion's own, over the state's size.
-        opened: the loop opened at all of `CUTS`, linearised there.
+        opened: the loop opened at all of `LOOP_OPENINGS`, linearised there.
     """
 
     loop: ClosedLoop
@@ -216,7 +216,7 @@ def in_calm(experiment: Experiment) -> Experiment:
 
 @dataclass(frozen=True, eq=False)
 class OpenedLoops:
-    """Linear loops (s) opened at all of `CUTS`: ``x+ = A x + B c``, ``returned = C x + D c``.
+    """Linear loops (s) opened at all of `LOOP_OPENINGS`: ``x+ = A x + B c``, ``returned = C x + D c``.
 
     Attributes:
         A, B, C, D: (s, n, n), (s, n, 3), (s, 3, n), (s, 3, 3).
@@ -240,7 +240,7 @@ class LoopOperatingPoints:
         state, outside: (s, states), (s, exogenous) of the closed loop there.
         facts: (s, 4) force command, what its limit leaves of it, and both tensions, in N.
         residual: (s,) largest change of a state that is left, over its size.
-        opened: the loops there, opened at all of `CUTS`.
+        opened: the loops there, opened at all of `LOOP_OPENINGS`.
     """
 
     repeats: Flags
@@ -289,7 +289,7 @@ def loop_operating_points(
         found[again] = _in_turns(sample, begun, LEAST_SQUARES_ITERATIONS, least_squares=True)
     command, left, *pulls = found.facts.T
     steady = found.repeats & (command == left) & (np.min(pulls, axis=0) > 0)
-    n, cuts = len(sample.kept), len(CUTS)
+    n, cuts = len(sample.kept), len(LOOP_OPENINGS)
     of_state, of_cut = found.slopes[:, : n + cuts, :n], found.slopes[:, : n + cuts, n + 1 :]
     opened = OpenedLoops(of_state[:, :n], of_cut[:, :n], of_state[:, n:], of_cut[:, n:], sample.kept)
     return LoopOperatingPoints(found.repeats, steady, found.state, found.outside, found.facts, found.residual, opened)
@@ -297,7 +297,7 @@ def loop_operating_points(
 
 @dataclass(frozen=True, eq=False)
 class _OpenSample:
-    """A sample of the loop opened at all of `CUTS`, with its exact derivatives.
+    """A sample of the loop opened at all of `LOOP_OPENINGS`, with its exact derivatives.
 
     Attributes:
         loop: the closed loop.
@@ -352,7 +352,7 @@ def _open_sample(structure: Structure, compiled: bool) -> _OpenSample:
 
 @built_once
 def _open_function(structure: Structure) -> ca.Function:
-    loop, cut = closed_loop(structure), closed_loop(structure, cuts=tuple(CUTS))
+    loop, cut = closed_loop(structure), closed_loop(structure, cuts=tuple(LOOP_OPENINGS))
     arguments = [ca.SX.sym(name, cut.sample.size1_in(name)) for name in cut.sample.name_in()]
     state, exogenous, parameters, leaving = arguments
     following, row, _ = cut.step(*arguments)

@@ -97,11 +97,11 @@ class ClosedLoop(Sampled):
         )
 
 
-CUTS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}
-"""Where the loop can be cut for analysis: signal → the column of what arrives at the cut."""
+LOOP_OPENINGS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}
+"""Where the loop can be opened for analysis: signal → the column of what arrives at the opening."""
 
-JOINTS = ("F1", "F2", "u", "tau_1", "tau_2")
-"""All signals it can be cut at, each computed from those before it."""
+ANALYSIS_POINTS = ("F1", "F2", "u", "tau_1", "tau_2")
+"""Analysis points, all signals it can be opened at, each computed from those before it."""
 
 
 @dataclass(frozen=True)
@@ -244,9 +244,9 @@ def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts:
         structure: what shapes them.
         zeros: names of parameters that are zero for good (`structure.zeros_of`), and of signals that are
             (`absent_signals`): the functions leave out what these multiply or add and do not look at their values.
-        cuts: some of `JOINTS`, to have the loop cut there for analysis: what leaves the cuts is then a fourth input,
-            ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``, of
-            `sample`.
+        cuts: some of `ANALYSIS_POINTS`, to have the loop cut there for analysis: what leaves the cuts is then a fourth
+            input, ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``,
+            of `sample`.
     """
     return _closed_loop(structure, zeros, cuts)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import CUTS, closed_loop
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 
 WATCHED = ("x", "v", "e", "v_ref", "F1", "F2")
@@ -44,14 +44,14 @@ def run(
     gain: float = 1.0,
     delay: int = 0,
 ) -> Run:
-    """From steady cruise, with some states kicked. At the cut, deviations are multiplied and sent `delay` samples late.
+    """From steady motion, with some states kicked. At the cut, deviations are multiplied and sent `delay` samples late.
 
     Args:
         kick: state of the closed loop → what is added to it at the start.
     """
     cruise = loop_operating_point(experiment, x, v)
     loop = closed_loop(structure_of(cruise.experiment), cuts=(cut,))
-    steady, here = cruise.row[CUTS[cut]], loop.columns.index(CUTS[cut])
+    steady, here = cruise.row[LOOP_OPENINGS[cut]], loop.columns.index(LOOP_OPENINGS[cut])
     state, line, reference = ca.SX.sym("state", len(loop.states)), ca.SX.sym("line", max(delay, 1)), ca.SX.sym("x_ref")
     outside, index = ca.SX(cruise.exogenous), loop.exogenous.index("reference.x")
     outside[index] = reference

@@ -1,4 +1,4 @@
-"""Steady cruise of the closed loop: with every law, estimator and coordination, and held by runs from there."""
+"""Steady motion of the closed loop: with every law, estimator and coordination, and held by runs from there."""
 
 import numpy as np
 import pytest

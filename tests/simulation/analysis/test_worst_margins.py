@@ -16,7 +16,7 @@ from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear
 from dualwinch.simulation.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, survey_points
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, margins
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import CUTS
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
@@ -35,7 +35,7 @@ def one_after_the_other(experiment: Experiment, nominal: Plant | None = None) ->
     """Kind → least margin over all points and cuts; 0 where a loop is unstable or has no cruise."""
     least = dict.fromkeys(KINDS, math.inf)
     for x, v in survey_points(experiment):
-        for cut in CUTS:
+        for cut in LOOP_OPENINGS:
             try:
                 found = margins(linear_broken_loop(experiment, x, v, cut, nominal))
             except ConfigurationError:
@@ -70,7 +70,7 @@ def test_margins_are_those_of_one_loop_after_the_other(
     experiment = override(PAPER, changes)
     if not all_points:
         at(monkeypatch, [(2.5, -1.8)])
-    (found,) = MarginSurvey([experiment], cuts=tuple(CUTS)).worst([[]])
+    (found,) = MarginSurvey([experiment], cuts=tuple(LOOP_OPENINGS)).worst([[]])
     wanted = one_after_the_other(experiment)
     assert {kind: worst.value for kind, worst in found.items()} == pytest.approx(wanted, rel=1e-9)
 
@@ -78,7 +78,7 @@ def test_margins_are_those_of_one_loop_after_the_other(
 @pytest.mark.slow
 def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> None:
     machines = drawn(3)
-    (found,) = MarginSurvey(machines, cuts=tuple(CUTS)).each([[]])
+    (found,) = MarginSurvey(machines, cuts=tuple(LOOP_OPENINGS)).each([[]])
     for machine, worst in zip(machines, found, strict=True):
         wanted = one_after_the_other(machine.experiment, machine.nominal)
         assert {kind: of.value for kind, of in worst.items()} == pytest.approx(wanted, rel=1e-9)
@@ -111,7 +111,7 @@ def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> Non
     """Many gains on many machines at once give what one of each gives, and linearising there the same margin."""
     machines, names = drawn(4), ["controller.nftsm.beta", "controller.coordination.preload"]
     gains = [[0.05, 2000.0], [0.02, 2500.0], [0.03, 3000.0]]
-    survey = MarginSurvey(machines, names, cuts=tuple(CUTS))
+    survey = MarginSurvey(machines, names, cuts=tuple(LOOP_OPENINGS))
     for row, worst in zip(gains, survey.worst(gains), strict=True):
         for kind, of in worst.items():
             machine = machines[of.machine]
@@ -119,7 +119,7 @@ def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> Non
             there = margins(linear_broken_loop(changed, of.x, of.v, of.cut, machine.nominal))
             assert getattr(there, kind) == pytest.approx(of.value, rel=1e-9)
             assert getattr(there, f"{kind}_frequency") == pytest.approx(of.frequency, rel=1e-6)
-            alone = MarginSurvey([machine], names, cuts=tuple(CUTS)).worst([row])[0][kind]
+            alone = MarginSurvey([machine], names, cuts=tuple(LOOP_OPENINGS)).worst([row])[0][kind]
             assert alone.value == pytest.approx(of.value, rel=1e-9)
 
 
