@@ -44,6 +44,7 @@ def test_in_a_calm_sea_it_goes_where_simulate_says(paper: Judge) -> None:
     assert ours.chatter == pytest.approx(theirs.chatter, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_every_seed_is_a_machine_of_its_own_and_the_same_again(paper: Judge) -> None:
     first, again = (paper.run(Conditions(), [3, 4]) for _ in range(2))
     assert np.array_equal(first.mse, again.mse)

@@ -12,7 +12,9 @@ from dualwinch.reports.errata import NOTES
 PAGE = Path(__file__).parents[2] / "docs" / "paper.md"
 
 
-@pytest.mark.parametrize("mark", TABLES)
+@pytest.mark.parametrize(
+    "mark", [pytest.param(mark, marks=pytest.mark.slow if mark in {"choices", "claims"} else []) for mark in TABLES]
+)
 def test_the_page_is_what_the_command_writes(mark: str) -> None:
     found = re.search(
         rf"<!-- {mark}: begin -->\n(.*?)\n<!-- {mark}: end -->", PAGE.read_text(encoding="utf-8"), re.DOTALL

@@ -71,6 +71,7 @@ def test_the_command_says_what_it_lacks(tmp_path: Path, capsys: pytest.CaptureFi
     assert f"{LOGS[0]}: is no log of this benchmark" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_table_says_what_each_fit_came_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name, pulses in zip(LOGS, (False, True), strict=True):
         recorded(tmp_path / name, pulses=pulses)

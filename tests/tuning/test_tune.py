@@ -105,6 +105,7 @@ def test_every_phase_is_told_and_batches_belong_to_the_search(make_problem: Make
     assert {(until, trials) for _, until, trials in watch.batches} == {(None, 40)}
 
 
+@pytest.mark.slow
 def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -80,6 +80,7 @@ def test_keys_by_patterns_and_by_their_old_names() -> None:
         values_of(["plant.x*"], experiment)
 
 
+@pytest.mark.slow
 def test_everything_at_once_runs() -> None:
     """Whatever a pattern names, the run takes."""
     values = differentiable_numbers(short())
