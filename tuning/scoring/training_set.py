@@ -8,7 +8,7 @@ Every candidate is run in the same scenarios (Shapiro, Dentcheva and Ruszczyńsk
    outweighs the others.
 2. Hard draws, for the worst case: those with the largest authority ratio. Where force is short the vehicle falls behind
    and has to recover without a peak and without a slack rope; how far does not depend on gains
-   (`simulation.analysis.required_force`).
+   (`simulation.analysis.authority`).
 3. Vertices of the box of draws within the actuators' authority: where several values lie at the ends of their ranges
    the loop may be unstable.
 4. Vertices beyond the actuators' authority, where the vehicle falls behind as in one draw of some hundreds. Tensions

@@ -7,6 +7,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch import scenarios as module
+from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.scenarios import check_batch
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.structure import parameters_of
@@ -88,3 +89,11 @@ def test_thousands_of_sound_rows_are_looked_at_by_the_column(monkeypatch: pytest
     scenarios = [replace(case(4), simulation=Simulation(seed=seed)) for seed in range(3)]
     check_batch(names, values, scenarios)
     assert len(calls) == len(scenarios)
+
+
+def test_scenarios_of_another_sample_time_are_refused() -> None:
+    """As many samples, but their times would be those of the first scenario."""
+    slower = override(case(4), {"simulation.sample_time": 2e-3, "simulation.duration": 2 * case(4).duration})
+    assert slower.samples == case(4).samples
+    with pytest.raises(ConfigurationError, match=r"^scenarios\[1\]: must have .* its sample time"):
+        rollout([], np.empty((1, 0)), [case(4), slower])
