@@ -10,6 +10,7 @@ from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import SILENT, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.storage.record import first_candidates
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
 
 BATCH = 16
@@ -92,13 +93,6 @@ def _batch(budget: SearchBudget, spent: int, problem: TuningProblem) -> int:
 def _share(budget: SearchBudget, spent: int) -> float:
     """Share of the rollouts that there may be; 0 where the budget does not say."""
     return 0.0 if budget.rollouts is None else min(1.0, spent / budget.rollouts)
-
-
-def first_candidates(problem: TuningProblem) -> list[Candidate]:
-    """What a study tries first: the paper's gains where its law is tuned, and the start."""
-    paper, start = problem.paper_point, problem.start
-    papers = [] if paper is None else [Candidate(paper, "paper")]
-    return papers + ([Candidate(start, "start")] if start != paper else [])
 
 
 def _evaluated(claims: Sequence[TrialClaim], store: StudyStorage, evaluator: Evaluator) -> list[Evaluation]:

@@ -71,8 +71,8 @@ def check(trials: list[FrozenTrial]) -> None:
     assert states[TrialState.COMPLETE] + states[TrialState.PRUNED] == TRIALS
     assert states[TrialState.RUNNING] == states[TrialState.WAITING] == 0
     assert [trial.number for trial in trials] == list(range(len(trials)))
-    retried = [trial.user_attrs["retry of trial"] for trial in trials if "retry of trial" in trial.user_attrs]
-    assert sorted(retried) == [trial.number for trial in trials if trial.state == TrialState.FAIL]
+    places = [trial.user_attrs["place"] for trial in trials if trial.state in FINISHED and "place" in trial.user_attrs]
+    assert sorted(places) == list(range(len(places))), "no place is finished twice"
     origins = [trial.user_attrs["origin"] for trial in trials if trial.state in FINISHED]
     assert sorted(origins) == ["paper"] + ["random"] * (TRIALS - 1)
 

@@ -11,7 +11,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
-from dualwinch.tuning.storage.record import distributions, finished_trial
+from dualwinch.tuning.storage.record import distributions, finish, finished_trial
 
 if TYPE_CHECKING:
     import optuna
@@ -80,23 +80,12 @@ class SamplerSearch:
             if trial is None:
                 self._study.add_trial(finished_trial(evaluation, self._space))
             else:
-                self._finish(trial, evaluation)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    finish(self._study, trial, evaluation)
         self._known += evaluations
         if self._kind.memory and len(self._known) > self._kind.memory and not self._asked:
             self._begin(_remembered(self._known, self._kind.memory // 2))
-
-    def _finish(self, trial: "optuna.Trial", evaluation: Evaluation) -> None:
-        import optuna
-
-        for name, violation in evaluation.violations.items():
-            trial.set_constraint(name, violation)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if evaluation.pruned:
-                trial.report(evaluation.objectives[0], evaluation.scenarios)
-                self._study.tell(trial, state=optuna.trial.TrialState.PRUNED)
-            else:
-                self._study.tell(trial, list(evaluation.objectives))
 
 
 def _remembered(known: Sequence[Evaluation], count: int) -> list[Evaluation]:

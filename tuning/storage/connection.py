@@ -81,8 +81,6 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
     import optuna
     import sqlalchemy.exc
 
-    from dualwinch.tuning.storage.tables import missing
-
     check_url(url)
     url = _driver(url)
     try:
@@ -94,6 +92,7 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
                 engine_kwargs={"pool_pre_ping": True, "pool_size": 8, "connect_args": {"connect_timeout": 10}},
                 heartbeat_interval=HEARTBEAT,
                 grace_period=GRACE,
+                heartbeat_stale_trial_callback=optuna.storages.RetryHeartbeatStaleTrialCallback(),
             )
     except (sqlalchemy.exc.ArgumentError, ValueError):
         raise ConfigurationError(f"--storage: no URL of a database; must be {WANTED}") from None
@@ -105,11 +104,6 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
         raise StorageError(
             f"the database {shown(url)} is of another version of Optuna: its tables are {there}, must be {here}; "
             "use another database, or `optuna storage upgrade`"
-        )
-    if lacking := missing(storage.engine):
-        storage.engine.dispose()
-        raise StorageError(
-            f"the database {shown(url)} is of a version of Optuna that is not known here: it lacks {', '.join(lacking)}"
         )
     return storage
 

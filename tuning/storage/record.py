@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import ContinuousDimension, Space
 
@@ -65,3 +66,25 @@ def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
         number=trial.number,
         units={name: title[len(name) + 2 : -1] for name, title in titled.items()},
     )
+
+
+def finish(study: "optuna.Study", trial: "optuna.Trial", evaluation: Evaluation) -> None:
+    """Finish a trial that was asked for with its evaluation, value by value."""
+    from optuna.trial import TrialState
+
+    for name, value in attributes(evaluation).items():
+        trial.set_user_attr(name, value)
+    for name, violation in evaluation.violations.items():
+        trial.set_constraint(name, violation)
+    if evaluation.pruned:
+        trial.report(evaluation.objectives[0], evaluation.scenarios)
+        study.tell(trial, state=TrialState.PRUNED, skip_if_finished=True)
+    else:
+        study.tell(trial, list(evaluation.objectives), skip_if_finished=True)
+
+
+def first_candidates(problem: TuningProblem) -> list[Candidate]:
+    """What a study tries first: the paper's gains where its law is tuned, and the start."""
+    paper, start = problem.paper_point, problem.start
+    papers = [] if paper is None else [Candidate(paper, "paper")]
+    return papers + ([Candidate(start, "start")] if start != paper else [])
