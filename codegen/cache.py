@@ -13,6 +13,7 @@ as long as the process.
 """
 
 import contextlib
+import ctypes
 import hashlib
 import os
 import re
@@ -214,6 +215,31 @@ def library(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = ()) 
         _used.add(found)
         _sweep(folder, limits)
     _used.add(found)
+    return found
+
+
+ARGUMENTS = {"p": ctypes.c_void_p, "n": ctypes.c_int64, "x": ctypes.c_double}
+RETURNED = {"": None, "int": ctypes.c_int, "n": ctypes.c_int64}
+"""Letters of signatures: an address, a count, a number."""
+
+
+def loaded(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = (), **signatures: str) -> ctypes.CDLL:
+    """The library of a C source, loaded, with what its functions take and return.
+
+    Args:
+        source: one translation unit.
+        compiler: what builds it.
+        extra_flags: beside the compiler's own.
+        signatures: of each function that is called, a letter an argument and what it returns, as in ``"ppn -> int"``.
+
+    Raises:
+        CompileError, CacheError: as `library`.
+    """
+    found = ctypes.CDLL(str(library(source, compiler, extra_flags)))
+    for name, signature in signatures.items():
+        arguments, _, returned = signature.partition(" -> ")
+        function = getattr(found, name)
+        function.argtypes, function.restype = [ARGUMENTS[letter] for letter in arguments], RETURNED[returned]
     return found
 
 

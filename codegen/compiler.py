@@ -9,6 +9,7 @@ import shlex
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -79,18 +80,13 @@ class Compiler:
         Raises:
             CompileError: the compiler cannot be started or fails; the message carries its first complaint.
         """
+        self.run(source, target, (*self.flags, *extra_flags))
+
+    def run(self, source: str, target: Path, flags: Sequence[str]) -> None:
+        """Compile C source with these flags alone; otherwise as `build`."""
         with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-") as folder:
-            unit = Path(folder) / "unit.c"
-            unit.write_text(source)
-            command = [
-                *self.command,
-                *self.flags,
-                *extra_flags,
-                unit.name,
-                "-o",
-                f"unit{target.suffix}",
-                "-lm",
-            ]
+            (Path(folder) / "unit.c").write_text(source, encoding="utf-8")
+            command = [*self.command, *flags, "unit.c", "-o", f"unit{target.suffix}", "-lm"]
             try:
                 done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             except OSError as error:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.cache import library
+from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.source.c_source import c_source
@@ -125,9 +125,8 @@ def compile(  # noqa: A001
     """
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
-    call = ctypes.CDLL(str(library(_source(function), compiler or find_compiler(), (*NON_FINITE, *flags)))).run
-    call.restype = None
-    call.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
+    source = _source(function)
+    call = loaded(source, compiler or find_compiler(), (*NON_FINITE, *flags), run="pppn").run
     return CompiledFunction(
         name=function.name(),
         inputs={name: (function.size1_in(name), function.size2_in(name)) for name in function.name_in()},

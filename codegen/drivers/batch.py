@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import library
+from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.fill import CompiledFill, compile_fill
@@ -119,10 +119,5 @@ def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     chosen = compiler or find_compiler()
     with BUILDING:
         source, read = batch_source(system, chosen), tuple(_read(hoisted_all(system.functions), "exogenous"))
-    path = library(source, chosen, lane_flags(chosen))
-    call = ctypes.CDLL(str(path)).batch
-    call.restype = None
-    pointer, count = ctypes.c_void_p, ctypes.c_int64
-    call.argtypes = [pointer, pointer, pointer, pointer, count, count, pointer, count, count, ctypes.c_double]
-    call.argtypes += [pointer, pointer]
-    return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), call)
+    driver = loaded(source, chosen, lane_flags(chosen), batch="ppppnnpnnxpp")
+    return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), driver.batch)

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import library
+from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
@@ -309,12 +309,10 @@ def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None)
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    loaded = ctypes.CDLL(str(library(prediction_source(system, chosen), chosen, lane_flags(chosen))))
-    pointer, count, done = ctypes.c_void_p, ctypes.c_int64, ctypes.POINTER(ctypes.c_int64)
-    loaded.filter.argtypes = (
-        [pointer] * 3 + [count] + [pointer] * 4 + [ctypes.c_double] + [pointer] * 5 + [count, pointer, done]
-    )
-    loaded.smooth.argtypes = [pointer] * 3 + [count] + [pointer] * 3 + [count] + [pointer] * 3
-    loaded.predict.argtypes = [pointer] * 3 + [count] + [pointer] * 5 + [done]
-    loaded.filter.restype = loaded.predict.restype = loaded.smooth.restype = ctypes.c_int
-    return Predictor(system.sizes, loaded.filter, loaded.predict, loaded.smooth)
+    signatures = {
+        "filter": "pppnppppxpppppnpp -> int",
+        "smooth": "pppnpppnppp -> int",
+        "predict": "pppnpppppp -> int",
+    }
+    driver = loaded(prediction_source(system, chosen), chosen, lane_flags(chosen), **signatures)
+    return Predictor(system.sizes, driver.filter, driver.predict, driver.smooth)

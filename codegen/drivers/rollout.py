@@ -2,12 +2,11 @@
 
 import ctypes
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import library
+from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
@@ -40,11 +39,9 @@ class Rollout:
 
     Attributes:
         columns: number of values in a row.
-        path: the library it was loaded from.
     """
 
     columns: int
-    path: Path
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
@@ -97,9 +94,6 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator
     """
     chosen = compiler or find_compiler()
     own = FLAGS if chosen.is_clang else FLAGS + SCHEDULED
-    path = library(rollout_source(system, generator), chosen, own if generator == "dualwinch" else CASADI_FLAGS)
-    call = ctypes.CDLL(str(path)).rollout
-    call.restype = ctypes.c_int
-    pointer, count = ctypes.c_void_p, ctypes.c_int64
-    call.argtypes = [pointer, pointer, pointer, count, count, pointer, ctypes.POINTER(count)]
-    return Rollout(system.observe.numel_out("row"), path, call)
+    flags = own if generator == "dualwinch" else CASADI_FLAGS
+    driver = loaded(rollout_source(system, generator), chosen, flags, rollout="pppnnpp -> int")
+    return Rollout(system.observe.numel_out("row"), driver.rollout)

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import library
+from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
@@ -213,9 +213,7 @@ def compile_sensitivity(
     """
     chosen = compiler or find_compiler()
     products = jacobian_products(smooth, varied)
-    path = library(sensitivity_source(system, smooth, products, varied, chosen), chosen, lane_flags(chosen))
-    call = ctypes.CDLL(str(path)).sensitivity
-    call.restype = ctypes.c_int
-    pointer, count = ctypes.c_void_p, ctypes.c_int64
-    call.argtypes = [pointer] * 9 + [count, count] + [pointer] * 4 + [ctypes.POINTER(count)]
-    return Sensitivity(varied, {name: hoisted(product.slopes)[0] for name, product in products.items()}, call)
+    source = sensitivity_source(system, smooth, products, varied, chosen)
+    driver = loaded(source, chosen, lane_flags(chosen), sensitivity="pppppppppnnppppp -> int")
+    derive = {name: hoisted(product.slopes)[0] for name, product in products.items()}
+    return Sensitivity(varied, derive, driver.sensitivity)

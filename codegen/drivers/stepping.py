@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import library
+from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import hoisted_all, unit
@@ -111,30 +111,22 @@ def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | 
     """
     chosen = compiler or find_compiler()
     flags = lane_flags(chosen) if not exact else () if chosen.is_clang else SCHEDULED
-    loaded = ctypes.CDLL(str(library(stepping_source(commanded, chosen, exact=exact), chosen, flags)))
-    pointer, count = ctypes.c_void_p, ctypes.c_int64
-    for name, arguments in {
-        "prepare": [pointer, pointer],
-        "look": [pointer, count, count],
-        "odd_command": [pointer],
-        "step": [pointer, count, count, count, pointer],
-    }.items():
-        getattr(loaded, name).argtypes = arguments
-        getattr(loaded, name).restype = count if name in {"odd_command", "step"} else None
+    signatures = {"prepare": "pp", "look": "pnn", "odd_command": "p -> n", "step": "pnnnp -> n"}
+    driver = loaded(stepping_source(commanded, chosen, exact=exact), chosen, flags, **signatures)
     sizes = commanded.system.sizes
     return Stepping(
         lanes=1 if exact else LANES,
-        constants=ctypes.c_int64.in_dll(loaded, "constants_size").value,
+        constants=ctypes.c_int64.in_dll(driver, "constants_size").value,
         states=sizes["STATES"],
         parameters=sizes["PARAMETERS"],
         exogenous=sizes["EXOGENOUS"],
         columns=sizes["COLUMNS"],
         observed=commanded.sense.numel_out("observation"),
         commands=len(commanded.commands),
-        prepare=loaded.prepare,
-        look=loaded.look,
-        odd_command=loaded.odd_command,
-        step=loaded.step,
+        prepare=driver.prepare,
+        look=driver.look,
+        odd_command=driver.odd_command,
+        step=driver.step,
     )
 
 

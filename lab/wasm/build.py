@@ -1,13 +1,12 @@
 """Builds modules: C source to WebAssembly."""
 
-import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.errors import CompileError, CompilerNotFoundError
+from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.lab.wasm.settings import Settings
 from dualwinch.lab.wasm.source import module_source
 
@@ -58,10 +57,6 @@ def modules(settings: Iterable[Settings]) -> Iterator[bytes]:
 
 def _compiled(source: str, compiler: Compiler) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "module.c").write_text(source, encoding="utf-8")
-        command = [*compiler.command, *FLAGS, "module.c", "-o", "module.wasm", "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-            raise CompileError(f"{' '.join(compiler.command)} failed with exit code {done.returncode}: {complaint}")
-        return (Path(folder) / "module.wasm").read_bytes()
+        module = Path(folder) / "module.wasm"
+        compiler.run(source, module, FLAGS)
+        return module.read_bytes()

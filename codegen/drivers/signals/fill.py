@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.cache import library
+from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler
 from dualwinch.codegen.drivers.signals.normal import normal_source
 from dualwinch.codegen.drivers.unit import unit
@@ -87,8 +87,4 @@ def compile_fill(compiler: Compiler) -> CompiledFill:
         CompileError: the compiler fails.
         CacheError: the cache folder cannot be used.
     """
-    loaded = ctypes.CDLL(str(library(fill_source(), compiler, WIDE)))
-    pointer, count = ctypes.c_void_p, ctypes.c_int64
-    loaded.prepare.argtypes, loaded.prepare.restype = [pointer], None
-    loaded.fill.argtypes, loaded.fill.restype = [pointer, count, count, pointer], None
-    return CompiledFill(loaded)
+    return CompiledFill(loaded(fill_source(), compiler, WIDE, prepare="p", fill="pnnp"))
