@@ -3,11 +3,6 @@
 from .codegen.block import Block as Block
 from .codegen.errors import DualwinchError as DualwinchError
 from .codegen.native import compile as compile  # noqa: A004
-from .commands.export import export_c as export_c
-from .commands.export import export_casadi as export_casadi
-from .commands.export import export_mex as export_mex
-from .commands.export import generate_c as generate_c
-from .commands.export_fmu import export_fmu as export_fmu
 from .commands.race import race as race
 from .commands.stress import stress as stress
 from .commands.tuning_setup import tuning_problem as tuning_problem
@@ -48,6 +43,11 @@ from .controllers.signals import PositionOutput as PositionOutput
 from .environments.reward import Reward as Reward
 from .environments.single import Environment as Environment
 from .environments.vector import VectorEnvironment as VectorEnvironment
+from .export import export_c as export_c
+from .export import export_casadi as export_casadi
+from .export import export_fmu as export_fmu
+from .export import export_mex as export_mex
+from .export import generate_c as generate_c
 from .identification.excitation import excite as excite
 from .identification.identify import identify as identify
 from .identification.options import EstimationOptions as EstimationOptions

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.importers.co_simulation import IMPORTERS, Floats, error
-from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.export import export_fmu
 from dualwinch.simulation.blocks import BLOCKS, block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.paper import case

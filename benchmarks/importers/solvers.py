@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.document import put
-from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.export import export_fmu
 from dualwinch.simulation.paper import case
 
 TORQUES, DURATION = {"tau_1": 60.0, "tau_2": 20.0}, 10.0

@@ -59,7 +59,7 @@ def excite(
     and the filter of `identify` says what each log would tell. Prints the standard deviations to expect, beside those
     of the present motion.
     """
-    from dualwinch.commands.excite_run import run_excite
+    from dualwinch.commands.excite import run_excite
 
     use_parts(plugin)
     run_excite(

@@ -65,9 +65,9 @@ def export_c(
 
     No heap, no globals, no recursion; several instances may run at once.
     """
-    from dualwinch.commands.export import export_c as run
-    from dualwinch.commands.export import generate_c
     from dualwinch.commands.simulate import experiment
+    from dualwinch.export import export_c as run
+    from dualwinch.export import generate_c
     from dualwinch.model.errors import ConfigurationError
 
     use_parts(plugin)
@@ -116,10 +116,10 @@ def export_fmu(
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
-    from dualwinch.commands.export_fmu import export_fmu as run
     from dualwinch.commands.output import terminal
     from dualwinch.commands.progress import ProgressLine
     from dualwinch.commands.simulate import experiment
+    from dualwinch.export import export_fmu as run
 
     use_parts(plugin)
     chosen, console = experiment(case, config, None, set_ or []), terminal(stderr=True)
@@ -139,8 +139,8 @@ def export_mex(
     *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
 ) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
-    from dualwinch.commands.export import export_mex as run
     from dualwinch.commands.simulate import experiment
+    from dualwinch.export import export_mex as run
 
     use_parts(plugin)
     wrote(out, run(experiment(case, config, None, set_ or []), out))
@@ -157,8 +157,8 @@ def export_casadi(
     *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
 ) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
-    from dualwinch.commands.export import export_casadi as run
     from dualwinch.commands.simulate import experiment
+    from dualwinch.export import export_casadi as run
 
     use_parts(plugin)
     wrote(out, run(experiment(case, config, None, set_ or []), out))

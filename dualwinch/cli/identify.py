@@ -77,7 +77,7 @@ def identify(
     numbers are those with which it is surprised least. Prints estimates with deviations, what the logs cannot tell, and
     whether what is left is noise.
     """
-    from dualwinch.commands.identify_run import run_identify
+    from dualwinch.commands.identify import run_identify
 
     use_parts(plugin)
     run_identify(

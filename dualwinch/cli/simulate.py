@@ -84,8 +84,8 @@ def simulate(
         ):
             if given:
                 raise ConfigurationError(f"{word} and --ensemble: give one of them")
-        from dualwinch.commands.simulate_ensemble import ensemble as drawn
-        from dualwinch.commands.simulate_ensemble import simulate_ensemble
+        from dualwinch.commands.simulate import ensemble as drawn
+        from dualwinch.commands.simulate import simulate_ensemble
 
         simulate_ensemble(drawn(ensemble, case, config, controller, assignments), scenarios, seed, out, plot)
         return

@@ -60,7 +60,7 @@ def sweep(
     figure is a line over one key, a heat map over two.
     """
     from dualwinch.commands.simulate import experiment
-    from dualwinch.commands.sweep_run import run_sweep
+    from dualwinch.commands.sweep import run_sweep
 
     use_parts(plugin)
     base = experiment(case, config, controller, with_estimator(estimator, set_))

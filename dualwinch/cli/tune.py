@@ -90,7 +90,7 @@ def tune(
     ends the search and keeps the best so far. The result is never worse than the start: if nothing is better, the start
     is kept and remedies are listed. best.toml is a configuration: `dualwinch simulate --config best.toml`.
     """
-    from dualwinch.commands.tuning_progress import StatusLine
+    from dualwinch.commands.progress import StatusLine
 
     with StatusLine() as status:
         status.phase("reading the problem")

@@ -31,7 +31,7 @@ def worker(
     Your own parts are imported from where they were when the study was started. On another machine, or if they have
     moved, --plugin says where they are; they must be unchanged.
     """
-    from dualwinch.commands.tuning_progress import StatusLine
+    from dualwinch.commands.progress import StatusLine
 
     with StatusLine("worker") as status:
         status.phase("joining the study")

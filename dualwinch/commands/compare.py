@@ -11,8 +11,7 @@ from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import check_folder
-from dualwinch.commands.output import terminal
+from dualwinch.commands.output import check_folder, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset

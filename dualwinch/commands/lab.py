@@ -7,8 +7,7 @@ from typing import Any
 
 from dualwinch import __version__
 from dualwinch.codegen.files import atomic
-from dualwinch.commands.folders import check_folder
-from dualwinch.commands.output import terminal
+from dualwinch.commands.output import check_folder, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.lab.assemble import assemble

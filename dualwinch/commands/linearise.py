@@ -15,9 +15,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from dualwinch.commands.folders import check_folder
-from dualwinch.commands.output import FigureColumn, FigureTable, records, styled, terminal
-from dualwinch.commands.ranges import numbers_between
+from dualwinch.commands.output import (
+    FigureColumn,
+    FigureTable,
+    check_folder,
+    numbers_between,
+    records,
+    styled,
+    terminal,
+)
 from dualwinch.commands.simulate import check_plot
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm

@@ -1,14 +1,19 @@
 """What commands print and write: tables of named figures with units, which the terminal and files show alike."""
 
 import math
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from dualwinch.model.errors import ConfigurationError
 
 
 def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
@@ -103,3 +108,93 @@ class FigureTable:
 def records(tables: Sequence[FigureTable]) -> dict[str, Any]:
     """Tables as plain data, by their names."""
     return {table.name: table.record() for table in tables}
+
+
+def check_folder(folder: Path) -> None:
+    """Find out now whether files can be written to a folder.
+
+    Raises:
+        ConfigurationError: it does not exist, is no folder or cannot be written to.
+    """
+    if not folder.is_dir():
+        raise ConfigurationError(f"{folder}: no such folder")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: cannot be written to ({error.strerror})") from error
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, with those above it, and check that files can be written to it.
+
+    Raises:
+        ConfigurationError: it cannot be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
+    check_folder(folder)
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """`make_folder` for what is done in here; where that fails, no folder is left that is new and still empty.
+
+    Raises:
+        ConfigurationError: it cannot be made or written to.
+    """
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        make_folder(folder)
+        yield
+    except BaseException:
+        for path in new:
+            with suppress(OSError):  # it was not made, or something is in it
+                path.rmdir()
+        raise
+
+
+MOST = 10_000
+"""Numbers of a range."""
+
+
+def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
+    """The numbers of ``first:last:step`` or ``first:last:count:log``; whole ones where all of the first three are.
+
+    Args:
+        text: the range.
+        wrong: what a message begins with where it is none.
+
+    Raises:
+        ConfigurationError: no range, or one of too many numbers.
+    """
+    words = text.split(":")
+    if len(words) == 4 and words[3].strip() == "log":
+        return _by_factors(words, wrong)
+    try:
+        first, last, step = (float(word) for word in words)
+    except ValueError:
+        raise ConfigurationError(wrong) from None
+    if not all(map(math.isfinite, (first, last, step))) or step == 0 or (last - first) / step < 0:
+        raise ConfigurationError(f"{wrong}; the step must be finite, not 0, and lead from first to last")
+    if not math.isfinite((last - first) / step):
+        raise ConfigurationError(f"{wrong}; these are too many points, must be <= {MOST}")
+    count = math.floor((last - first) / step * (1 + 1e-12) + 1e-9) + 1
+    if count > MOST:
+        raise ConfigurationError(f"{wrong}; these are {count:.12g} points, must be <= {MOST}")
+    if all(word.strip().lstrip("+-").isdecimal() for word in words):
+        return [int(first) + k * int(step) for k in range(count)]
+    return [round(first + k * step, 12) for k in range(count)]
+
+
+def _by_factors(words: list[str], wrong: str) -> list[float]:
+    try:
+        first, last, count = float(words[0]), float(words[1]), int(words[2])
+    except ValueError:
+        raise ConfigurationError(wrong) from None
+    if not (0 < first < math.inf and 0 < last < math.inf and 2 <= count <= MOST):
+        raise ConfigurationError(f"{wrong}; first and last must be > 0, and the count 2 to {MOST}")
+    inner = [float(f"{first * (last / first) ** (k / (count - 1)):.12g}") for k in range(1, count - 1)]
+    return [first, *inner, last]

@@ -10,8 +10,7 @@ from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import check_folder
-from dualwinch.commands.output import measured, styled, terminal
+from dualwinch.commands.output import check_folder, measured, styled, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot, experiment
 from dualwinch.config.experiment_file import to_toml

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from dualwinch.commands.stress import stress as stress_of
+from dualwinch.commands.tune import ENSEMBLE, check_stress, stress_base
 from dualwinch.commands.tuning_setup import configuration, definition_of, tuning_problem
-from dualwinch.commands.tuning_stress import ENSEMBLE, check_stress, stress_base
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller

@@ -10,10 +10,9 @@ from typing import Any
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import made_folder, make_folder
-from dualwinch.commands.output import terminal
+from dualwinch.commands.output import made_folder, make_folder, terminal
+from dualwinch.commands.progress import StatusLine
 from dualwinch.commands.race import race
-from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError

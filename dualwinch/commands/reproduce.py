@@ -1,7 +1,7 @@
 """``dualwinch reproduce``: the paper's cases, controllers and figures, in one folder."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import count
@@ -9,21 +9,23 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.engine import engine_here
-from dualwinch.commands.extended import VARIANTS, Variants, print_variants, run_variants
-from dualwinch.commands.folders import made_folder
-from dualwinch.commands.output import styled, terminal
+from dualwinch.commands.output import made_folder, measured, styled, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.reproduce_print import new_table, print_claims, print_tables
+from dualwinch.commands.simulate import engine_here
 from dualwinch.config.experiment_file import to_toml
+from dualwinch.controllers.controller import POSITION_LAWS
+from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.reports.claims import claims
+from dualwinch.reports.claims import Claim, claims
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case, reductions
+from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, case, percent, reductions
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.settings import override
@@ -31,6 +33,9 @@ from dualwinch.simulation.simulate import simulate
 
 Runs = dict[tuple[int, str], Result]
 """(case, controller) → result."""
+
+Variants = dict[tuple[int, str, str], Result]
+"""(case, position law, coordination) → result, without rows."""
 
 FIGURE_21 = 21
 
@@ -176,3 +181,116 @@ def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, 
         with_it = simulate(override(case(4), gains), stride=0, engine=engine)
         found[gain] = with_it.metrics.steady_mae / without - 1
     return found
+
+
+def new_table(title: str, columns: tuple[str, ...]) -> Table:
+    """A table of runs: case, controller, and numbers under these headings."""
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("case", justify="right")
+    table.add_column("controller", no_wrap=True)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def print_tables(console: Console, runs: Mapping[tuple[int, str], Result]) -> None:
+    """Print the figures of merit, and Figure 21's reductions where there are the runs for them."""
+    whole, steady = ("MAE\nmm", "max |e|\nmm", "MSE\nmm²"), ("steady\nMAE mm", "steady\nmax |e|", "steady\nMSE mm²")
+    tracking = new_table("Tracking error", whole + steady)
+    ropes = new_table("Ropes and limits", ("saturated\n%", "peak tension\nN", "least tension\nN", "chatter\nN/sample"))
+    last = 0
+    for (number, kind), result in runs.items():
+        if last and number != last:
+            tracking.add_section()
+            ropes.add_section()
+        m, ended = result.metrics, "" if result.outcome == "completed" else f" ({result.outcome})"
+        head = (str(number) if number != last else "", CONTROLLERS[kind] + ended)
+        millimetres = (1e3 * m.mae, 1e3 * m.max_abs_error, 1e6 * m.mse)
+        millimetres += (1e3 * m.steady_mae, 1e3 * m.steady_max_abs_error, 1e6 * m.steady_mse)
+        tracking.add_row(*head, *(measured(value, ".3g") for value in millimetres))
+        forces = (100 * m.saturated_share, m.peak_tension, m.min_tension, m.chatter)
+        ropes.add_row(*head, *map(measured, forces))
+        last = number
+    console.print(tracking)
+    console.print(ropes)
+    change = reductions(runs)
+    if change:
+        _print_reductions(console, change)
+
+
+def print_claims(console: Console, found: list[Claim]) -> None:
+    """Print the paper's claims and what became of them."""
+    if not found:
+        return
+    table = Table(
+        title="The paper, claim by claim", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, leading=1
+    )
+    for heading in ("the paper says", "these runs say"):
+        table.add_column(heading, overflow="fold")
+    table.add_column("", no_wrap=True)
+    colours = {"holds": "green", "partly": "yellow", "does not hold": "red"}
+    for claim in found:
+        table.add_row(claim.words, claim.here, styled(colours[claim.verdict], claim.verdict))
+    console.print(table)
+
+
+def _print_reductions(console: Console, change: dict[str, float]) -> None:
+    table = Table(
+        title="Figure 21: what the observer changes\n(Case 4, steady state)", title_justify="left", box=box.SIMPLE_HEAD
+    )
+    for name in ("", "MAE", "max |e|", "MSE"):
+        table.add_column(name, justify="right" if name else "left")
+    table.add_row("here", *(percent(change[key]) for key in REDUCTIONS))
+    table.add_row("paper", *(percent(share, "+g") for share in REDUCTIONS.values()))
+    console.print(table)
+
+
+PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"
+
+VARIANTS = (
+    *((law, PAPERS_COORDINATION) for law in POSITION_LAWS),
+    *((PAPERS_LAW, coordination) for coordination in COORDINATIONS if coordination != PAPERS_COORDINATION),
+)
+"""Position law and coordination of each run."""
+
+
+def run_variants(numbers: list[int], step: Callable[[str], None], engine: EngineName) -> Variants:
+    """Run all variants with the gains they come with.
+
+    Args:
+        numbers: cases of the paper.
+        step: told what comes next.
+        engine: that runs them.
+    """
+    runs: Variants = {}
+    for number in numbers:
+        for law, coordination in VARIANTS:
+            step(f"case {number}, {law}, {coordination}")
+            experiment = override(case(number, law), {"controller.coordination.kind": coordination})
+            runs[number, law, coordination] = simulate(experiment, stride=0, engine=engine)
+    return runs
+
+
+def print_variants(console: Console, runs: Variants, table: Table) -> None:
+    """Fill and print a table that has the columns of case and controller: tracking, chatter, slack, energy.
+
+    A coordination stands for the paper's position law with it, a position law for itself with the paper's coordination.
+    """
+    for name in ("MAE\nmm", "steady\nmm", "chatter\nN", "slack\n%", "peak\nN", "energy\nkJ"):
+        table.add_column(name, justify="right", no_wrap=True)
+    last = 0
+    for (number, law, coordination), result in runs.items():
+        if last and number != last:
+            table.add_section()
+        m, ended = result.metrics, "" if result.outcome == "completed" else f" ({result.outcome})"
+        name = law if coordination == PAPERS_COORDINATION else coordination
+        values = (1e3 * m.mae, 1e3 * m.steady_mae, m.chatter, 100 * m.slack_share)
+        forces = (m.peak_tension, m.energy / 1e3)
+        table.add_row(
+            str(number) if number != last else "",
+            name + ended,
+            *(measured(value, ".3g") for value in values),
+            *map(measured, forces),
+        )
+        last = number
+    console.print(table)

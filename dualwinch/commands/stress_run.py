@@ -11,8 +11,7 @@ from typing import Any
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import made_folder
-from dualwinch.commands.output import terminal
+from dualwinch.commands.output import made_folder, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.commands.stress import stress

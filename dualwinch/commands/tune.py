@@ -12,21 +12,39 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
 from dualwinch import __version__
 from dualwinch.codegen.text import one_line
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.folders import check_folder, made_folder
-from dualwinch.commands.tuning_print import print_study
-from dualwinch.commands.tuning_progress import StatusLine
+from dualwinch.commands.output import check_folder, made_folder, styled, terminal
+from dualwinch.commands.progress import ProgressLine, StatusLine
+from dualwinch.commands.stress import SCENARIOS, base_and_ensemble, stress
+from dualwinch.commands.stress_run import write_stress
 from dualwinch.commands.tuning_setup import configuration, definition_of
-from dualwinch.commands.tuning_stress import check_stress, print_stress
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.record import write_best, write_study
-from dualwinch.tuning.result import TuningResult, controller_in_words
+from dualwinch.tuning.result import (
+    TuningResult,
+    advice,
+    authority,
+    contenders,
+    controller_in_words,
+    endings,
+    headline,
+    margin_places,
+    statistics_table,
+    worth,
+)
+from dualwinch.tuning.robustness.imperfections import imperfections, union
+from dualwinch.tuning.scoring.ranking import pareto_front
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.noted_parts import PartRecord, in_words, part_records
 from dualwinch.tuning.storage.opening import check_storage, is_database, kept_definition, open_store
@@ -245,3 +263,87 @@ def _workers(options: Options, storage: str) -> Iterator[None]:
                 process.wait(timeout=10)
             except subprocess.TimeoutExpired:
                 process.terminate()
+
+
+def print_study(tuned: TuningResult) -> None:
+    """Print what was found, what it is worth, what would help and what it took."""
+    console, verdict = terminal(), tuned.verdict
+
+    def say(words: str | Text) -> None:
+        console.print(words, highlight=False, soft_wrap=True)
+
+    say(styled("bold", worth(tuned)))
+    say(headline(tuned))
+    console.print(_table(tuned))
+    for words in contenders(tuned):
+        say(words)
+    for constraint in verdict.constraints:
+        kept = verdict.scored.violations[constraint.label] <= 0
+        say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
+    for place in margin_places(tuned):
+        say(place)
+    say(endings(tuned))
+    if beyond := authority(tuned):
+        say(beyond)
+    for number, sentence in enumerate(advice(tuned)):
+        say(f"{'what would help: ' if not number else '                 '}{sentence}")
+    if len(tuned.problem.objectives) > 1:
+        say(f"Pareto front: {len(pareto_front(tuned.trials))} trials, in study.json")
+    cost = tuned.cost
+    margins = f"; {cost.margin_seconds:.1f} s of these for stability margins" if cost.margin_seconds else ""
+    say(
+        f"{cost.rollouts} rollouts; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
+        f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring{margins}"
+    )
+
+
+def _table(tuned: TuningResult) -> Table:
+    names, rows = statistics_table(tuned)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("", style="bold", no_wrap=True)
+    for name in names[1:]:
+        table.add_column(name, justify="right" if name else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+ENSEMBLE, KIND = "rig", "sea"
+"""Gives the imperfections; and what they come on top of where the gains are tuned with them."""
+
+
+def check_stress(problem: TuningProblem) -> None:
+    """Find out now whether there is an imperfection that the gains are not tuned for.
+
+    Raises:
+        ConfigurationError: there is none, or gains are drawn.
+    """
+    base, ensemble = base_and_ensemble(problem.experiment, ENSEMBLE, stress_base(problem))
+    try:
+        imperfections(base, union(base, ensemble))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--stress: {error}") from error
+
+
+def print_stress(tuned: TuningResult, out: Path, status: StatusLine) -> None:
+    """Find out, print, write, and have the report show it."""
+    problem = tuned.problem
+    with ProgressLine("what breaks first") as progress:
+        found = stress(
+            tuned.best,
+            ensemble=ENSEMBLE,
+            base=stress_base(problem),
+            noted=[constraint.text for constraint in problem.constraints],
+            scenarios=SCENARIOS,
+            seed=problem.seed,
+            name="best.toml",
+            progress=progress,
+        )
+    terminal(soft_wrap=True).print(repr(found), highlight=False)
+    status.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
+
+
+def stress_base(problem: TuningProblem) -> Ensemble | str | None:
+    """What the gains were tuned in, without the imperfections."""
+    tuned_in = problem.ensemble
+    return KIND if tuned_in and tuned_in.name == ENSEMBLE else tuned_in

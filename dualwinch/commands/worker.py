@@ -3,7 +3,7 @@
 import secrets
 from contextlib import closing
 
-from dualwinch.commands.tuning_progress import StatusLine
+from dualwinch.commands.progress import StatusLine
 from dualwinch.commands.tuning_setup import problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser

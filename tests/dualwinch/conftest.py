@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.export import export_fmu
 from dualwinch.simulation.paper import case
 from tests.fmus import Exported
 

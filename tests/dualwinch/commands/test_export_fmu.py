@@ -17,7 +17,7 @@ from fmpy.validation import validate_fmu
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.fmu import PLATFORMS, Version
 from dualwinch.codegen.fmu.build import compiler_for
-from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.export import export_fmu
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals

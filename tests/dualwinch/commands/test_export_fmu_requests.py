@@ -9,7 +9,7 @@ from dualwinch.cli import main
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.codegen.fmu import PLATFORMS, host_platform
-from dualwinch.commands.export_fmu import export_fmu
+from dualwinch.export import export_fmu
 from dualwinch.simulation.paper import case
 from tests.fmus import Instance
 

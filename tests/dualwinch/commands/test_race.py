@@ -9,7 +9,7 @@ import pytest
 import dualwinch as dw
 from dualwinch.cli import main
 from dualwinch.commands import race as race_command
-from dualwinch.commands import tuning_stress
+from dualwinch.commands import tune as tune_command
 from dualwinch.commands.race_run import write_race
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tree import leaves
@@ -120,7 +120,7 @@ def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
 ) -> None:
     drums = tmp_path / "drums.toml"
     drums.write_text(DRUMS)
-    monkeypatch.setattr(tuning_stress, "ENSEMBLE", drums)
+    monkeypatch.setattr(tune_command, "ENSEMBLE", drums)
     monkeypatch.setattr(race_command, "ENSEMBLE", drums)
     monkeypatch.setattr(race_command, "STRESS_SCENARIOS", 2)
     words = [*SEA, "--law", "nftsm", "--out", str(tmp_path / "race")]

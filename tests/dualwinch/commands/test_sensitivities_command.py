@@ -9,8 +9,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands.sensitivities import values_of
-from dualwinch.commands.sensitivities_tables import per
+from dualwinch.commands.sensitivities import per, values_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.sensitivities import differentiable_numbers
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from dualwinch.cli import main
+from dualwinch.commands.progress import StatusLine
 from dualwinch.commands.tune import Options, seconds_from, tune
-from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves

@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.commands.export import export_c, export_mex
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.signals import Measurement
+from dualwinch.export import export_c, export_mex
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed
 from dualwinch.model.plant import Plant

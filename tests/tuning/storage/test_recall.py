@@ -10,8 +10,8 @@ from typing import ClassVar
 import pytest
 
 from dualwinch.cli import main
+from dualwinch.commands.progress import StatusLine
 from dualwinch.commands.tune import Options, tune
-from dualwinch.commands.tuning_progress import StatusLine
 from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.controller import Controller

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Literal
 
 from dualwinch.codegen.files import atomic
-from dualwinch.commands.folders import check_folder
-from dualwinch.commands.identify_run import believed_from, prior_from
-from dualwinch.commands.output import terminal
+from dualwinch.commands.identify import believed_from, prior_from
+from dualwinch.commands.output import check_folder, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.tune import seconds_from
