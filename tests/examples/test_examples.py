@@ -47,7 +47,7 @@ def test_it_tunes_compares_and_writes_c(
     monkeypatch.chdir(tmp_path)
     loaded(ROOT / "examples" / f"{name}.py").main(trials=8, out="made")
     printed = capsys.readouterr().out
-    assert "Tuned(" in printed
+    assert "TuningResult(" in printed
     assert "Comparison in " in printed
     assert "times the MSE of paper" in printed
     code = (tmp_path / "made" / "dualwinch_controller.c").read_text()
