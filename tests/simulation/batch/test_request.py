@@ -83,7 +83,7 @@ def test_the_sample_time_cannot_vary() -> None:
 
 def test_thousands_of_sound_rows_are_looked_at_by_the_column(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[Experiment] = []
-    monkeypatch.setattr(module, "check", calls.append)
+    monkeypatch.setattr(module, "prepare", calls.append)
     names = ["controller.nftsm.beta", COORDINATION + "preload", "controller.nftsm.p"]
     values = np.column_stack([np.linspace(0.1, 1, 5000), np.linspace(1e3, 3e3, 5000), np.full(5000, 7.0)])
     scenarios = [replace(case(4), simulation=Simulation(seed=seed)) for seed in range(3)]
