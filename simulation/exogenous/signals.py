@@ -82,8 +82,8 @@ MOST_SAMPLES = 2**31 - 1
 """Longest outage, and longest time between two, in samples."""
 
 
-class Course(NamedTuple):
-    """How a first-order Gauss–Markov signal comes and goes; its numbers may be symbols."""
+class GaussMarkov(NamedTuple):
+    """A first-order Gauss–Markov signal; its numbers may be symbols."""
 
     sigma: Any
     """standard deviation."""
@@ -95,16 +95,16 @@ class Course(NamedTuple):
     """whether it is zero before its first sample; else it is stationary."""
 
 
-def courses(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, Course]:
+def courses(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, GaussMarkov]:
     """The Gauss–Markov signals of a run by name; noises of sensors are drawn with a standard deviation of 1."""
     return {
-        "current": Course(sea.current_sigma, sea.current_time, sea.current_limit),
-        "normal_force_variation": Course(sea.normal_force_sigma * vehicle.normal_force, sea.normal_force_time),
-        "noise.position": Course(_on(sensors.position_noise)),
-        "noise.speed": Course(_on(sensors.speed_noise)),
-        "noise.tension_1": Course(_on(sensors.tension_noise)),
-        "noise.tension_2": Course(_on(sensors.tension_noise)),
-        "noise.drift": Course(_on(sensors.position_drift), sensors.position_drift_time, from_zero=True),
+        "current": GaussMarkov(sea.current_sigma, sea.current_time, sea.current_limit),
+        "normal_force_variation": GaussMarkov(sea.normal_force_sigma * vehicle.normal_force, sea.normal_force_time),
+        "noise.position": GaussMarkov(_on(sensors.position_noise)),
+        "noise.speed": GaussMarkov(_on(sensors.speed_noise)),
+        "noise.tension_1": GaussMarkov(_on(sensors.tension_noise)),
+        "noise.tension_2": GaussMarkov(_on(sensors.tension_noise)),
+        "noise.drift": GaussMarkov(_on(sensors.position_drift), sensors.position_drift_time, from_zero=True),
     }
 
 

@@ -283,7 +283,7 @@ def grows_by_factors(ascending: Floats) -> bool:
 
 
 def spans_decades(values: Floats) -> bool:
-    """Whether measured values, NaN among them, are told apart on a logarithmic scale only."""
+    """Whether measured values, NaN among them, can be told apart on a logarithmic scale only."""
     finite = values[np.isfinite(values)]
     return bool(finite.size and finite.min() > 0 and finite.max() >= 3 * SPAN * finite.min())
 

@@ -17,7 +17,7 @@ from dualwinch.simulation.plots.traces import largest, thin
 from dualwinch.simulation.results.result import Result
 
 BEYOND = 1.25
-"""How far, in limits, the force panel reaches; a command beyond is told in words."""
+"""How far, in limits, the force panel reaches; a command beyond is given in words."""
 
 
 def overview(result: Result, *, ax: GivenAxes = None) -> Figure:

@@ -48,7 +48,7 @@ Look: TypeAlias = tuple[str, LineStyleType]
 """Colour and line style."""
 
 PALETTE = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
-"""Colours of runs whose law's own is taken; those that no law has come first."""
+"""Colours of runs whose law's own is taken; colours of no law come first."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"))
 """Units of length an error is shown in, the largest first."""
 
 COMPARABLE = 10.0
-"""Errors up to this many times the smallest controller's share a panel; a larger one is told in words."""
+"""Errors up to this many times the smallest controller's share a panel; a larger one is given in words."""
 
 ZOOM = 0.4
 """Length in s of the stretch of a trajectory shown enlarged."""

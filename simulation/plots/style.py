@@ -112,7 +112,7 @@ def law_kind(experiment: Experiment) -> str:
 
 
 def plain(text: str) -> str:
-    r"""A name that somebody gave, for matplotlib: ``$`` begins no formula, a leading ``_`` leaves no label out."""
+    r"""A user's name, for matplotlib: ``$`` begins no formula, a leading ``_`` leaves no label out."""
     shown = one_line(text).replace("$", r"\$")
     return f"\u200b{shown}" if shown.startswith("_") else shown
 

@@ -236,7 +236,7 @@ class Lanes:
         self.runs.look()
 
     def step(self, samples: int, threads: int = 1, row: int | None = None) -> int:
-        """Move all runs under way on; the number of those that are so after it. See `SteppedRuns.step`."""
+        """Move all runs under way on; returns how many still are. See `SteppedRuns.step`."""
         running = 1
         while samples and running:
             stretch = min(samples, self._left)
