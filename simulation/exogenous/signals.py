@@ -82,7 +82,7 @@ MOST_SAMPLES = 2**31 - 1
 """Longest outage, and longest time between two, in samples."""
 
 
-class GaussMarkov(NamedTuple):
+class GaussMarkovSignal(NamedTuple):
     """A first-order Gauss–Markov signal; its numbers may be symbols."""
 
     sigma: Any
@@ -95,16 +95,18 @@ class GaussMarkov(NamedTuple):
     """whether it is zero before its first sample; else it is stationary."""
 
 
-def courses(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, GaussMarkov]:
+def courses(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, GaussMarkovSignal]:
     """The Gauss–Markov signals of a run by name; noises of sensors are drawn with a standard deviation of 1."""
     return {
-        "current": GaussMarkov(sea.current_sigma, sea.current_time, sea.current_limit),
-        "normal_force_variation": GaussMarkov(sea.normal_force_sigma * vehicle.normal_force, sea.normal_force_time),
-        "noise.position": GaussMarkov(_on(sensors.position_noise)),
-        "noise.speed": GaussMarkov(_on(sensors.speed_noise)),
-        "noise.tension_1": GaussMarkov(_on(sensors.tension_noise)),
-        "noise.tension_2": GaussMarkov(_on(sensors.tension_noise)),
-        "noise.drift": GaussMarkov(_on(sensors.position_drift), sensors.position_drift_time, from_zero=True),
+        "current": GaussMarkovSignal(sea.current_sigma, sea.current_time, sea.current_limit),
+        "normal_force_variation": GaussMarkovSignal(
+            sea.normal_force_sigma * vehicle.normal_force, sea.normal_force_time
+        ),
+        "noise.position": GaussMarkovSignal(_on(sensors.position_noise)),
+        "noise.speed": GaussMarkovSignal(_on(sensors.speed_noise)),
+        "noise.tension_1": GaussMarkovSignal(_on(sensors.tension_noise)),
+        "noise.tension_2": GaussMarkovSignal(_on(sensors.tension_noise)),
+        "noise.drift": GaussMarkovSignal(_on(sensors.position_drift), sensors.position_drift_time, from_zero=True),
     }
 
 
