@@ -62,7 +62,8 @@ class Compiler:
     def flags(self) -> tuple[str, ...]:
         """Flags of a shared library for this machine's processor."""
         native = () if self.name == "zig" or not _takes_native() else ("-march=native",)
-        return OPTIMISE + native + SHARED
+        finite = ("-fno-finite-math-only",) if self.is_clang else ()  # else it takes NaN <= x, a lost reading, for true
+        return OPTIMISE + finite + native + SHARED
 
     @property
     def identity(self) -> str:

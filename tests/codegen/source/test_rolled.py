@@ -21,7 +21,7 @@ BUILD = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-co
 
 def values_in_c(folder: Path, function: ca.Function, lines: list[str], at: np.ndarray) -> np.ndarray:
     """The result of a function's statements."""
-    text = "\n".join(["#include <math.h>", "void call(const double *x, double *y) {", *lines, "}"])
+    text = "\n".join(["#include <math.h>", "void call(const double *x, double *y) {", *lines, "}", ""])
     (folder / "unit.c").write_text(text)
     library = folder / f"unit{abs(hash(text))}.so"
     subprocess.run([*find_compiler().command, *BUILD, "unit.c", "-o", library, "-lm"], cwd=folder, check=True)
