@@ -8,12 +8,12 @@ import time
 
 import numpy as np
 
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.tuning.constraints import default_constraints
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.study import BATCH
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 ROUNDS, SEED = 8, 1
 SPREAD = 0.08

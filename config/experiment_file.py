@@ -1,20 +1,22 @@
 """Experiments as annotated TOML, read back with errors that name key, file and line."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any
 
 from dualwinch.codegen.text import one_line
 from dualwinch.config.metric_entries import with_metric_kinds
 from dualwinch.config.plugins import load_entry_points
-from dualwinch.config.toml_text import Source, flattened, read_source, toml_value
+from dualwinch.config.toml_text import Source, flattened, parse_assignment, read_source, toml_value
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, every_leaf
 from dualwinch.model.quantities.part import built_in
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.settings import describe_choices, from_folder, override, with_settings, without_digests
 
 
@@ -51,6 +53,32 @@ def loads(text: str, base: Experiment | None = None, name: str = "configuration"
     """
     source = Source(name, text)
     return from_table(source.table(), source, base or Experiment())
+
+
+def experiment_from(
+    case: int | None = None,
+    config: str | PathLike[str] | None = None,
+    controller: str | None = None,
+    assignments: Sequence[str] = (),
+) -> Experiment:
+    """The experiment that words of a command line describe.
+
+    Args:
+        case: case 1 to 4 of the paper.
+        config: a TOML file instead; neither: the defaults of every key.
+        controller: kind of the position law.
+        assignments: such as ``plant.vehicle.mass=12000``.
+
+    Raises:
+        ConfigurationError: both a case and a file, or anything wrong with a key or value.
+    """
+    if case is not None and config is not None:
+        raise ConfigurationError("--case and --config: give one of them")
+    values: dict[str, Any] = {} if controller is None else {"controller.kind": controller}
+    values |= dict(map(parse_assignment, assignments))
+    if config:
+        return load(config, settings=values)
+    return override(paper_case(case) if case is not None else Experiment(), values)
 
 
 def from_table(

@@ -3,9 +3,6 @@
 from .codegen.block import Block as Block
 from .codegen.errors import DualwinchError as DualwinchError
 from .codegen.native import compile as compile  # noqa: A004
-from .commands.race import race as race
-from .commands.stress import stress as stress
-from .commands.tuning_setup import tuning_problem as tuning_problem
 from .config.ensemble_file import load_ensemble as load_ensemble
 from .config.experiment_file import load as load
 from .config.experiment_file import to_toml as to_toml
@@ -124,9 +121,12 @@ from .simulation.stepper.stepper import Observation as Observation
 from .simulation.stepper.stepper import Stepper as Stepper
 from .simulation.sweep import Sweep as Sweep
 from .simulation.sweep import sweep as sweep
+from .tuning.benchmark.race import race as race
 from .tuning.benchmark.result import BenchmarkResult as BenchmarkResult
 from .tuning.result import TuningResult as TuningResult
 from .tuning.robustness.result import RobustnessResult as RobustnessResult
+from .tuning.robustness.stress import stress as stress
 from .tuning.tune import tune as tune
+from .tuning.tuning_problem import tuning_problem as tuning_problem
 
 __version__: str

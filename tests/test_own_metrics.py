@@ -11,7 +11,6 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands.tuning_setup import definition_of, problem_from
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.experiment import Simulation
@@ -20,6 +19,7 @@ from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 from dualwinch.simulation.results.result import Result
+from dualwinch.tuning.tuning_problem import definition_of, problem_from
 from tests.own_metrics import LastBeyond, PullSpread, Room
 
 OWN = (LastBeyond(2e-3), PullSpread(), Room())

@@ -41,8 +41,7 @@ def config(
         load_ensemble(ensemble)
         sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
         return
-    from dualwinch.commands.simulate import experiment
-    from dualwinch.config.experiment_file import own_parts_to_toml, to_toml
+    from dualwinch.config.experiment_file import experiment_from, own_parts_to_toml, to_toml
 
-    asked = experiment(case, None, None, set_ or [])
+    asked = experiment_from(case, None, None, set_ or [])
     sys.stdout.write(to_toml(asked) + (own_parts_to_toml(asked) if plugin else ""))

@@ -65,13 +65,13 @@ def export_c(
 
     No heap, no globals, no recursion; several instances may run at once.
     """
-    from dualwinch.commands.simulate import experiment
+    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_c as run
     from dualwinch.export import generate_c
     from dualwinch.model.errors import ConfigurationError
 
     use_parts(plugin)
-    asked = experiment(case, config, None, set_ or [])
+    asked = experiment_from(case, config, None, set_ or [])
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
@@ -118,11 +118,11 @@ def export_fmu(
     """
     from dualwinch.commands.output import terminal
     from dualwinch.commands.progress import ProgressLine
-    from dualwinch.commands.simulate import experiment
+    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_fmu as run
 
     use_parts(plugin)
-    chosen, console = experiment(case, config, None, set_ or []), terminal(stderr=True)
+    chosen, console = experiment_from(case, config, None, set_ or []), terminal(stderr=True)
     with ProgressLine("generating") as progress:
         words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=progress)
     console.print(f"wrote {words}", soft_wrap=True)
@@ -139,11 +139,11 @@ def export_mex(
     *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
 ) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
-    from dualwinch.commands.simulate import experiment
+    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_mex as run
 
     use_parts(plugin)
-    wrote(out, run(experiment(case, config, None, set_ or []), out))
+    wrote(out, run(experiment_from(case, config, None, set_ or []), out))
 
 
 @app.command(
@@ -157,8 +157,8 @@ def export_casadi(
     *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
 ) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
-    from dualwinch.commands.simulate import experiment
+    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_casadi as run
 
     use_parts(plugin)
-    wrote(out, run(experiment(case, config, None, set_ or []), out))
+    wrote(out, run(experiment_from(case, config, None, set_ or []), out))

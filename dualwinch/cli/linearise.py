@@ -77,11 +77,11 @@ def linearise(
     gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error.
     """
     from dualwinch.commands.linearise import linearise as run
-    from dualwinch.commands.simulate import experiment
+    from dualwinch.config.experiment_file import experiment_from
 
     use_parts(plugin)
     run(
-        experiment(case, config, controller, with_estimator(estimator, set_)),
+        experiment_from(case, config, controller, with_estimator(estimator, set_)),
         {"x": x, "v": v, "preload": preload},
         sweep,
         loop=loop,

@@ -64,8 +64,8 @@ def sensitivities(
     one more percent of each number.
     """
     from dualwinch.commands.sensitivities import run_sensitivities
-    from dualwinch.commands.simulate import experiment
+    from dualwinch.config.experiment_file import experiment_from
 
     use_parts(plugin)
-    base = experiment(case, config, controller, with_estimator(estimator, set_))
+    base = experiment_from(case, config, controller, with_estimator(estimator, set_))
     run_sensitivities(base, keys, metric or ["mse"], column or ["e"], out=out, plot=plot, json=json)

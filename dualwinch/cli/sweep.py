@@ -59,9 +59,9 @@ def sweep(
     Any key of `dualwinch config` can be varied, including those that choose parts or shape the compiled code. The
     figure is a line over one key, a heat map over two.
     """
-    from dualwinch.commands.simulate import experiment
     from dualwinch.commands.sweep import run_sweep
+    from dualwinch.config.experiment_file import experiment_from
 
     use_parts(plugin)
-    base = experiment(case, config, controller, with_estimator(estimator, set_))
+    base = experiment_from(case, config, controller, with_estimator(estimator, set_))
     run_sweep(base, over, metric or ["mse"], out=out, plot=plot, json=json)

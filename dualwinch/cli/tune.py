@@ -96,7 +96,7 @@ def tune(
         status.phase("reading the problem")
         from dualwinch.commands.tune import Options, check_options, recall_parts, seconds_from
         from dualwinch.commands.tune import tune as run
-        from dualwinch.commands.tuning_setup import check_words, tuning_problem
+        from dualwinch.tuning.tuning_problem import check_words, tuning_problem
 
         options = Options(
             method=method,

@@ -13,10 +13,9 @@ from rich.text import Text
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.output import check_folder, styled, terminal
+from dualwinch.commands.output import check_folder, check_plot, styled, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.simulate import check_plot, experiment
-from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.experiment_file import experiment_from, to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.stability import GAPS, REAL, Certificate, Condition, NearbyGains, nearby_gains
 from dualwinch.simulation.analysis.stability import certify as judge
@@ -34,7 +33,7 @@ def certify(
     plot: Path | None,
 ) -> None:
     """Run, judge, search, print, write. Everything that can be wrong with the files is found before the run."""
-    asked = experiment(case, config, controller, assignments)
+    asked = experiment_from(case, config, controller, assignments)
     if out:
         if out.suffix.lower() != ".json":
             raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")

@@ -11,9 +11,8 @@ from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.output import check_folder, terminal
+from dualwinch.commands.output import check_folder, check_plot, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.simulate import check_plot
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
 from dualwinch.config.experiment_file import load
 from dualwinch.config.toml_text import parse_assignment

@@ -6,9 +6,8 @@ from typing import Literal
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.identify import believed_from, prior_from
-from dualwinch.commands.output import check_folder, terminal
+from dualwinch.commands.output import check_folder, check_plot, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.simulate import check_plot
 from dualwinch.commands.tune import seconds_from
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.identification.excitation import excite

@@ -10,9 +10,8 @@ from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.output import check_folder, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
-from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.experiment_file import experiment_from, to_toml
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.identification.identify import identify
 from dualwinch.identification.result import IdentificationResult

@@ -19,12 +19,12 @@ from dualwinch.commands.output import (
     FigureColumn,
     FigureTable,
     check_folder,
+    check_plot,
     numbers_between,
     records,
     styled,
     terminal,
 )
-from dualwinch.commands.simulate import check_plot
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.errors import ConfigurationError

@@ -125,6 +125,24 @@ def check_folder(folder: Path) -> None:
         raise ConfigurationError(f"{folder}: cannot be written to ({error.strerror})") from error
 
 
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def check_plot(plot: Path | None) -> None:
+    """Find out now whether a figure can be written.
+
+    Raises:
+        ConfigurationError: unknown suffix, or a folder that cannot be written to.
+    """
+    if plot is None:
+        return
+    if plot.suffix.lower() not in PLOT_SUFFIXES:
+        raise ConfigurationError(
+            f"{plot.name}: unknown suffix {plot.suffix!r}; must be one of {', '.join(PLOT_SUFFIXES)}"
+        )
+    check_folder(plot.parent)
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder, with those above it, and check that files can be written to it.
 

@@ -10,10 +10,9 @@ from rich.table import Table
 
 from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.output import check_folder, measured, styled, terminal
+from dualwinch.commands.output import check_folder, check_plot, measured, styled, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.simulate import check_plot, experiment
-from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.experiment_file import experiment_from, to_toml
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.preload import Least, LeastPreload, Preloads, preloads
@@ -46,7 +45,7 @@ def preload(
 ) -> None:
     """Run, solve, print, write. Everything that can be wrong with the files is found before the run."""
     scheduled = f"controller.coordination.kind={ScheduledPreload.kind}"
-    asked = experiment(case, config, controller, [scheduled, *assignments])
+    asked = experiment_from(case, config, controller, [scheduled, *assignments])
     if out:
         if out.suffix.lower() != ".json":
             raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be .json")

@@ -12,12 +12,12 @@ from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.output import made_folder, make_folder, terminal
 from dualwinch.commands.progress import StatusLine
-from dualwinch.commands.race import race
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.benchmark.found import BenchmarkFindings
+from dualwinch.tuning.benchmark.race import race
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.scores import EntryResult
 from dualwinch.tuning.benchmark.summary import to_record

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
-from dualwinch.commands.output import styled, terminal
-from dualwinch.commands.simulate import check_plot
+from dualwinch.commands.output import check_plot, styled, terminal
 from dualwinch.commands.sweep import writer
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, nearest

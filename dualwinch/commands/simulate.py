@@ -1,10 +1,7 @@
 """``dualwinch simulate``: one run, its figures of merit, its data and its figure."""
 
 import os
-from collections.abc import Sequence
-from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from rich import box
 from rich.table import Table
@@ -12,60 +9,23 @@ from rich.table import Table
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.commands.doctor import versions
-from dualwinch.commands.output import check_folder, measured, styled, terminal
+from dualwinch.commands.output import check_folder, check_plot, measured, styled, terminal
 from dualwinch.commands.progress import ProgressLine
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, reset
-from dualwinch.config.experiment_file import load
+from dualwinch.config.experiment_file import experiment_from
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, ensemble_writer, save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.engine import EngineName
 from dualwinch.simulation.loop.structure import is_automatic, solver_of
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.results.file_formats import format_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
-from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate as run
-
-PLOT_SUFFIXES = (".png", ".svg", ".pdf")
-
-
-def experiment(
-    case: int | None, config: str | PathLike[str] | None, controller: str | None, assignments: Sequence[str]
-) -> Experiment:
-    """The experiment a command line asks for.
-
-    Raises:
-        ConfigurationError: both a case and a file, or anything wrong with a key or value.
-    """
-    if case is not None and config is not None:
-        raise ConfigurationError("--case and --config: give one of them")
-    values: dict[str, Any] = {} if controller is None else {"controller.kind": controller}
-    values |= dict(map(parse_assignment, assignments))
-    if config:
-        return load(config, settings=values)
-    return override(paper_case(case) if case is not None else Experiment(), values)
-
-
-def check_plot(plot: Path | None) -> None:
-    """Find out now whether a figure can be written.
-
-    Raises:
-        ConfigurationError: unknown suffix, or a folder that cannot be written to.
-    """
-    if plot is None:
-        return
-    if plot.suffix.lower() not in PLOT_SUFFIXES:
-        raise ConfigurationError(
-            f"{plot.name}: unknown suffix {plot.suffix!r}; must be one of {', '.join(PLOT_SUFFIXES)}"
-        )
-    check_folder(plot.parent)
 
 
 def simulate(
@@ -80,7 +40,7 @@ def simulate(
     engine: EngineName | None,
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
-    asked = experiment(case, config, controller, assignments)
+    asked = experiment_from(case, config, controller, assignments)
     if stride < 1:
         raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
     if out:
@@ -171,7 +131,7 @@ def ensemble(
     Raises:
         ConfigurationError: anything wrong with the ensemble, a key or a value.
     """
-    drawn = load_ensemble(name, experiment(case, config, None, []))
+    drawn = load_ensemble(name, experiment_from(case, config, None, []))
     values = dict(map(parse_assignment, assignments))
     if controller is not None:
         values = {"controller.kind": controller, **values}

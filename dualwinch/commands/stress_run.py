@@ -13,14 +13,14 @@ from dualwinch.codegen.files import atomic
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.output import made_folder, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.simulate import experiment as experiment_from
-from dualwinch.commands.stress import stress
 from dualwinch.config.ensemble_file import ensemble_to_toml
+from dualwinch.config.experiment_file import experiment_from
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.robustness.result import RobustnessResult
+from dualwinch.tuning.robustness.stress import stress
 from dualwinch.tuning.robustness.summary import to_record
 
 STUDY = "study.json"

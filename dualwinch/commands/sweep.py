@@ -15,9 +15,8 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from dualwinch.commands.output import check_folder, numbers_between, styled, terminal
+from dualwinch.commands.output import check_folder, check_plot, numbers_between, styled, terminal
 from dualwinch.commands.progress import ProgressLine
-from dualwinch.commands.simulate import check_plot
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, nearest

@@ -21,13 +21,10 @@ from dualwinch.codegen.text import one_line
 from dualwinch.commands.doctor import versions
 from dualwinch.commands.output import check_folder, made_folder, styled, terminal
 from dualwinch.commands.progress import ProgressLine, StatusLine
-from dualwinch.commands.stress import SCENARIOS, base_and_ensemble, stress
 from dualwinch.commands.stress_run import write_stress
-from dualwinch.commands.tuning_setup import configuration, definition_of
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.threads import cores
-from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.record import write_best, write_study
@@ -43,7 +40,7 @@ from dualwinch.tuning.result import (
     statistics_table,
     worth,
 )
-from dualwinch.tuning.robustness.imperfections import imperfections, union
+from dualwinch.tuning.robustness.stress import check_stress, stress_tuned
 from dualwinch.tuning.scoring.ranking import pareto_front
 from dualwinch.tuning.storage.connection import shown
 from dualwinch.tuning.storage.noted_parts import PartRecord, in_words, part_records
@@ -51,6 +48,7 @@ from dualwinch.tuning.storage.opening import check_storage, is_database, kept_de
 from dualwinch.tuning.storage.recall import recall
 from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.tune import tune as run
+from dualwinch.tuning.tuning_problem import configuration, definition_of
 
 REPORT_SECONDS = 2.0
 """Time in s that the files take, report and figures among them."""
@@ -308,42 +306,9 @@ def _table(tuned: TuningResult) -> Table:
     return table
 
 
-ENSEMBLE, KIND = "rig", "sea"
-"""Gives the imperfections; and what they come on top of where the gains are tuned with them."""
-
-
-def check_stress(problem: TuningProblem) -> None:
-    """Find out now whether there is an imperfection that the gains are not tuned for.
-
-    Raises:
-        ConfigurationError: there is none, or gains are drawn.
-    """
-    base, ensemble = base_and_ensemble(problem.experiment, ENSEMBLE, stress_base(problem))
-    try:
-        imperfections(base, union(base, ensemble))
-    except ConfigurationError as error:
-        raise ConfigurationError(f"--stress: {error}") from error
-
-
 def print_stress(tuned: TuningResult, out: Path, status: StatusLine) -> None:
     """Find out, print, write, and have the report show it."""
-    problem = tuned.problem
     with ProgressLine("what breaks first") as progress:
-        found = stress(
-            tuned.best,
-            ensemble=ENSEMBLE,
-            base=stress_base(problem),
-            noted=[constraint.text for constraint in problem.constraints],
-            scenarios=SCENARIOS,
-            seed=problem.seed,
-            name="best.toml",
-            progress=progress,
-        )
+        found = stress_tuned(tuned.problem, tuned.best, name="best.toml", progress=progress)
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     status.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
-
-
-def stress_base(problem: TuningProblem) -> Ensemble | str | None:
-    """What the gains were tuned in, without the imperfections."""
-    tuned_in = problem.ensemble
-    return KIND if tuned_in and tuned_in.name == ENSEMBLE else tuned_in

@@ -4,7 +4,6 @@ import secrets
 from contextlib import closing
 
 from dualwinch.commands.progress import StatusLine
-from dualwinch.commands.tuning_setup import problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -15,6 +14,7 @@ from dualwinch.tuning.storage.database import DatabaseStudy
 from dualwinch.tuning.storage.opening import check_storage, is_database, quiet
 from dualwinch.tuning.storage.recall import recall
 from dualwinch.tuning.study import search
+from dualwinch.tuning.tuning_problem import problem_from
 
 
 def worker(storage: str | None, study: str, threads: int | None, watch: StatusLine) -> None:

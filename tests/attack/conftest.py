@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dualwinch.commands.simulate import experiment
-from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.experiment_file import experiment_from, to_toml
 from dualwinch.simulation.ensembles import __file__ as ensembles
 
 LAW = "from dualwinch import nonsense\n"
@@ -29,7 +28,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("COLUMNS", "120")
     there = tmp_path / "there"
     (there / "folder").mkdir(parents=True)
-    good = to_toml(experiment(4, None, None, ["simulation.duration=0.05"]))
+    good = to_toml(experiment_from(4, None, None, ["simulation.duration=0.05"]))
     (there / "good.toml").write_text(good, encoding="utf-8")
     (there / "f.toml").write_text("[plant.vehicle]\nmass = -1\n")
     shutil.copy(Path(ensembles).parent / "sea.toml", there / "sea.toml")

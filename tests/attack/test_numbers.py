@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dualwinch.commands.simulate import experiment
-from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.experiment_file import experiment_from, to_toml
 from dualwinch.config.toml_text import flattened
 from tests.attack.call import SLOW, call
 
@@ -16,7 +15,7 @@ EXAMPLES = 12
 
 KEYS = [
     key
-    for key, value in flattened(tomllib.loads(to_toml(experiment(4, None, None, []))))
+    for key, value in flattened(tomllib.loads(to_toml(experiment_from(4, None, None, []))))
     if isinstance(value, float) and key.partition(".")[0] in {"plant", "controller", "disturbance", "sensors"}
 ]
 """Every key that is a number and no part of the compiled code, nor of how long it runs."""

@@ -11,8 +11,7 @@ from cyclopts import App
 from hypothesis import strategies as st
 
 from dualwinch.cli.app import app
-from dualwinch.commands.simulate import experiment
-from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.experiment_file import experiment_from, to_toml
 from dualwinch.config.toml_text import flattened, read_source
 from dualwinch.simulation.ensembles import __file__ as ensembles
 
@@ -129,7 +128,7 @@ def commands(parent: App = app, name: tuple[str, ...] = ()) -> Iterator[tuple[tu
 def all_keys() -> list[str]:
     """Keys of experiments and of ensembles, and some that are none."""
     tables = (
-        tomllib.loads(to_toml(experiment(4, None, None, []))),
+        tomllib.loads(to_toml(experiment_from(4, None, None, []))),
         read_source(Path(ensembles).parent / "sea.toml").table(),
     )
     known = {key for table in tables for key, _ in flattened(table)}

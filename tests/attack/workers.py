@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dualwinch.commands.tuning_setup import definition_of, problem_from, tuning_problem
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -19,6 +18,7 @@ from dualwinch.tuning.storage.database import DatabaseStudy
 from dualwinch.tuning.storage.opening import open_store, quiet
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
+from dualwinch.tuning.tuning_problem import definition_of, problem_from, tuning_problem
 
 STUDY, TRIALS, METHOD = "attacked", 48, "random"
 

@@ -135,7 +135,7 @@ def test_wrong_options_of_tune_are_found_before_anything_is_read(
     def never(**_: object) -> None:
         raise AssertionError("read a problem")
 
-    monkeypatch.setattr("dualwinch.commands.tuning_setup.tuning_problem", never)
+    monkeypatch.setattr("dualwinch.tuning.tuning_problem.tuning_problem", never)
     refused(capsys, "tune", *words)
 
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from dualwinch.commands import tuning_setup
-from dualwinch.commands.tuning_setup import tuning_problem
+from dualwinch.tuning import tuning_problem as tuning_problem_module
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 MakeProblem = Callable[..., TuningProblem]
 
@@ -26,7 +26,7 @@ def few_scenarios() -> Iterator[None]:
             return SelectionConfig(*given, **words) if given or words else FEW
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning_setup, "SelectionConfig", Few)
+        patch.setattr(tuning_problem_module, "SelectionConfig", Few)
         yield
 
 

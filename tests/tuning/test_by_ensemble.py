@@ -1,10 +1,10 @@
 import pytest
 
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.tuning.baseline import RESERVE, assumptions, default_estimator, default_reserve
 from dualwinch.tuning.space import ContinuousDimension
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dualwinch.commands.tune import Options, write
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
@@ -27,6 +26,7 @@ from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tune import tune
+from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.simulation.inserted import run
 from tests.tuning.conftest import MakeProblem
 

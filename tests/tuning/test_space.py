@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.commands.tuning_setup import _entries
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.tree import leaves
@@ -22,6 +21,7 @@ from dualwinch.tuning.space import (
     space_of,
     space_to_record,
 )
+from dualwinch.tuning.tuning_problem import _entries
 from tests.tuning.conftest import MakeProblem
 
 BETA, POWER = "controller.nftsm.beta", "controller.nftsm.p/q"

@@ -6,7 +6,6 @@ import optuna
 import pytest
 from optuna.storages.journal import JournalFileBackend
 
-from dualwinch.commands.tuning_setup import definition_of, problem_from
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.optimisers.gradient import GradientSearch
@@ -19,6 +18,7 @@ from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.opening import open_store
 from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.study import search
+from dualwinch.tuning.tuning_problem import definition_of, problem_from
 from tests.tuning.conftest import MakeProblem
 
 

@@ -8,11 +8,11 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands import race as race_command
-from dualwinch.commands import tune as tune_command
 from dualwinch.commands.race_run import write_race
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.tuning.benchmark import race as race_module
+from dualwinch.tuning.robustness import stress as stress_module
 from tests.tuning.conftest import few_scenarios  # noqa: F401 # a fixture
 from tests.tuning.race.made_up import made_up, scored
 from tests.tuning.stress.ensembles import DRUMS
@@ -105,12 +105,12 @@ def test_who_takes_part_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     def noted(entrants, *_, **__):
         seen.append([entrant.entry.key for entrant in entrants])
 
-    monkeypatch.setattr(race_command, "run", noted)
+    monkeypatch.setattr(race_module, "run", noted)
     dw.race("rig")
-    laws = list(race_command.POSITION_LAWS)
+    laws = list(race_module.POSITION_LAWS)
     assert seen[-1] == [f"{law}, self-calibrating-kalman, differential-tension" for law in laws]
     dw.race("sea", laws=["adrc"], estimators="all", coordinations="all")
-    assert len(seen[-1]) == len(race_command.ESTIMATORS) * len(race_command.COORDINATIONS)
+    assert len(seen[-1]) == len(race_module.ESTIMATORS) * len(race_module.COORDINATIONS)
     dw.race("sea", laws=["fando-nftsm"], ablations=True)
     assert len(seen[-1]) == len(set(seen[-1])) == 5
 
@@ -120,9 +120,8 @@ def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
 ) -> None:
     drums = tmp_path / "drums.toml"
     drums.write_text(DRUMS)
-    monkeypatch.setattr(tune_command, "ENSEMBLE", drums)
-    monkeypatch.setattr(race_command, "ENSEMBLE", drums)
-    monkeypatch.setattr(race_command, "STRESS_SCENARIOS", 2)
+    monkeypatch.setattr(stress_module, "ENSEMBLE", drums)
+    monkeypatch.setattr(race_module, "STRESS_SCENARIOS", 2)
     words = [*SEA, "--law", "nftsm", "--out", str(tmp_path / "race")]
     main(words)
     before = json.loads((tmp_path / "race" / "race.json").read_text())["entries"][0]

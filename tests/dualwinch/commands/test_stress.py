@@ -7,13 +7,13 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands import tune as tune_command
-from dualwinch.commands.stress import base_and_ensemble
 from dualwinch.commands.stress_run import noted_constraints
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
+from dualwinch.tuning.robustness import stress as stress_module
+from dualwinch.tuning.robustness.stress import base_and_ensemble
 from tests.tuning.conftest import few_scenarios  # noqa: F401 # a fixture
 from tests.tuning.stress.ensembles import DRUMS, short
 
@@ -116,8 +116,8 @@ def test_a_report_beside_the_results_shows_them_once(drums: Path, gains: Path, t
 def test_tune_finds_out_what_breaks_its_best_first(
     drums: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tune_command, "ENSEMBLE", drums)
-    monkeypatch.setattr(tune_command, "SCENARIOS", 2)
+    monkeypatch.setattr(stress_module, "ENSEMBLE", drums)
+    monkeypatch.setattr(stress_module, "SCENARIOS", 2)
     out = tmp_path / "tuned"
     main(["tune", "--case", "2", "--set", "simulation.duration=0.2", "--trials", "3", "--stress", "--out", str(out)])
     said = capsys.readouterr()
@@ -133,7 +133,7 @@ def test_tune_finds_out_what_breaks_its_best_first(
 def test_tune_says_at_once_that_there_is_nothing_to_break(
     drums: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tune_command, "ENSEMBLE", drums)
+    monkeypatch.setattr(stress_module, "ENSEMBLE", drums)
     with pytest.raises(SystemExit):
         main(["tune", "--ensemble", str(drums), "--trials", "3", "--stress", "--out", str(tmp_path / "tuned")])
     assert "--stress: ensemble 'drums': has no imperfection that its base 'drums' lacks" in capsys.readouterr().err

@@ -13,7 +13,6 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.commands.progress import StatusLine
 from dualwinch.commands.tune import Options, seconds_from, tune
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
@@ -23,6 +22,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.scoring.progress import PHASES, SearchStatus
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
+from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.tuning.test_tune import Stubborn
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
@@ -41,7 +41,7 @@ def dualwinch(*words: object) -> int:
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
     few = SampleSizes(draws=4, vertices=4, second_draws=4, test=8)
     small = SelectionConfig(demand_among=4, sizes=few)
-    monkeypatch.setattr("dualwinch.commands.tuning_setup.SelectionConfig", lambda: small)
+    monkeypatch.setattr("dualwinch.tuning.tuning_problem.SelectionConfig", lambda: small)
 
 
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -175,7 +175,7 @@ def test_the_first_line_is_there_before_the_rest_of_the_program(
     def gone(*_: object, **__: object) -> None:
         raise GoneError
 
-    monkeypatch.setattr("dualwinch.commands.tuning_setup.tuning_problem", gone)
+    monkeypatch.setattr("dualwinch.tuning.tuning_problem.tuning_problem", gone)
     with pytest.raises(GoneError):
         main(["tune", "--case", "4"])
     assert capsys.readouterr().err == "tune: reading the problem\n"

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.commands.tuning_setup import definition_of, problem_from, tuning_problem
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
@@ -24,6 +23,7 @@ from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.tuning.tuning_problem import definition_of, problem_from, tuning_problem
 from tests.oracle.sampled import Scenario, run
 
 SHORT = Simulation(duration=4.0, integrator="exponential", substeps=8)

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from dualwinch.commands.tuning_setup import definition_of
 from dualwinch.tuning.benchmark.entries import BenchmarkEntry, BenchmarkTerms, EntryProblem
+from dualwinch.tuning.tuning_problem import definition_of
 from tests.tuning.conftest import MakeProblem
 
 MakeRace = Callable[..., tuple[list[EntryProblem], BenchmarkTerms]]

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.nftsm import NftsmGains, odd_power
 from dualwinch.controllers.laws.registry import POSITION_LAWS
@@ -26,6 +25,7 @@ from dualwinch.tuning.benchmark.entries import (
     names,
 )
 from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 
 def test_kinds_are_all_or_some_or_the_usual_one_each_once() -> None:

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.scoring.repair import repaired
 from dualwinch.tuning.space import ContinuousDimension
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 RIG = tuning_problem(ensemble="rig")
 MARGIN, BOUND = 0.005, 6000.0

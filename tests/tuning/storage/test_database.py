@@ -19,7 +19,6 @@ from optuna.trial import TrialState
 
 from dualwinch.cli import main
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.commands.tuning_setup import definition_of, tuning_problem
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
@@ -33,6 +32,7 @@ from dualwinch.tuning.storage.database import FINISHED, DatabaseStudy
 from dualwinch.tuning.storage.opening import kept_definition
 from dualwinch.tuning.storage.store import SearchBudget
 from dualwinch.tuning.study import search
+from dualwinch.tuning.tuning_problem import definition_of, tuning_problem
 from tests import postgres
 from tests.spring_law import SPRING, changed
 from tests.tuning.conftest import MakeProblem

@@ -12,7 +12,6 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.commands.progress import StatusLine
 from dualwinch.commands.tune import Options, tune
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.registry import POSITION_LAWS
@@ -21,6 +20,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.storage.noted_parts import PartRecord, in_words, part_record, part_records
 from dualwinch.tuning.storage.recall import recall
+from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.own_parts import DriftFree, StateFeedback
 from tests.spring_law import SPRING, changed
 

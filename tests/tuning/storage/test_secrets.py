@@ -8,7 +8,6 @@ import pytest
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.commands.tune import Options, write
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import ensemble_to_toml, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
@@ -17,6 +16,7 @@ from dualwinch.tuning.result import TuningResult
 from dualwinch.tuning.storage.connection import StorageError, connected, shown
 from dualwinch.tuning.storage.opening import check_storage
 from dualwinch.tuning.tune import tune
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 SECRET = "hush-hush"  # noqa: S105
 

@@ -6,9 +6,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from dualwinch.commands.stress import stress as stress_of
-from dualwinch.commands.tune import ENSEMBLE, check_stress, stress_base
-from dualwinch.commands.tuning_setup import configuration, definition_of, tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller
@@ -38,7 +35,9 @@ from dualwinch.tuning.benchmark.run import Breaking
 from dualwinch.tuning.benchmark.run import race as run
 from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.robustness.stress import check_stress, stress_tuned
 from dualwinch.tuning.robustness.summary import by_what, where
+from dualwinch.tuning.tuning_problem import configuration, definition_of, tuning_problem
 
 OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination"}
 """Key of a part → option that chooses it."""
@@ -179,16 +178,7 @@ def _breaking(problem: TuningProblem, threads: int | None) -> Breaking:
     name = "given"
 
     def breaking(experiment: Experiment) -> tuple[dict[str, Any], ...]:
-        found = stress_of(
-            experiment,
-            ensemble=ENSEMBLE,
-            base=stress_base(problem),
-            noted=[constraint.text for constraint in problem.constraints],
-            scenarios=STRESS_SCENARIOS,
-            seed=problem.seed,
-            name=name,
-            threads=threads,
-        )
+        found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, threads=threads)
         if name not in found.names:  # lost without any imperfection, or the paper's own gains
             return tuple({"label": "none", "size": "", "broken": broken.words} for broken in found.lost.get(name, ()))
         return tuple(

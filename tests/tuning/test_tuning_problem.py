@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from dualwinch.commands.tuning_setup import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman, KalmanGains
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
+from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.own_parts import StateFeedback
 
 OWN = replace(case(4), controller=Controller(law=StateFeedback(bandwidth=6.0), estimator=Kalman(KalmanGains(ramp=0.2))))

@@ -5,9 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dualwinch.commands.simulate import experiment as experiment_from
 from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, loads_ensemble, reset
-from dualwinch.config.experiment_file import loads, to_toml
+from dualwinch.config.experiment_file import experiment_from, loads, to_toml
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.errors import ConfigurationError

@@ -11,6 +11,8 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import baseline_controller, is_baseline
+from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.robustness.imperfections import imperfections, union
 from dualwinch.tuning.robustness.limits import constraints_of
 from dualwinch.tuning.robustness.result import RobustnessResult
 from dualwinch.tuning.robustness.run import PAPER
@@ -21,6 +23,9 @@ NO_BASE = "none"
 
 SCENARIOS = 20
 """Scenarios of every size where nothing else is asked for."""
+
+ENSEMBLE, KIND = "rig", "sea"
+"""Gives the imperfections of tuned gains; and what they come on top of where the gains are tuned with them."""
 
 
 def stress(
@@ -83,6 +88,48 @@ def stress(
         threads=threads,
         progress=progress,
     )
+
+
+def check_stress(problem: TuningProblem) -> None:
+    """Find out now whether there is an imperfection that the gains of a problem are not tuned for.
+
+    Raises:
+        ConfigurationError: there is none, or gains are drawn.
+    """
+    base, ensemble = base_and_ensemble(problem.experiment, ENSEMBLE, _base_of(problem))
+    try:
+        imperfections(base, union(base, ensemble))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--stress: {error}") from error
+
+
+def stress_tuned(
+    problem: TuningProblem,
+    best: Experiment,
+    *,
+    scenarios: int | None = None,
+    name: str = "given",
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> RobustnessResult:
+    """`stress` for the best of a tuning problem: on top of what it was tuned in, under the problem's constraints."""
+    return stress(
+        best,
+        ensemble=ENSEMBLE,
+        base=_base_of(problem),
+        noted=[constraint.text for constraint in problem.constraints],
+        scenarios=scenarios or SCENARIOS,
+        seed=problem.seed,
+        name=name,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def _base_of(problem: TuningProblem) -> Ensemble | str | None:
+    """What the gains were tuned in, without the imperfections."""
+    tuned_in = problem.ensemble
+    return KIND if tuned_in and tuned_in.name == ENSEMBLE else tuned_in
 
 
 def base_and_ensemble(
