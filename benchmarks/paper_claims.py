@@ -14,7 +14,7 @@ import numpy as np
 import dualwinch as dw
 from benchmarks.document import put
 from benchmarks.paper_effects import LAW, WITHOUT, choices_table, facts_table
-from dualwinch.commands.reproduce import other_observers
+from dualwinch.cli.reproduce import other_observers
 from dualwinch.controllers.controller import Controller
 from dualwinch.reports.claims import Claim, Verdict, verdict_of
 from dualwinch.reports.claims import claims as claims_of

@@ -59,7 +59,7 @@ def experiment_from(
     case: int | None = None,
     config: str | PathLike[str] | None = None,
     controller: str | None = None,
-    assignments: Sequence[str] = (),
+    assignments: Sequence[str] | None = None,
 ) -> Experiment:
     """The experiment that words of a command line describe.
 
@@ -75,7 +75,7 @@ def experiment_from(
     if case is not None and config is not None:
         raise ConfigurationError("--case and --config: give one of them")
     values: dict[str, Any] = {} if controller is None else {"controller.kind": controller}
-    values |= dict(map(parse_assignment, assignments))
+    values |= dict(map(parse_assignment, assignments or ()))
     if config:
         return load(config, settings=values)
     return override(paper_case(case) if case is not None else Experiment(), values)

@@ -28,8 +28,8 @@ from dualwinch.codegen.fmu import (
     fmu_model,
 )
 from dualwinch.codegen.fmu import host_platform as host
-from dualwinch.commands.output import check_folder, make_folder
 from dualwinch.config.experiment_file import to_toml
+from dualwinch.config.folders import check_folder, make_folder
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.blocks import BLOCKS, BlockName, block
 from dualwinch.simulation.exogenous.signals import asked_motion

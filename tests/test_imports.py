@@ -18,7 +18,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FLOORS = ("codegen", "model", "controllers", "simulation", "config", "identification", "tuning", "lab")
 """Folders at the repository's top that are packages of `dualwinch`, the lowest first."""
-FACE = ("reports", "environments", "commands", "cli")
+FACE = ("reports", "environments", "cli")
 """`dualwinch`'s own folders, likewise; all stand above `FLOORS`."""
 ORDER = (*FLOORS, *FACE)
 
@@ -208,5 +208,5 @@ def test_a_circle_and_an_import_upwards_are_noticed() -> None:
     assert upward(Import(lower, 1, f"{higher}.simulate"))
     assert not upward(Import(higher, 1, f"{lower}.Winch"))
     assert upward(Import(lower, 1, "dualwinch.simulate"))
-    assert upward(Import("dualwinch.simulation.settings", 1, "dualwinch.commands.tune"))
-    assert not upward(Import("dualwinch.commands.tune", 1, "numpy.linalg"))
+    assert upward(Import("dualwinch.simulation.settings", 1, "dualwinch.cli.tune"))
+    assert not upward(Import("dualwinch.cli.tune", 1, "numpy.linalg"))

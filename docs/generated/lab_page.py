@@ -19,7 +19,7 @@ def write_lab(app: Sphinx, error: Exception | None) -> None:
     """Build the lab beside the other pages."""
     if error or app.builder.format != "html":
         return
-    from dualwinch.commands.lab import lab
+    from dualwinch.cli.lab import lab
 
     logging.getLogger(__name__).info("building the lab")
-    lab(Path(app.outdir) / PAGE, 0, browser=False)
+    lab(out=Path(app.outdir) / PAGE, browser=False)

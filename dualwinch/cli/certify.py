@@ -1,11 +1,25 @@
-"""Options of ``dualwinch certify``."""
+"""``dualwinch certify``: the paper's stability theorem for given gains and a scenario."""
 
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
+from rich import box
+from rich.table import Table
+from rich.text import Text
 
+from dualwinch.cli.doctor import versions
 from dualwinch.cli.options import Assignments, Case, Config, Plugins, use_parts
+from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, styled, terminal, write_figure, write_json
+from dualwinch.cli.progress import ProgressLine
+
+if TYPE_CHECKING:
+    from dualwinch.simulation.analysis.stability import Certificate, Condition, NearbyGains
 
 app = App(
     name="certify",
@@ -36,7 +50,147 @@ def certify(
     Prints every condition with both sides and a verdict, the share of the run in which the theorem's Lyapunov function
     decreases, nearby gains that satisfy the conditions (or why there are none), and what the proof assumes.
     """
-    from dualwinch.commands.certify import certify as run
+    from dualwinch.config.experiment_file import experiment_from
+    from dualwinch.simulation.analysis.stability import certify as judge
+    from dualwinch.simulation.analysis.stability import nearby_gains
 
     use_parts(plugin)
-    run(case, config, controller, set_ or [], out, plot)
+    asked = experiment_from(case, config, controller, set_ or [])
+    check_file(out, ".json")
+    check_file(plot, *FIGURE_SUFFIXES)
+    with ProgressLine("simulating") as progress:
+        certificate = judge(asked, progress=progress)
+        progress(0.0, "searching nearby gains")
+        near = nearby_gains(certificate, progress=progress)
+    print_certificate(certificate, near)
+    if out:
+        write_json(out, as_json(certificate, near))
+    if plot:
+        from dualwinch.simulation.plots import lyapunov
+
+        write_figure(plot, lyapunov(certificate))
+
+
+POINTS = 2000
+"""Points of V(t) a file keeps."""
+
+
+def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
+    """Print the verdict on every condition, what V does, and what the search found."""
+    from dualwinch.simulation.analysis.stability import GAPS
+
+    console = terminal(soft_wrap=True)
+    result = certificate.result
+    kind = result.experiment.controller.law.kind
+    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s"))
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("condition", "disturbance"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("left", "right"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    for condition in certificate.conditions:
+        verdict = styled("green", "holds") if condition.holds else styled("red", "fails")
+        sides = (f"{condition.left:.4g}", f"{condition.right:.4g}")
+        table.add_row(condition.name, condition.basis, *sides, verdict)
+    console.print(table)
+    console.print("As the paper prints them:", style="dim")
+    for statement in dict.fromkeys(condition.statement for condition in certificate.conditions):
+        console.print(f"  {statement}", style="dim", highlight=False)
+    console.print()
+    console.print(_verdict(certificate))
+    final, largest = certificate.terms.total[-1], certificate.terms.total.max()
+    console.print(
+        f"V decreases over {100 * certificate.decreasing:.4g} % of the samples, and as fast as the paper's last line "
+        f"says over {100 * certificate.within_claim:.4g} %. Largest V {largest:.4g}, last {final:.4g}."
+    )
+    console.print(_search(near))
+    console.print("\nWhat the proof takes for granted, whatever the gains:")
+    for gap in GAPS:
+        console.print(f"  - {gap}", highlight=False)
+
+
+def _verdict(certificate: Certificate) -> Text:
+    from dualwinch.simulation.analysis.stability import REAL
+
+    if certificate.result.outcome != "completed":
+        return styled("bold", "Not certified", ": the run did not reach its end.")
+    if certificate.certified_with_ropes:
+        return styled("bold", "Certified", ", also with what the ropes do not deliver counted as disturbance.")
+    if certificate.certified:
+        return styled("bold", "Certified as printed", f", but not with {REAL}: the force lags behind its command.")
+    printed = _printed(certificate)
+    failing, with_ropes = _failing(printed), _failing(certificate.conditions)
+    words = f"{failing} of the paper's {len(printed)} conditions fail"
+    if with_ropes > failing:
+        words += f"; with {REAL}, {with_ropes - failing} more"
+    return styled("bold", "Not certified", f": {words} ({with_ropes} of the {len(certificate.conditions)} rows above).")
+
+
+def _printed(certificate: Certificate) -> list[Condition]:
+    """The conditions as the paper prints them."""
+    from dualwinch.simulation.analysis.stability import REAL
+
+    return [condition for condition in certificate.conditions if condition.basis != REAL]
+
+
+def _failing(conditions: Sequence[Condition]) -> int:
+    return sum(not condition.holds for condition in conditions)
+
+
+def _search(near: NearbyGains) -> str:
+    if near.found and not near.changes:
+        return f"Nearby gains: none needed, {near.reason}."
+    changes = ", ".join(f"{key} {before:g} -> {after:.4g}" for key, (before, after) in near.changes.items())
+    if near.found:
+        better = f"V then decreases over {100 * near.certificate.decreasing:.4g} % of the samples"
+        return f"Nearby gains that satisfy every condition: {changes}; {near.reason}. {better}."
+    attempts = "\n".join(f"  - {line}" for line in near.history[1:])
+    return f"Nearby gains that satisfy every condition: none found, {near.reason}.\nTried:\n{attempts}"
+
+
+def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
+    """The report as plain values; what is not finite becomes null."""
+    from dualwinch.config.experiment_file import to_toml
+    from dualwinch.simulation.analysis.stability import GAPS
+
+    result, terms, printed = certificate.result, certificate.terms, _printed(certificate)
+    stride = max(1, -(-len(result["t"]) // POINTS))
+    names = ("surface", "auxiliary", "estimate", "adaptation")
+    curves = {"t": result["t"], "V": terms.total} | {name: getattr(terms, name) for name in names}
+    report = {
+        "outcome": result.outcome,
+        "end_time": result.end_time,
+        "certified": certificate.certified,
+        "certified_with_ropes": certificate.certified_with_ropes,
+        "conditions": [asdict(condition) for condition in certificate.conditions],
+        "bounds": {basis: asdict(bounds) for basis, bounds in certificate.bounds.items()},
+        "decreasing_share": certificate.decreasing,
+        "within_claim_share": certificate.within_claim,
+        "largest_V": float(terms.total.max()),
+        "last_V": float(terms.total[-1]),
+        "failing_conditions": {"printed": _failing(printed), "with_ropes": _failing(certificate.conditions)},
+        "judged_conditions": {"printed": len(printed), "with_ropes": len(certificate.conditions)},
+        "units": {"end_time": "s", "t": "s", "decreasing_share": "1", "within_claim_share": "1"},
+        "curves": {name: values[::stride].tolist() for name, values in curves.items()}
+        | {"dV_dt": certificate.rate[::stride].tolist()},
+        "nearby_gains": {
+            "found": near.found,
+            "changes": {key: {"given": a, "tried": b} for key, (a, b) in near.changes.items()},
+            "reason": near.reason,
+            "history": near.history,
+            "decreasing_share": near.certificate.decreasing if near.certificate else None,
+        },
+        "gaps": list(GAPS),
+        "configuration": to_toml(result.experiment),
+        "versions": versions(),
+    }
+    return _plain(report)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,4 +1,4 @@
-"""Options of ``dualwinch config``."""
+"""The command ``config``."""
 
 import sys
 from typing import Annotated

@@ -1,11 +1,26 @@
-"""Options of ``dualwinch excite``."""
+"""The command ``excite``: the run that tells some numbers best, as a table, a file for other commands, and drawn."""
+
+from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Config, Figure, Plugins, Priors, use_parts
+from dualwinch.cli.identify import believed_from, prior_from
+from dualwinch.cli.options import (
+    WHOLE,
+    AssignmentsInBrief,
+    Case,
+    Config,
+    Figure,
+    Plugins,
+    Priors,
+    seconds_from,
+    use_parts,
+)
+from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, terminal, write_figure, write_text
+from dualwinch.cli.progress import ProgressLine
 
 app = App(
     name="excite",
@@ -59,25 +74,37 @@ def excite(
     and the filter of `identify` says what each log would tell. Prints the standard deviations to expect, beside those
     of the present motion.
     """
-    from dualwinch.commands.excite import run_excite
+    from dualwinch.config.experiment_file import to_toml
+    from dualwinch.identification.excitation import excite
+    from dualwinch.model.errors import ConfigurationError
 
     use_parts(plugin)
-    run_excite(
-        fit,
-        case,
-        config,
-        set_ or [],
-        ensemble=ensemble,
-        priors=prior or [],
-        duration=duration,
-        criterion=criterion,
-        track=track,
-        speed=speed,
-        acceleration=acceleration,
-        torque=torque,
-        trials=trials,
-        time=time,
-        seed=seed,
-        out=out,
-        plot=plot,
-    )
+    length, known = seconds_from(duration, "--duration"), dict(map(prior_from, prior or []))
+    limit = None if time is None else seconds_from(time)
+    if out and out.suffix.lower() != ".toml":
+        raise ConfigurationError(f"--out {out}: must end in .toml")
+    check_file(out, ".toml")
+    check_file(plot, *FIGURE_SUFFIXES)
+    experiment, drawn = believed_from(case, config, ensemble, set_ or [])
+    with ProgressLine("searching") as progress:
+        found = excite(
+            fit,
+            experiment,
+            duration=length,
+            ensemble=drawn,
+            priors=known,
+            criterion=criterion,
+            track=track,
+            speed=speed,
+            acceleration=acceleration,
+            torque=torque,
+            trials=trials,
+            seconds=limit,
+            seed=seed,
+            progress=progress,
+        )
+    terminal(soft_wrap=True).print(repr(found), highlight=False)
+    if out:
+        write_text(out, to_toml(found.experiment))
+    if plot:
+        write_figure(plot, found.plot())

@@ -1,4 +1,4 @@
-"""Options of ``dualwinch export`` and the commands below it."""
+"""The command ``export`` and the commands below it."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -24,7 +24,7 @@ Out = Annotated[Path, Parameter(help="Folder for the files; made where there is 
 
 def wrote(folder: Path, files: list[Path]) -> None:
     """Say which files were written to a folder."""
-    from dualwinch.commands.output import terminal
+    from dualwinch.cli.output import terminal
 
     terminal(stderr=True).print(f"wrote {folder}: {', '.join(path.name for path in files)}", soft_wrap=True)
 
@@ -116,8 +116,8 @@ def export_fmu(
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
-    from dualwinch.commands.output import terminal
-    from dualwinch.commands.progress import ProgressLine
+    from dualwinch.cli.output import terminal
+    from dualwinch.cli.progress import ProgressLine
     from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_fmu as run
 

@@ -1,11 +1,18 @@
-"""Options of ``dualwinch lab``."""
+"""``dualwinch lab``: the lab in a browser, and ``dualwinch show``: the same with a run of one's own."""
 
+from __future__ import annotations
+
+import webbrowser
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from dualwinch import __version__
 from dualwinch.cli.options import WHOLE
+from dualwinch.cli.output import check_file, terminal, wrote
+from dualwinch.cli.progress import ProgressLine
 
 app = App(
     name="lab",
@@ -30,6 +37,79 @@ def lab(
     The page is one file and needs no server; it runs what `simulate` runs, compiled to WebAssembly. The first
     call builds it, which takes about a minute and needs zig (`pip install ziglang`); it is kept for the next.
     """
-    from dualwinch.commands.lab import lab as run
+    from dualwinch.model.errors import ConfigurationError
 
-    run(out, port, browser=browser)
+    if not 0 <= port <= 65535:
+        raise ConfigurationError(f"--port = {port}: must be 0 to 65535 (0: any that is free)")
+    check_file(out, *PAGES)
+    page = page_of()
+    if out:
+        write_page(page, out)
+        return
+    with server_of(page, port) as server:
+        address = f"http://{HOST}:{server.server_port}/"
+        terminal(stderr=True).print(f"the lab is at {address} (Ctrl-C ends it)")
+        if browser:
+            webbrowser.open(address)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            terminal(stderr=True).print("ended")
+
+
+HOST = "127.0.0.1"
+
+PAGES = (".html", ".htm")
+"""Suffixes of pages."""
+
+
+def page_of(own: dict[str, Any] | None = None) -> str:
+    """The lab as one page, with a run of one's own if given."""
+    from dualwinch.config.ensemble_file import load_ensemble
+    from dualwinch.lab.assemble import assemble
+    from dualwinch.lab.content import content
+
+    with ProgressLine("building the lab") as progress:
+        made = content(load_ensemble("rig"), __version__, progress=progress)
+    return assemble(made.catalogue, made.modules, own)
+
+
+def write_page(page: str, out: Path) -> None:
+    """Write the page, and say how large it is."""
+    from dualwinch.codegen.files import atomic
+
+    with atomic(out) as unfinished:
+        unfinished.write_text(page, encoding="utf-8")
+    wrote(f"{out} ({len(page.encode()) / 1e6:.2f} MB)")
+
+
+def server_of(page: str, port: int) -> ThreadingHTTPServer:
+    """A server of one page on this machine alone.
+
+    Raises:
+        ConfigurationError: the port is taken.
+    """
+    from dualwinch.model.errors import ConfigurationError
+
+    text = page.encode()
+
+    class Handler(BaseHTTPRequestHandler):
+        """Gives the page, whatever is asked for at the root."""
+
+        def do_GET(self) -> None:
+            """Answer a request."""
+            found = self.path.partition("?")[0] in {"/", "/index.html"}
+            self.send_response(200 if found else 404)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(text) if found else 0))
+            self.end_headers()
+            if found:
+                self.wfile.write(text)
+
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002
+            """Say nothing."""
+
+    try:
+        return ThreadingHTTPServer((HOST, port), Handler)
+    except OSError as error:
+        raise ConfigurationError(f"--port = {port}: {error.strerror}; 0 takes any that is free") from error

@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -62,6 +63,24 @@ Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or
 def with_estimator(estimator: str | None, assignments: list[str] | None) -> list[str]:
     """Assignments with that of an estimator before them."""
     return [*([] if estimator is None else [f"controller.estimator={estimator}"]), *(assignments or [])]
+
+
+LONGEST_TIME = 1e7
+"""Largest number of a time."""
+
+
+def seconds_from(text: str, option: str = "--time") -> float:
+    """A time such as ``60s``, ``5min``, ``2h`` or ``90`` in s.
+
+    Raises:
+        ConfigurationError: it is none.
+    """
+    from dualwinch.model.errors import ConfigurationError
+
+    parts = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|m|h|)\s*", text)
+    if not parts or not 0 < float(parts[1]) <= LONGEST_TIME:
+        raise ConfigurationError(f"{option} {text}: must be a time such as 60s, 5min or 2h")
+    return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
 
 
 def use_parts(plugins: list[str] | None) -> None:

@@ -1,9 +1,13 @@
-"""Options of ``dualwinch show``."""
+"""The command ``show``: the lab's page with a run of one's own."""
 
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
+
+from dualwinch.cli.lab import PAGES, page_of, write_page
+from dualwinch.cli.output import check_file
 
 app = App(
     name="show",
@@ -25,6 +29,17 @@ def show(
     browser: Annotated[bool, Parameter(help="Open the page in a browser.")] = False,
 ) -> None:
     """Write the lab's page with a run of your own in it, as run A to compare with."""
-    from dualwinch.commands.lab import show as write
+    from dualwinch.lab.own_run import own_run
+    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.simulation.results.storage import load_result
 
-    write(run, out, browser=browser)
+    if not run.is_file():
+        raise ConfigurationError(f"cannot read {run}: no such file")
+    file = out or run.with_suffix(".html")
+    check_file(file, *PAGES)
+    result = load_result(run)
+    if not len(result.columns.get("t", ())):
+        raise ConfigurationError(f"{run}: holds no rows to draw")
+    write_page(page_of(own_run(run.name, result)), file)
+    if browser:
+        webbrowser.open(file.absolute().as_uri())

@@ -1,10 +1,15 @@
-"""Options of ``dualwinch worker``."""
+"""``dualwinch worker``: join a study that is kept in a database, and evaluate candidates until it is over."""
 
+from __future__ import annotations
+
+import secrets
+from contextlib import closing
 from typing import Annotated
 
 from cyclopts import App, Parameter
 
 from dualwinch.cli.options import WHOLE, Plugins, use_parts
+from dualwinch.cli.progress import StatusLine
 
 app = App(
     name="worker",
@@ -31,11 +36,36 @@ def worker(
     Your own parts are imported from where they were when the study was started. On another machine, or if they have
     moved, --plugin says where they are; they must be unchanged.
     """
-    from dualwinch.commands.progress import StatusLine
-
     with StatusLine("worker") as status:
         status.phase("joining the study")
-        from dualwinch.commands.worker import worker as run
+        from dualwinch.model.errors import ConfigurationError
+        from dualwinch.tuning.optimisers import optimiser
+        from dualwinch.tuning.scoring.evaluation import Evaluator
+        from dualwinch.tuning.scoring.progress import SEARCHING
+        from dualwinch.tuning.scoring.training_set import prepare
+        from dualwinch.tuning.storage.connection import shown
+        from dualwinch.tuning.storage.database import DatabaseStudy
+        from dualwinch.tuning.storage.opening import check_storage, is_database, quiet
+        from dualwinch.tuning.storage.recall import recall
+        from dualwinch.tuning.study import search
+        from dualwinch.tuning.tuning_problem import problem_from
 
         use_parts(plugin)
-        run(storage, study, threads, status)
+        if storage is None or not is_database(storage):
+            raise ConfigurationError("--storage: must be a database, postgresql+psycopg://USER@HOST/DATABASE")
+        if threads is not None and threads < 1:
+            raise ConfigurationError(f"--threads {threads}: must be a whole number >= 1")
+        check_storage(storage)
+        quiet()
+        with closing(DatabaseStudy.join(storage, study)) as store:
+            definition = store.definition
+            recall(study, definition.get("parts", []))
+            problem = problem_from(definition)
+            status.objectives = problem.objectives
+            status.say(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far")
+            prepared = prepare(problem, threads, status)
+            proposer = optimiser(definition["method"], prepared, secrets.randbits(31))
+            evaluator = Evaluator(prepared, threads=threads)
+            status.phase(SEARCHING)
+            done = search(definition["method"], proposer, store, evaluator, status)
+            status.say(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here")

@@ -45,8 +45,9 @@ def test_any_words(name: str, attack: int, folder: Path, monkeypatch: pytest.Mon
     def refuse(*_: object, **__: object) -> None:
         raise DualwinchError("solves nothing here")
 
-    for work in ("preload.preloads", "lab._page"):  # the only long work that needs no compiler, and a server
-        monkeypatch.setattr(f"dualwinch.commands.{work}", refuse)
+    # the only long work that needs no compiler, and a server
+    for work in ("simulation.analysis.preload.preloads", "cli.lab.page_of", "cli.show.page_of"):
+        monkeypatch.setattr(f"dualwinch.{work}", refuse)
 
     @settings(max_examples=EXAMPLES * attack, suppress_health_check=SLOW)
     @given(st.lists(options(COMMANDS[name]), min_size=1, max_size=3), st.booleans())

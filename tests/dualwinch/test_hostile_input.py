@@ -208,7 +208,7 @@ def unforeseen(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPat
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("of postgresql://me:hush@host/db?password=hush")
 
-    monkeypatch.setattr("dualwinch.commands.doctor.doctor", broken)
+    monkeypatch.setattr("dualwinch.cli.doctor.findings", broken)
     with pytest.raises(SystemExit) as ended:
         main(["doctor", *words])
     assert ended.value.code == 1

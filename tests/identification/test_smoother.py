@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.commands.identify import write_forces
+from dualwinch.cli.identify import write_forces
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
 from dualwinch.identification.result import IdentificationResult

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.commands.compare import as_json, controllers
+from dualwinch.cli.compare import as_json, controllers
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.model.errors import ConfigurationError

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 import dualwinch as dw
-from dualwinch.cli import main
-from dualwinch.commands import lab
+from dualwinch.cli import lab, main
 from dualwinch.lab.content import content
 from dualwinch.lab.wasm.structures import structures
 from tests.lab.in_node import zig_is_there
@@ -73,7 +72,7 @@ def test_a_run_without_rows_is_an_error(tmp_path: Path, capsys: pytest.CaptureFi
     ("words", "complaint"),
     [
         (["lab", "--port", "70000"], "--port = 70000: must be 0 to 65535"),
-        (["lab", "--out", "lab.pdf"], "lab.pdf: unknown suffix '.pdf'; must be .html"),
+        (["lab", "--out", "lab.pdf"], "lab.pdf: unknown suffix '.pdf'; must be one of .html, .htm"),
         (["lab", "--out", "nowhere/lab.html"], "nowhere: no such folder"),
         (["show", "nothing.parquet"], "cannot read nothing.parquet"),
     ],

@@ -8,7 +8,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands.race_run import write_race
+from dualwinch.cli.race import write_race
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.tuning.benchmark import race as race_module
@@ -136,7 +136,7 @@ def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
 def test_an_interrupt_writes_what_is_finished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dualwinch.commands.race_run.race", lambda **_: replace(made_up(), left=2))
+    monkeypatch.setattr("dualwinch.tuning.benchmark.race.race", lambda **_: replace(made_up(), left=2))
     with pytest.raises(SystemExit) as ended:
         main(["race", "--out", str(tmp_path)])
     assert ended.value.code == 1

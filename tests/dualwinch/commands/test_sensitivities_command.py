@@ -9,7 +9,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands.sensitivities import per, values_of
+from dualwinch.cli.sensitivities import per, values_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.sensitivities import differentiable_numbers
 

@@ -7,7 +7,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands.stress_run import noted_constraints
+from dualwinch.cli.stress import noted_constraints
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.errors import ConfigurationError

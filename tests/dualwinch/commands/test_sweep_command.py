@@ -9,8 +9,8 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.commands.output import numbers_between
-from dualwinch.commands.sweep import axes_from
+from dualwinch.cli.output import numbers_between
+from dualwinch.cli.sweep import axes_from
 from dualwinch.model.errors import ConfigurationError
 from tests.own_metrics import LastBeyond
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.commands.progress import StatusLine
-from dualwinch.commands.tune import Options, seconds_from, tune
+from dualwinch.cli.options import seconds_from
+from dualwinch.cli.progress import StatusLine
+from dualwinch.cli.tune import Options, run_study
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
@@ -179,7 +180,7 @@ def test_the_first_line_is_there_before_the_rest_of_the_program(
     with pytest.raises(GoneError):
         main(["tune", "--case", "4"])
     assert capsys.readouterr().err == "tune: reading the problem\n"
-    light = "import sys, dualwinch.commands.progress; sys.exit('numpy' in sys.modules or 'casadi' in sys.modules)"
+    light = "import sys, dualwinch.cli.progress; sys.exit('numpy' in sys.modules or 'casadi' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", light], check=False).returncode == 0
 
 
@@ -190,7 +191,7 @@ def test_strings_are_paths(tmp_path: Path) -> None:
     problem = tuning_problem(config=str(file), space=[str(space)], settings=["simulation.duration=0.1"])
     assert problem.start == {"controller.observer.l0": 7.0}
     with StatusLine() as status:
-        tune(problem, Options(trials=4, out=str(tmp_path / "out")), status)
+        run_study(problem, Options(trials=4, out=str(tmp_path / "out")), status)
     assert (tmp_path / "out" / "report.html").exists()
 
 

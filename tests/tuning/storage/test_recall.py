@@ -10,8 +10,8 @@ from typing import ClassVar
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.commands.progress import StatusLine
-from dualwinch.commands.tune import Options, tune
+from dualwinch.cli.progress import StatusLine
+from dualwinch.cli.tune import Options, run_study
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.registry import POSITION_LAWS
@@ -149,7 +149,7 @@ def test_other_processes_cannot_import_a_script(tmp_path: Path, monkeypatch: pyt
     )
     options = Options(workers=2, storage="postgresql+psycopg://me@127.0.0.1:9/none", out=tmp_path)
     with StatusLine() as status, pytest.raises(ConfigurationError) as caught:
-        tune(own, options, status)
+        run_study(own, options, status)
     assert str(caught.value) == (
         "--workers: other processes cannot import the position law 'state-feedback' of tests.own_parts, a script; "
         "define it in a file of its own"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dualwinch.cli.tune import Options, write
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.commands.tune import Options, write
 from dualwinch.config.ensemble_file import ensemble_to_toml, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves

@@ -1,9 +1,8 @@
 """What commands print and write: tables of named figures with units, which the terminal and files show alike."""
 
+import json
 import math
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,6 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-
-from dualwinch.model.errors import ConfigurationError
 
 
 def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
@@ -110,68 +107,52 @@ def records(tables: Sequence[FigureTable]) -> dict[str, Any]:
     return {table.name: table.record() for table in tables}
 
 
-def check_folder(folder: Path) -> None:
-    """Find out now whether files can be written to a folder.
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+"""Suffixes of figures."""
+
+
+def check_file(file: Path | None, *suffixes: str) -> None:
+    """Find out now whether a file can be written.
 
     Raises:
-        ConfigurationError: it does not exist, is no folder or cannot be written to.
+        ConfigurationError: a suffix other than these, or a folder that cannot be written to.
     """
-    if not folder.is_dir():
-        raise ConfigurationError(f"{folder}: no such folder")
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise ConfigurationError(f"{folder}: cannot be written to ({error.strerror})") from error
+    from dualwinch.config.folders import check_folder
+    from dualwinch.model.errors import ConfigurationError
 
-
-PLOT_SUFFIXES = (".png", ".svg", ".pdf")
-
-
-def check_plot(plot: Path | None) -> None:
-    """Find out now whether a figure can be written.
-
-    Raises:
-        ConfigurationError: unknown suffix, or a folder that cannot be written to.
-    """
-    if plot is None:
+    if file is None:
         return
-    if plot.suffix.lower() not in PLOT_SUFFIXES:
-        raise ConfigurationError(
-            f"{plot.name}: unknown suffix {plot.suffix!r}; must be one of {', '.join(PLOT_SUFFIXES)}"
-        )
-    check_folder(plot.parent)
+    if file.suffix.lower() not in suffixes:
+        one_of = "one of " if len(suffixes) > 1 else ""
+        raise ConfigurationError(f"{file.name}: unknown suffix {file.suffix!r}; must be {one_of}{', '.join(suffixes)}")
+    check_folder(file.parent)
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder, with those above it, and check that files can be written to it.
-
-    Raises:
-        ConfigurationError: it cannot be made or written to.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
-    check_folder(folder)
+def wrote(file: object) -> None:
+    """Say on standard error that a file was written."""
+    terminal(stderr=True, soft_wrap=True).print(f"wrote {file}", highlight=False)
 
 
-@contextmanager
-def made_folder(folder: Path) -> Iterator[None]:
-    """`make_folder` for what is done in here; where that fails, no folder is left that is new and still empty.
+def write_text(file: Path, text: str) -> None:
+    """Write a file, whole or not at all, and say so."""
+    from dualwinch.codegen.files import atomic
 
-    Raises:
-        ConfigurationError: it cannot be made or written to.
-    """
-    new = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
-        make_folder(folder)
-        yield
-    except BaseException:
-        for path in new:
-            with suppress(OSError):  # it was not made, or something is in it
-                path.rmdir()
-        raise
+    with atomic(file) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+    wrote(file)
+
+
+def write_json(file: Path, facts: Mapping[str, Any]) -> None:
+    """Write a mapping as JSON, and say so."""
+    write_text(file, json.dumps(facts, indent=1, allow_nan=False) + "\n")
+
+
+def write_figure(file: Path, figure: Any) -> None:
+    """Write a figure, and say so."""
+    from dualwinch.simulation.plots import save
+
+    save(figure, file)
+    wrote(file)
 
 
 MOST = 10_000
@@ -188,6 +169,8 @@ def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
     Raises:
         ConfigurationError: no range, or one of too many numbers.
     """
+    from dualwinch.model.errors import ConfigurationError
+
     words = text.split(":")
     if len(words) == 4 and words[3].strip() == "log":
         return _by_factors(words, wrong)
@@ -208,6 +191,8 @@ def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
 
 
 def _by_factors(words: list[str], wrong: str) -> list[float]:
+    from dualwinch.model.errors import ConfigurationError
+
     try:
         first, last, count = float(words[0]), float(words[1]), int(words[2])
     except ValueError:

@@ -1,0 +1,54 @@
+"""Folders that files are to be written to, checked before anything is computed."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from dualwinch.model.errors import ConfigurationError
+
+
+def check_folder(folder: Path) -> None:
+    """Find out now whether files can be written to a folder.
+
+    Raises:
+        ConfigurationError: it does not exist, is no folder or cannot be written to.
+    """
+    if not folder.is_dir():
+        raise ConfigurationError(f"{folder}: no such folder")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: cannot be written to ({error.strerror})") from error
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, with those above it, and check that files can be written to it.
+
+    Raises:
+        ConfigurationError: it cannot be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
+    check_folder(folder)
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """`make_folder` for what is done in here; where that fails, no folder is left that is new and still empty.
+
+    Raises:
+        ConfigurationError: it cannot be made or written to.
+    """
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        make_folder(folder)
+        yield
+    except BaseException:
+        for path in new:
+            with suppress(OSError):  # it was not made, or something is in it
+                path.rmdir()
+        raise

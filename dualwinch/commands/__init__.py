@@ -1,1 +1,0 @@
-"""What the commands do, one a file; their options stand in `dualwinch.cli`."""
