@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.document import markdown
+from benchmarks.document import markdown, put
 from dualwinch.identification.log import read_columns
 from dualwinch.model.errors import ConfigurationError
 
@@ -29,6 +29,10 @@ HEADINGS = (
     "stiffness found / of Dyneema", "share of the scatter that it explains",
     "correlation of force and speed, reeling out begins",
 )  # fmt: skip
+
+
+QUOTED = (4, 10)
+"""Cycles, counted from one in the order of their files, that a document shows."""
 
 
 def facts(file: Path) -> list[str]:
@@ -68,7 +72,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 done, 1 where there is nothing to read."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="folder with cycles")
-    files = sorted(parser.parse_args(arguments).folder.glob("*.csv"))
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced by two cycles")
+    chosen = parser.parse_args(arguments)
+    files = sorted(chosen.folder.glob("*.csv"))
     try:
         columns = [facts(file) for file in files]
     except ConfigurationError as error:
@@ -78,6 +84,10 @@ def main(arguments: list[str] | None = None) -> int:
         print("error: no .csv file there", file=sys.stderr)
         return 1
     print(markdown(["", *(file.stem for file in files)], list(zip(HEADINGS, *columns, strict=True))))
+    if chosen.write:
+        cycles = {number: column for number, column in enumerate(columns, 1) if number in QUOTED}
+        headings = ["", *(f"cycle {number}" for number in cycles)]
+        put(chosen.write, "kite", markdown(headings, list(zip(HEADINGS, *cycles.values(), strict=True))))
     return 0
 
 

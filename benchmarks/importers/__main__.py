@@ -1,5 +1,9 @@
-"""Run Case 4 by every importer that is installed, and print how far each is from `dualwinch simulate`."""
+"""Run Case 4 by every importer that is installed, and print how far each is from `dualwinch simulate`.
 
+``--write FILE`` puts the table between the file's two marks.
+"""
+
+import argparse
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
@@ -12,12 +16,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.document import markdown, put
 from benchmarks.importers.co_simulation import IMPORTERS, Floats, error
 from dualwinch.export import export_fmu
 from dualwinch.simulation.blocks import BLOCKS, block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
+
+SLOPES = "CasADi's `DaeBuilder`, plant: Jacobian from directional derivatives"
+"""Row of what CasADi imports: relative to the largest element."""
 
 
 def slopes(folder: Path, version: int) -> float:
@@ -44,19 +52,22 @@ def answers(folder: Path, version: int, reference: Floats, expected: Floats) -> 
         with ProcessPoolExecutor(1, get_context("spawn")) as process:
             try:
                 found = process.submit(error, name, folder, version, reference, expected).result()
-                findings[name] = f"{found:.1e} m in position"
+                findings[name] = f"{found:.1e} m"
             except ImportError:
                 findings[name] = "not installed"
             except BrokenProcessPool:
                 findings[name] = "its process crashes"
             except Exception as problem:  # noqa: BLE001  # whatever a foreign importer says is the answer
                 findings[name] = f"refuses: {str(problem).splitlines()[0]}"
-    findings["CasADi, plant"] = f"{slopes(folder, version):.1e} relative in the Jacobian"
+    findings[SLOPES] = f"{slopes(folder, version):.1e}"
     return findings
 
 
 def main() -> int:
-    """Export, run, print."""
+    """Export, run, print or write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    chosen = parser.parse_args()
     reference, expected = exogenous_signals(case(4))[:, :3], simulate(case(4)).columns["x"]
     table = Table("importer", "FMI 2", "FMI 3", box=None)
     with tempfile.TemporaryDirectory() as made, Console(stderr=True).status("running"):
@@ -68,6 +79,9 @@ def main() -> int:
     for name in both[0]:
         table.add_row(name, *(findings[name] for findings in both))
     Console(width=120).print(table)
+    if chosen.write:
+        rows = [[name, *(findings[name] for findings in both)] for name in both[0]]
+        put(chosen.write, "importers", markdown(["importer", "FMI 2", "FMI 3"], rows))
     return 0
 
 
