@@ -86,7 +86,7 @@ for module in COMMANDS:
 app.register_install_completion_command()
 
 TRACEBACK = "--traceback"
-"""Option of every command: print the traceback of a failure that nobody foresaw, in place of writing it to a file."""
+"""Option of every command: print the traceback of an unforeseen failure, in place of writing it to a file."""
 
 
 def _fail(message: object, code: int) -> NoReturn:
@@ -147,7 +147,7 @@ def main(arguments: list[str] | None = None) -> None:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}", FAILED)
-    except Exception as error:  # noqa: BLE001  # what nobody foresaw is one line, too
+    except Exception as error:  # noqa: BLE001  # an unforeseen failure is one line, too
         from dualwinch.codegen.errors import DualwinchError
         from dualwinch.model.errors import ConfigurationError
 

@@ -105,7 +105,7 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
         f"says over {100 * certificate.within_claim:.4g} %. Largest V {largest:.4g}, last {final:.4g}."
     )
     console.print(_search(near))
-    console.print("\nWhat the proof takes for granted, whatever the gains:")
+    console.print("\nAssumptions of the proof, whatever the gains:")
     for gap in GAPS:
         console.print(f"  - {gap}", highlight=False)
 

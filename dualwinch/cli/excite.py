@@ -1,4 +1,4 @@
-"""The command ``excite``: the run that tells some numbers best, as a table, a file for other commands, and drawn."""
+"""The command ``excite``: an optimal identification experiment, as a table, a file for other commands, and a figure."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.identify import believed_from, prior_from
+from dualwinch.cli.identify import prior_from, prior_model
 from dualwinch.cli.options import (
     WHOLE,
     AssignmentsInBrief,
@@ -39,13 +39,13 @@ def excite(
     *,
     fit: Annotated[
         list[str],
-        Parameter(help="Keys that are to be fitted, separated by commas; * stands for anything.", negative=""),
+        Parameter(help="Keys to estimate, separated by commas; * stands for anything.", negative=""),
     ],
     case: Case = None,
     config: Config = None,
     ensemble: Annotated[
         str | None,
-        Parameter(help="Ensemble, such as `rig`: what it draws that a log can tell is fitted as well."),
+        Parameter(help="Ensemble, such as `rig`: identifiable parameters that it draws are estimated, too."),
     ] = None,
     set_: AssignmentsInBrief = None,
     prior: Priors = None,
@@ -68,11 +68,11 @@ def excite(
     out: Annotated[Path | None, Parameter(help="File for the experiment with that motion, .toml.")] = None,
     plot: Figure = None,
 ) -> None:
-    """Design the run that tells some numbers of a machine best.
+    """Design an experiment that identifies parameters of a machine best (D- or A-optimal).
 
     Motions through way-points, within limits of track, speed, tension and torque, are simulated in the closed loop,
-    and the filter of `identify` says what each log would tell. Prints the standard deviations to expect, beside those
-    of the present motion.
+    and the filter of `identify` gives the Fisher information of each log. Prints the standard deviations to expect,
+    beside those of the present motion.
     """
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.identification.excitation import excite
@@ -85,7 +85,7 @@ def excite(
         raise ConfigurationError(f"--out {out}: must end in .toml")
     check_file(out, ".toml")
     check_file(plot, *FIGURE_SUFFIXES)
-    experiment, drawn = believed_from(case, config, ensemble, set_ or [])
+    experiment, drawn = prior_model(case, config, ensemble, set_ or [])
     with ProgressLine("searching") as progress:
         found = excite(
             fit,

@@ -42,15 +42,15 @@ def identify(
     *,
     fit: Annotated[
         list[str],
-        Parameter(help="Keys to fit, separated by commas; * stands for anything; may be repeated.", negative=""),
+        Parameter(help="Keys to estimate, separated by commas; * stands for anything; may be repeated.", negative=""),
     ],
     case: Case = None,
     config: Config = None,
     ensemble: Annotated[
         str | None,
         Parameter(
-            help="Ensemble, such as `rig`: what it draws that a log can tell is fitted as well, its draws being known "
-            "beforehand."
+            help="Ensemble, such as `rig`: parameters that it draws are estimated, too, with its distributions as "
+            "priors, where logs can identify them."
         ),
     ] = None,
     set_: AssignmentsInBrief = None,
@@ -59,12 +59,12 @@ def identify(
         list[str] | None,
         Parameter(help="Where a reading is found, F1=load_cell_left:kN; may be repeated.", negative=""),
     ] = None,
-    hold_out: Annotated[str, Parameter(help="Share of each log, its end, that is not fitted but predicted.")] = "0%",
-    starts: Annotated[int, WHOLE, Parameter(help="Searches from different starts, which tell distinct optima.")] = 1,
+    hold_out: Annotated[str, Parameter(help="Share of each log, its end, that is held out and predicted.")] = "0%",
+    starts: Annotated[int, WHOLE, Parameter(help="Searches from different starts, which find distinct optima.")] = 1,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of these starts, and of the ensemble's draws.")] = 0,
     profile: Annotated[
         list[str] | None,
-        Parameter(help="Keys whose likelihood is followed away from the best; may be repeated.", negative=""),
+        Parameter(help="Keys whose profile likelihood is computed; may be repeated.", negative=""),
     ] = None,
     disturbance: Annotated[
         Path | None,
@@ -73,8 +73,8 @@ def identify(
     unrecorded: Annotated[
         str,
         Parameter(
-            help="Torque that nobody recorded, over the recorded one, from which on a log is refused as one of another "
-            "machine."
+            help="RMS torque or force that is not recorded, over the recorded one, from which on a fit is refused as "
+            "one of another machine."
         ),
     ] = "10%",
     plugin: Plugins = None,
@@ -84,11 +84,11 @@ def identify(
     ] = None,
     plot: Figure = None,
 ) -> None:
-    """Find out what some numbers of a machine are from what its sensors said.
+    """Estimate parameters of a machine from its logs, by maximum likelihood.
 
     The torques of a log drive the plant, an extended Kalman filter predicts all readings one sample ahead, and the
-    numbers are those with which it is surprised least. Prints estimates with deviations, what the logs cannot tell, and
-    whether what is left is noise.
+    parameters maximise the likelihood of its innovations. Prints estimates with standard deviations, unidentifiable
+    directions, and whiteness tests of the innovations.
     """
     from dualwinch.config.folders import check_folder
     from dualwinch.identification.identify import identify
@@ -103,7 +103,7 @@ def identify(
     if disturbance:
         format_of(disturbance)
         check_folder(disturbance.parent)
-    experiment, drawn = believed_from(case, config, ensemble, set_ or [])
+    experiment, drawn = prior_model(case, config, ensemble, set_ or [])
     with ProgressLine("fitting") as progress:
         found = identify(
             list(logs),
@@ -129,10 +129,10 @@ def identify(
         wrote(file)
 
 
-def believed_from(
+def prior_model(
     case: int | None, config: Path | None, ensemble: str | None, assignments: Sequence[str]
 ) -> tuple[Experiment | None, Ensemble | None]:
-    """What words say that is believed: an experiment or an ensemble.
+    """The prior model that options describe: an experiment or an ensemble.
 
     Raises:
         ConfigurationError: both, or anything wrong with one.

@@ -54,7 +54,7 @@ AssignmentsInBrief = Annotated[
 
 Priors = Annotated[
     list[str] | None,
-    Parameter(name="--prior", help="Known beforehand, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
+    Parameter(name="--prior", help="Prior, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
 ]
 
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]

@@ -77,7 +77,8 @@ def race(
     method: Annotated[str | None, Parameter(help="Optimiser, as of `dualwinch tune`.")] = None,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of all scenarios and searches.")] = 0,
     stress: Annotated[
-        bool, Parameter(help="Find out what breaks the best of each first (`dualwinch stress`).", negative="")
+        bool,
+        Parameter(help="Also find which imperfection breaks the best of each first (`dualwinch stress`).", negative=""),
     ] = False,
     out: Annotated[Path, Parameter(help="Folder that keeps the race, to be continued.")] = Path("race"),
 ) -> None:
@@ -138,7 +139,7 @@ class Clock:
             self._status.phase(f"{words}{self._left(share)}")
 
     def _left(self, share: float) -> str:
-        """The time left, once there is something to tell it from."""
+        """The time left, once enough is done to estimate it."""
         if share < 0.01:
             return ""
         left = (time.monotonic() - self._began) * (1 / share - 1)

@@ -298,7 +298,7 @@ def run_variants(numbers: list[int], step: Callable[[str], None], engine: Engine
 
     Args:
         numbers: cases of the paper.
-        step: told what comes next.
+        step: called with the name of each run.
         engine: that runs them.
     """
     from dualwinch.simulation.paper import case

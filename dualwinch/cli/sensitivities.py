@@ -76,10 +76,10 @@ def sensitivities(
     plot: Figure = None,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.", negative="")] = False,
 ) -> None:
-    """Say how a run changes with numbers of plant, sensors, disturbance and controller: exact derivatives.
+    """Differentiate a run by parameters of plant, sensors, disturbance and controller, exactly.
 
-    Every key of `dualwinch config` that is a continuous number of these will do, and nominal.* for what the controller
-    believes of the plant: a plant.* alone leaves that as it is. Random signals are the same draws throughout, and
+    Any key of `dualwinch config` that is a continuous number of these may be given, and nominal.* for the controller's
+    nominal model of the plant, which plant.* alone leaves as it is. Random signals are the same draws throughout, and
     sensors that read in steps are taken to read without them. Tables and figure show the changes to first order, for
     one more percent of each number.
     """

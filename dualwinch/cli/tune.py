@@ -177,7 +177,7 @@ class Options:
         workers: processes on this machine.
         resume: whether a study with trials may be gone on with.
         out: folder of the results.
-        stress: whether it is found out what breaks the best first.
+        stress: whether to find which imperfection breaks the best first.
     """
 
     method: str | None = None
@@ -427,7 +427,7 @@ def _table(tuned: TuningResult) -> Table:
 
 
 def print_stress(tuned: TuningResult, out: Path, status: StatusLine) -> None:
-    """Find out, print, write, and have the report show it."""
+    """Stress the best gains, print, write, and add the result to the report."""
     from dualwinch.tuning.robustness.stress import stress_tuned
 
     with ProgressLine("what breaks first") as progress:

@@ -1,4 +1,4 @@
-"""Failures that nobody foresaw: a line for whoever sees them, and a traceback in a file for whoever mends them."""
+"""Unforeseen failures: one line for the user, and a traceback in a file for the report."""
 
 import os
 import platform
