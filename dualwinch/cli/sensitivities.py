@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
@@ -182,6 +183,10 @@ class Effects:
             steps[key] = SHARE * (abs(value) or max(ends, default=1 / SHARE))
         return steps
 
+    def by_step(self, slopes: Iterable[float]) -> dict[str, float]:
+        """Key → change by its step, to first order, of what has these slopes."""
+        return {key: float(slope) * self.steps[key] for key, slope in zip(self.values, slopes, strict=True)}
+
     def asked(self, key: str) -> tuple[str, str]:
         """A key, and its step in words, e.g. ``+100 kg``."""
         return key, _cell(self.steps[key], self.units[key], sign="+")
@@ -238,17 +243,28 @@ def as_json(effects: Effects) -> str:
     found, merits = effects.found, metric_quantities(effects.experiment.metrics)
     content = {
         "outcome": str(found.outcomes[0, 0]),
-        "keys": {key: {"value": value, "unit": effects.units[key]} for key, value in effects.values.items()},
+        "units": {"relative_change_by_step": "1", "time_of_largest_slope": "s"},
+        "keys": {
+            key: {"value": value, "unit": effects.units[key], "step": effects.steps[key]}
+            for key, value in effects.values.items()
+        },
         "metrics": {
             name: {
                 "value": float(values[0, 0]),
                 "unit": merits[name].unit,
                 "gradient": dict(zip(effects.values, found.gradients[name][0, 0].tolist(), strict=True)),
+                "change_by_step": effects.by_step(found.gradients[name][0, 0]),
+                "relative_change_by_step": effects.by_step(found.gradients[name][0, 0] / (values[0, 0] or math.nan)),
             }
             for name, values in found.metrics.items()
         },
         "columns": {
-            name: {"unit": quantity.unit, "largest_slope": {key: slope for key, slope, _ in effects.largest(name)}}
+            name: {
+                "unit": quantity.unit,
+                "largest_slope": {key: slope for key, slope, _ in effects.largest(name)},
+                "time_of_largest_slope": {key: t for key, _, t in effects.largest(name)},
+                "change_by_step": effects.by_step([slope for _, slope, _ in effects.largest(name)]),
+            }
             for name, quantity in found.quantities.items()
         },
     }

@@ -78,3 +78,18 @@ def test_every_figure_printed_is_in_the_file(
 
 def test_a_number_that_is_left_out_is_found() -> None:
     assert left_out("gain 12.3 at 4.56 Hz, 78 %", {"gain": 12.34, "share": 0.78}) == ["4.56"]
+
+
+JSON_COMMANDS = [
+    ["sensitivities", "plant.vehicle.mass", "sensors.position_bias", "--case", "4", "--column", "F1", *SHORT],
+    ["sweep", "controller.observer.l0=5:15:5", "--case", "4", "--metric", "mae", *SHORT],
+    ["sweep", "controller.observer.l0=5,10", "plant.vehicle.mass=9e3,1e4", "--case", "4", *SHORT],
+]
+
+
+@pytest.mark.parametrize("words", JSON_COMMANDS, ids=lambda words: " ".join(words[:2]))
+def test_every_figure_of_a_table_is_in_the_json(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    main(words)
+    printed = capsys.readouterr().out
+    main([*words, "--json"])
+    assert not left_out(printed, json.loads(capsys.readouterr().out))

@@ -50,7 +50,10 @@ def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str]) -> None
     content = json.loads(said(capsys, MASS, BIAS, *SHORT, "--column", "F1", "--json"))
     ours = found("F1")
     assert content["outcome"] == "completed"
-    assert content["keys"] == {MASS: {"value": 1e4, "unit": "kg"}, BIAS: {"value": 0.0, "unit": "m"}}
+    assert content["keys"] == {
+        MASS: {"value": 1e4, "unit": "kg", "step": 100.0},
+        BIAS: {"value": 0.0, "unit": "m", "step": pytest.approx(1e-3)},
+    }
     gradient = content["metrics"]["energy"]["gradient"]
     assert list(gradient.values()) == pytest.approx(ours.gradients["energy"][0, 0].tolist())
     largest = np.abs(ours.column_slopes["F1"][0, 0]).max(axis=0)
