@@ -14,13 +14,17 @@ from typing import Any
 
 import optuna
 import pytest
+from optuna.storages import RetryHeartbeatStaleTrialCallback
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
 from tests import postgres
 from tests.attack.workers import GRACE, STUDY, TRIALS, begin, work_in_database, work_in_file
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="signals"),
+    pytest.mark.filterwarnings("ignore::optuna.exceptions.ExperimentalWarning"),
+]
 
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
@@ -66,13 +70,49 @@ def ended(process: ForkServerProcess) -> int:
     return process.exitcode
 
 
+def check_successors(trials: list[FrozenTrial]) -> None:
+    """Retries are the failed trials: each that failed is finished once at its place, with its point where it had one.
+
+    Where another trial of that place was earlier, a worker failed its own before it evaluated it.
+    """
+    finished = {
+        trial.user_attrs["place"]: trial for trial in trials if trial.state in FINISHED and "place" in trial.user_attrs
+    }
+    failed = [trial for trial in trials if trial.state == TrialState.FAIL]
+    assert not finished or sorted(finished) == list(range(TRIALS)), "each place is finished, none twice"
+    for trial in failed:
+        if "place" not in trial.user_attrs:
+            assert "origin" not in trial.user_attrs, "asked for in vain: the queue was empty"
+            continue
+        place = trial.user_attrs["place"]
+        assert [each.number for each in trials if each.state in FINISHED and each.user_attrs["place"] == place] == [
+            finished[place].number
+        ]
+    retried = {
+        origin
+        for trial in trials
+        if (origin := RetryHeartbeatStaleTrialCallback.retried_trial_number(trial)) is not None
+    }
+    assert retried <= {trial.number for trial in failed}
+    first: dict[int, FrozenTrial] = {}
+    for trial in trials:
+        if "place" in trial.user_attrs:
+            first.setdefault(trial.user_attrs["place"], trial)
+    for place, trial in first.items():
+        if trial.state == TrialState.FAIL:
+            assert trial.number in retried
+            points = [each.params for each in failed if each.user_attrs.get("place") == place]
+            assert finished[place].params in points, "it is tried again with its point"
+        else:
+            assert finished[place] is trial, "what is finished is not done again"
+
+
 def check(trials: list[FrozenTrial]) -> None:
     states = Counter(trial.state for trial in trials)
     assert states[TrialState.COMPLETE] + states[TrialState.PRUNED] == TRIALS
     assert states[TrialState.RUNNING] == states[TrialState.WAITING] == 0
     assert [trial.number for trial in trials] == list(range(len(trials)))
-    places = [trial.user_attrs["place"] for trial in trials if trial.state in FINISHED and "place" in trial.user_attrs]
-    assert sorted(places) == list(range(len(places))), "no place is finished twice"
+    check_successors(trials)
     origins = [trial.user_attrs["origin"] for trial in trials if trial.state in FINISHED]
     assert sorted(origins) == ["paper"] + ["random"] * (TRIALS - 1)
 

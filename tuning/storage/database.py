@@ -1,15 +1,18 @@
 """A study in a PostgreSQL database that many workers share, by Optuna's public functions alone.
 
-The number of trials is exact by construction: waiting trials are queued, each with a place of its own (`PLACE`) among
-as many as there shall be. Workers pop them by `ask`, record heartbeats while they evaluate them, and finish them by
-`tell`. Where a worker dies its running trial is failed and queued again (`fail_stale_trials`,
-`RetryHeartbeatStaleTrialCallback`), with its place. Of the trials of a place that have not failed only the first
-counts: a worker that pops a later one fails it, so that nothing that is done twice is counted twice.
+The number of trials is exact: each of as many as there shall be has a place (`PLACE`). A worker adds a running trial,
+with its point, at a free place, records heartbeats while it evaluates it, and finishes it by `tell`. The first
+candidates and the trials of dead workers (`fail_stale_trials`, `RetryHeartbeatStaleTrialCallback`) are queued with
+their points and places, and are popped by `ask` before anything is added. Of the trials of a place that have not
+failed only the first counts: a worker that finds its own to be a later one fails it before it evaluates it, so that
+nothing is counted twice. Trials are numbered in the order in which they are committed, so every worker sees the same
+one as the first.
 
-What the public functions lack: `ask` records no heartbeat, so that a trial whose worker dies right behind it would run
-forever; other workers record one for it (`_revive`). To fail a trial and to queue it again are two transactions;
-between them its place is empty, and is queued again (`_open_places`). There is no way to write a batch of results at
-once: 16 trials of 16 gains took about 10 s to claim and 10 s to finish on a busy machine with PostgreSQL beside it.
+What the public functions lack: neither `ask` nor `add_trial` records a heartbeat, so that a trial whose worker dies
+right behind it would run forever; other workers record one for it (`_revive`). To fail a trial and to queue it again
+are two transactions; between them its place is empty, and the next worker that looks queues it again (`_requeue`).
+There is no way to add or finish a batch at once, and each attribute of a trial is a transaction; so a trial is added
+with all that is known, in one, and everything that it came to is one attribute (`EVALUATION`).
 """
 
 import os
@@ -21,57 +24,31 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime, timedelta
+from types import MappingProxyType
 from typing import Any
 
 import optuna
-from optuna.distributions import BaseDistribution
-from optuna.storages import fail_stale_trials
+from optuna.storages import RetryHeartbeatStaleTrialCallback, fail_stale_trials
 from optuna.trial import FrozenTrial, TrialState
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.space import ContinuousDimension, Space, space_from
+from dualwinch.tuning.space import Space, space_from
 from dualwinch.tuning.storage.connection import GRACE, connected, patient
 from dualwinch.tuning.storage.definition import BUDGET, DEFINITION, begun, check_resume
 from dualwinch.tuning.storage.record import ORIGIN, distributions, evaluation_of, finish, first_candidates
 from dualwinch.tuning.storage.store import Propose, SearchBudget, TrialClaim
 
+NOT_FIRST = False
+"""Of `Propose`: the first candidates are queued when the study is made."""
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 PLACE, WORKER = "place", "worker"
 """User attributes of a trial: which of the trials that there shall be it is, and which process evaluates it."""
-
-QUEUED = 64
-"""Trials that are queued ahead: Optuna reads all of them whenever it pops one."""
-
-NOT_FIRST = False
-"""Of `Propose`: the first candidates are queued when the study is made."""
-
-
-class ProposedSampler(optuna.samplers.BaseSampler):
-    """Gives a trial the point that is proposed next; a trial that is queued with a point of its own keeps that."""
-
-    def __init__(self) -> None:
-        self.point: Mapping[str, Any] = {}
-
-    def infer_relative_search_space(self, study: Any, trial: FrozenTrial) -> dict[str, BaseDistribution]:  # noqa: ARG002
-        """Nothing: every value is sampled by itself."""
-        return {}
-
-    def sample_relative(self, study: Any, trial: FrozenTrial, search_space: Any) -> dict[str, Any]:  # noqa: ARG002
-        """Nothing."""
-        return {}
-
-    def sample_independent(
-        self,
-        study: Any,  # noqa: ARG002
-        trial: FrozenTrial,  # noqa: ARG002
-        param_name: str,
-        param_distribution: BaseDistribution,  # noqa: ARG002
-    ) -> Any:
-        """The value of the point."""
-        return self.point[param_name]
 
 
 class DatabaseStudy:
@@ -80,12 +57,13 @@ class DatabaseStudy:
     def __init__(self, url: str, study: str, storage: optuna.storages.RDBStorage, space: Space) -> None:
         """A worker's view of a study that exists; see `begin` and `join`."""
         self._url, self._storage, self._space = url, storage, space
-        self._sampler = ProposedSampler()
-        self._study = patient(url, lambda: optuna.load_study(study_name=study, storage=storage, sampler=self._sampler))
+        sampler = optuna.samplers.RandomSampler()  # every trial has its point; none is sampled
+        self._study = patient(url, lambda: optuna.load_study(study_name=study, storage=storage, sampler=sampler))
         self._id = storage.get_study_id_from_name(study)
         self._name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
         self._grace = storage.grace_period or GRACE
-        self._held: dict[int, optuna.Trial] = {}
+        self._held = set[int]()
+        self._popped = set[int]()
         self._reported: set[int] = set()
         self._adopted: set[int] = set()
         self._ended = threading.Event()
@@ -113,7 +91,7 @@ class DatabaseStudy:
             raise
         there.set_user_attr(BUDGET, asdict(budget))
         store = cls(url, study, storage, problem.space)
-        patient(url, lambda: store._open_places(budget, first_candidates(problem)))
+        patient(url, lambda: store._queue(first_candidates(problem), budget))
         return store
 
     @classmethod
@@ -153,73 +131,75 @@ class DatabaseStudy:
         return [evaluation_of(trial) for trial in trials if trial.user_attrs.get(WORKER) != self._name]
 
     def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
-        """Take trials: those that have points, of dead workers and the first ones, and others with proposed points."""
+        """Take trials: those that are queued with points, of dead workers and the first ones, and proposed ones."""
         patient(self._url, self._revive)
         if budget.trials is not None:
-            patient(self._url, lambda: self._open_places(budget))
-            states = [trial.state for trial in self._trials()]
+            patient(self._url, self._requeue)
+        states = [trial.state for trial in self._trials()]
+        if budget.trials is not None:
             begun = sum(state in {*FINISHED, TrialState.RUNNING} for state in states)
-            count = min(count, budget.trials - begun, states.count(TrialState.WAITING))
-        popped = [patient(self._url, self._pop) for _ in range(count)]
+            count = min(count, budget.trials - begun)
         try:
-            return self._claims(self._first_of_their_places(popped, budget), propose)
+            for _ in range(min(count, states.count(TrialState.WAITING))):
+                patient(self._url, self._pop)
+            free = count - len(self._own())
+            for candidate in propose(free, NOT_FIRST) if free > 0 else ():
+                patient(self._url, lambda candidate=candidate: self._add(candidate, budget))
+            return self._first_of_their_places()
         except BaseException:
-            self.release([TrialClaim(Candidate({}, ""), trial.number) for trial in popped])
+            self.release([TrialClaim(Candidate({}, ""), trial.number) for trial in self._own()])
             raise
 
-    def _pop(self) -> optuna.Trial:
-        """A waiting trial, or a new one, that is running now."""
+    def _own(self) -> list[FrozenTrial]:
+        """The running trials of this worker that are not claimed yet."""
+        return [
+            trial
+            for trial in self._trials(TrialState.RUNNING)
+            if trial.number in self._popped
+            or (
+                trial.number not in self._held
+                and trial.user_attrs.get(WORKER) == self._name
+                and not _queued_again(trial)  # else another worker is popping it
+            )
+        ]
+
+    def _pop(self) -> None:
+        """Take a trial that is queued; where others were faster it is a new one, which has no place."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about heartbeats, which are recorded here
             trial = self._study.ask()
-        self._held[trial.number] = trial
-        self._beat(trial.number)
-        return trial
+        self._popped.add(trial.number)
+        trial.set_user_attr(WORKER, self._name)
 
-    def _first_of_their_places(self, popped: Sequence[optuna.Trial], budget: SearchBudget) -> list[optuna.Trial]:
-        """The trials that count; the others, of places where an earlier one has not failed, are failed."""
-        if budget.trials is None or not popped:
-            return list(popped)
+    def _add(self, candidate: Candidate, budget: SearchBudget) -> None:
+        """Add a running trial at the first free place, if there is one."""
+        place = None
+        if budget.trials is not None:
+            taken = {trial.user_attrs.get(PLACE) for trial in self._trials() if trial.state != TrialState.FAIL}
+            place = next((each for each in range(budget.trials) if each not in taken), None)
+            if place is None:
+                return
+        self._study.add_trial(self._trial(TrialState.RUNNING, candidate, place, {WORKER: self._name}))
+
+    def _first_of_their_places(self) -> list[TrialClaim]:
+        """Claim the own trials that count; fail the others, of places where an earlier one has not failed."""
         first: dict[int, int] = {}
         for there in self._trials(*FINISHED, TrialState.RUNNING, TrialState.WAITING):
             if (place := there.user_attrs.get(PLACE)) is not None:
                 first.setdefault(place, there.number)
-        kept = list[optuna.Trial]()
-        for trial in popped:
-            if first.get(trial.user_attrs.get(PLACE, -1)) == trial.number:
-                kept.append(trial)
+        claims = list[TrialClaim]()
+        for trial in self._own():
+            place = trial.user_attrs.get(PLACE)
+            if ORIGIN in trial.user_attrs and (place is None or first[place] == trial.number):
+                self._held.add(trial.number)
+                claims.append(TrialClaim(Candidate(dict(trial.params), trial.user_attrs[ORIGIN]), trial.number))
             else:
-                self._held.pop(trial.number)
-                patient(self._url, lambda trial=trial: self._study.tell(trial, state=TrialState.FAIL))
-        return kept
-
-    def _claims(self, trials: Sequence[optuna.Trial], propose: Propose) -> list[TrialClaim]:
-        """Trials with their points; those for which nothing is proposed are queued again."""
-        wanted = sum(ORIGIN not in trial.user_attrs for trial in trials)
-        proposed, claims = propose(wanted, NOT_FIRST) if wanted else [], list[TrialClaim]()
-        for trial in trials:
-            candidate = None
-            if ORIGIN not in trial.user_attrs:
-                if not proposed:
-                    self.release([TrialClaim(Candidate({}, ""), trial.number)])
-                    continue
-                candidate = proposed.pop(0)
-            claims.append(patient(self._url, lambda trial=trial, candidate=candidate: self._claim(trial, candidate)))
+                patient(
+                    self._url,
+                    lambda number=trial.number: self._study.tell(number, state=TrialState.FAIL, skip_if_finished=True),
+                )
+        self._popped.clear()
         return claims
-
-    def _claim(self, trial: optuna.Trial, candidate: Candidate | None) -> TrialClaim:
-        """Give a trial its point; without a candidate it has one."""
-        self._sampler.point = candidate.point if candidate else {}
-        point = {
-            each.name: trial.suggest_float(each.name, each.lower, each.upper, log=each.log)
-            if isinstance(each, ContinuousDimension)
-            else trial.suggest_categorical(each.name, each.choices)
-            for each in self._space.dimensions
-        }
-        origin = candidate.origin if candidate else trial.user_attrs[ORIGIN]
-        for name, value in ((ORIGIN, origin), (WORKER, self._name)):
-            trial.set_user_attr(name, value)
-        return TrialClaim(Candidate(point, origin), trial.number)
 
     def _revive(self) -> None:
         """Fail the running trials of dead workers, and queue them again."""
@@ -233,55 +213,69 @@ class DatabaseStudy:
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             fail_stale_trials(self._study)
 
-    def _open_places(self, budget: SearchBudget, first: Sequence[Candidate] = ()) -> None:
-        """Queue a trial for each of the next places without one that has not failed, the first candidates first."""
-        if budget.trials is None:
-            if first and not self._trials():
-                self._study.add_trials([self._waiting(candidate=candidate) for candidate in first])
-            return
+    def _queue(self, first: Sequence[Candidate], budget: SearchBudget) -> None:
+        """Queue the first candidates, as many as there shall be trials, that are not there."""
         every = self._trials()
-        live = {trial.user_attrs.get(PLACE) for trial in every if trial.state != TrialState.FAIL}
-        failed = {trial.user_attrs.get(PLACE): trial for trial in every if trial.state == TrialState.FAIL}
-        begun = sum(trial.state in {*FINISHED, TrialState.RUNNING} for trial in every)
-        for place in range(min(budget.trials, begun + QUEUED)):
-            if place in live:
-                continue
-            if place in failed and ORIGIN in failed[place].user_attrs:
-                self._retry(failed[place])
-            else:
-                self._study.add_trial(self._waiting(place, first[place] if place < len(first) else None))
+        if budget.trials is None:
+            if not every:
+                self._study.add_trials([self._trial(TrialState.WAITING, candidate) for candidate in first])
+            return
+        taken = {trial.user_attrs.get(PLACE) for trial in every}
+        for place, candidate in enumerate(first[: budget.trials]):
+            if place not in taken:
+                self._study.add_trial(self._trial(TrialState.WAITING, candidate, place))
+
+    def _requeue(self) -> None:
+        """Queue the first trial of each place again where all of them have failed."""
+        failed: dict[int, FrozenTrial] = {}
+        live = set[int | None]()
+        for trial in self._trials():
+            place = trial.user_attrs.get(PLACE)
+            if trial.state != TrialState.FAIL:
+                live.add(place)
+            elif place is not None:
+                failed.setdefault(place, trial)
+        for place, trial in failed.items():
+            if place not in live:
+                self._retry(trial)
 
     def _retry(self, failed: FrozenTrial) -> None:
         """Queue a failed trial again, with its point, its place and its origin."""
         if callback := self._storage.get_heartbeat_stale_trial_callback():
             callback(self._study, failed)
 
-    def _waiting(self, place: int | None = None, candidate: Candidate | None = None) -> FrozenTrial:
-        attrs = ({} if place is None else {PLACE: place}) | ({ORIGIN: candidate.origin} if candidate else {})
+    def _trial(
+        self, state: TrialState, candidate: Candidate, place: int | None = None, further: Mapping[str, Any] = NOTHING
+    ) -> FrozenTrial:
         return optuna.trial.create_trial(
-            state=TrialState.WAITING,
-            params=dict(candidate.point) if candidate else None,
-            distributions=distributions(self._space) if candidate else None,
-            user_attrs=attrs,
+            state=state,
+            params=dict(candidate.point),
+            distributions=distributions(self._space),
+            user_attrs={ORIGIN: candidate.origin, **({} if place is None else {PLACE: place}), **further},
         )
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:
         """Write results, trial by trial; those of trials that were taken for dead are left out."""
         for claim, evaluation in zip(claims, evaluations, strict=True):
-            trial = self._held[claim.trial]
             with suppress(optuna.exceptions.UpdateFinishedTrialError):
-                patient(self._url, lambda trial=trial, evaluation=evaluation: finish(self._study, trial, evaluation))
-            del self._held[claim.trial]
+                patient(self._url, lambda claim=claim, evaluation=evaluation: self._finish(claim.trial, evaluation))
+            self._held.discard(claim.trial)
+
+    def _finish(self, number: int, evaluation: Evaluation) -> None:
+        finish(self._study, optuna.Trial(self._study, self._id_of(number)), evaluation)
 
     def release(self, claims: Sequence[TrialClaim]) -> None:
         """Queue trials again that will not be evaluated here; not those that were finished after all."""
         for claim in claims:
-            if self._held.pop(claim.trial, None):
-                patient(self._url, lambda number=claim.trial: self._queue_again(number))
+            self._held.discard(claim.trial)
+            patient(self._url, lambda number=claim.trial: self._queue_again(number))
 
     def _queue_again(self, number: int) -> None:
-        ended = self._study.tell(number, state=TrialState.FAIL, skip_if_finished=True)
-        if ended.state == TrialState.FAIL:
+        ended = self._trials()[number]
+        if ended.state.is_finished():
+            return
+        self._study.tell(number, state=TrialState.FAIL)
+        if ORIGIN in ended.user_attrs:
             self._retry(ended)
 
     def budget(self) -> SearchBudget:
@@ -310,7 +304,10 @@ class DatabaseStudy:
         return patient(self._url, lambda: self._study.get_trials(deepcopy=False, states=states or None))
 
     def _beat(self, number: int) -> None:
-        self._storage.record_heartbeat(self._storage.get_trial_id_from_study_id_trial_number(self._id, number))
+        self._storage.record_heartbeat(self._id_of(number))
+
+    def _id_of(self, number: int) -> int:
+        return self._storage.get_trial_id_from_study_id_trial_number(self._id, number)
 
     def _beat_on(self) -> None:
         interval = self._storage.get_heartbeat_interval() or 1
@@ -318,6 +315,13 @@ class DatabaseStudy:
             for number in tuple(self._held):
                 with suppress(Exception):  # the database is restarting; the next beat may reach it
                     self._beat(number)
+
+
+def _queued_again(trial: FrozenTrial) -> bool:
+    """Whether a trial is another's second try."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        return RetryHeartbeatStaleTrialCallback.retried_trial_number(trial) is not None
 
 
 def definition_in_database(url: str, study: str) -> dict[str, Any] | None:

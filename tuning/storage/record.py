@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 ORIGIN, OUTCOMES, SCENARIOS = "origin", "outcomes", "scenarios"
 """Names of user attributes, beside one for each statistic, such as ``mean.mse [m^2]``."""
 
+EVALUATION = "evaluation"
+"""In a database: the user attribute that has all of these as one table, as each attribute takes a transaction."""
+
 
 def distributions(space: Space) -> "dict[str, BaseDistribution]":
     """The space as Optuna writes it."""
@@ -52,7 +55,7 @@ def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
     """The evaluation that a finished trial records."""
     from optuna.trial import TrialState
 
-    kept = dict(trial.user_attrs)
+    kept = trial.user_attrs | trial.user_attrs.get(EVALUATION, {})
     candidate = Candidate(dict(trial.params), kept.get(ORIGIN, ""))
     titled = {name: title for title in kept if (name := title.partition(" [")[0]).count(".") == 1}
     return Evaluation(
@@ -69,11 +72,10 @@ def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
 
 
 def finish(study: "optuna.Study", trial: "optuna.Trial", evaluation: Evaluation) -> None:
-    """Finish a trial that was asked for with its evaluation, value by value."""
+    """Finish a trial that was asked for with its evaluation, in as few transactions as there can be."""
     from optuna.trial import TrialState
 
-    for name, value in attributes(evaluation).items():
-        trial.set_user_attr(name, value)
+    trial.set_user_attr(EVALUATION, attributes(evaluation))
     for name, violation in evaluation.violations.items():
         trial.set_constraint(name, violation)
     if evaluation.pruned:
