@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.tuning.benchmark.scores import BaselineScore, EntryResult
 from dualwinch.tuning.benchmark.summary import ablation_rows, notes, race_table, search_rows, stress_rows, to_record
 from tests.tuning.race.made_up import made_up, scored
@@ -116,7 +117,7 @@ def test_json_says_all_of_it() -> None:
     record = json.loads(json.dumps(to_record(FOUND), allow_nan=False))
     assert [entry["name"] for entry in record["entries"]][:2] == ["adrc", "nftsm"]
     assert record["entries"][0]["alike"] == [KEYS["nftsm"]]
-    assert record["seeds"] == {"tuning": 5, "selection": 1000005, "choice_confirmed": 2000005, "unseen": 3000005}
+    assert record["seeds"] == {"searches": 5, "test": named_seed(5, "benchmark test")}
     assert sum(pair["differ"] for pair in record["pairs"]) == 5
     lost = to_record(replace(FOUND, entries=(scored("adrc", 1.0, lost=40),)))
     assert json.loads(json.dumps(lost, allow_nan=False))["entries"][0]["over_paper"]["estimate"] is None

@@ -82,17 +82,17 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
 def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Side by side: whatever of it is left over would be compiled while nothing else is done."""
     base, compiled, before = sea(), [], []
-    whole, library = bench.run_grid, batch.library
+    whole, loaded = bench.run_grid, batch.loaded
 
-    def compiling(*words: Any) -> Path:
+    def compiling(*words: Any, **signatures: str) -> Any:
         compiled.append(words)
-        return library(*words)
+        return loaded(*words, **signatures)
 
     def counted(scenarios: np.ndarray, **options: Any):
         before.append(len(compiled))
         return whole(scenarios, **options)
 
-    monkeypatch.setattr(batch, "library", compiling)
+    monkeypatch.setattr(batch, "loaded", compiling)
     monkeypatch.setattr(bench, "run_grid", counted)
     text = DRUMS + "[sensors]\nposition_drift = 1e-3\n[simulation]\njitter = 1e-4\n"
     stress({"paper": paper_controller()}, base, of(text, base), (), scenarios=2, seed=0)
