@@ -167,5 +167,5 @@ def test_wrong_input_is_named() -> None:
 def test_what_was_compiled_ahead_is_not_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
     names, experiment = ["controller.observer.kf"], override(case(4), {"simulation.duration": 0.05})
     compile_ahead(names, [5.0], experiment)
-    monkeypatch.setattr(driver, "library", lambda *_: pytest.fail("is compiled"))
+    monkeypatch.setattr(driver, "loaded", lambda *_, **__: pytest.fail("is compiled"))
     assert (sensitivities(names, [[4.0]], [experiment]).outcomes == "completed").all()
