@@ -6,7 +6,10 @@ disk once a batch, and reading is never repeated: what a trial costs does not de
 
 import fcntl
 import json
-from collections.abc import Generator, Mapping, Sequence
+import signal
+import threading
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,10 +20,9 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.storage.definition import DEFINITION, begun, check_resume
-from dualwinch.tuning.storage.one_process import SingleProcessStorage
+from dualwinch.tuning.storage.memory import SingleProcessStorage
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
 from dualwinch.tuning.storage.store import SearchBudget, TrialClaim
-from dualwinch.tuning.storage.uninterrupted import uninterrupted
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
@@ -89,7 +91,7 @@ class JournalStudy(SingleProcessStorage):
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
         """Write finished trials, all at once; an interrupt waits for that."""
-        with uninterrupted():
+        with _uninterrupted():
             self._study.add_trials([finished_trial(evaluation, self._space) for evaluation in evaluations])
             self._file.flush()
             self._count += len(evaluations)
@@ -147,3 +149,22 @@ def _mend(path: Path) -> None:
             known = False
         if not known:
             raise ConfigurationError(f"--storage {path}: is a file, and no journal of a study")
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Interrupts wait until the end of what is done in here, and come then.
+
+    Only the main thread is ever interrupted; in others there is nothing to do.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+        if came:
+            signal.raise_signal(signal.SIGINT)
