@@ -10,7 +10,7 @@ import dualwinch as dw
 from benchmarks.document import markdown
 from benchmarks.paper_claims import PID, runs
 from benchmarks.paper_effects import LAW, WITHOUT
-from dualwinch.commands.reproduce import other_observers
+from dualwinch.cli.reproduce import other_observers
 from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
 from dualwinch.model.vehicle import drag, friction
@@ -130,8 +130,8 @@ def derivatives() -> str:
     known = 100 * float(slopes[0] + slopes[1]) * 100 / mse
     heavier = dw.simulate(dw.override(experiment, {"plant.vehicle.mass": 1.01e4}), stride=0).metrics.mse
     sentence = (
-        f"For a vehicle that is 100 kg heavier and known to be, the derivatives add up to {known:+.3g} % of the mse; "
-        f"two complete runs differ by {100 * (heavier / mse - 1):+.3g} %."
+        f"For a vehicle that is 100 kg heavier and known to be, the derivatives add up to {known:+.3g} % of\n"
+        f"the mse; two complete runs differ by {100 * (heavier / mse - 1):+.3g} %."
     )
     return f"{table}\n\n{minus(sentence)}"
 

@@ -175,7 +175,8 @@ def breakdown() -> str:
     """Sizes at which the imperfections of a rig break the paper's gains and those tuned on exact drums."""
     headings, rows = stress_table(dw.stress(dw.load(IN_THE_SEA)))
     headings = [
-        each.replace("paper breaks", "the paper's break").replace("given breaks", "those break") for each in headings
+        each.replace("paper breaks", "the paper's break").replace("given breaks", "those gains break")
+        for each in headings
     ]
     return markdown(headings, rows).replace("--:|", "---|")
 

@@ -21,6 +21,7 @@ from pathlib import Path
 import pytest
 
 import dualwinch as dw
+from benchmarks.quoted.__main__ import BLOCKS
 from docs.generated.keys import keys_markdown
 from dualwinch.config.ensemble_file import ensemble_to_toml
 
@@ -158,3 +159,12 @@ def test_each_page_names_the_command_that_writes_its_blocks(page: Path) -> None:
     unwritten = [mark for mark, _ in BLOCK.findall(text) if not any(writes(command, mark) for command in commands)]
     assert unwritten == [], f"{page.name}: names no command that writes these blocks"
     assert all(block.strip() for _, block in BLOCK.findall(text)), f"{page.name}: a block is empty"
+
+
+def test_the_marks_of_every_quoted_block_stand_in_its_page() -> None:
+    marks = {
+        (page.relative_to(ROOT).as_posix(), mark)
+        for page in PAGES
+        for mark, _ in BLOCK.findall(page.read_text("utf-8"))
+    }
+    assert {(block.page, block.mark) for block in BLOCKS} <= marks
