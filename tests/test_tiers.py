@@ -1,10 +1,11 @@
+from itertools import product
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.tiers import COLLECTED, FULL, QUICK, each_choice, examples, pairwise
+from tests.tiers import COLLECTED, FULL, QUICK, choice_of_pairs, each_choice, examples, pairwise
 
 
 def test_a_file_with_slow_tests_has_a_quick_one(request: pytest.FixtureRequest) -> None:
@@ -22,6 +23,14 @@ def test_slow_combinations_are_those_beyond_the_covering_array() -> None:
     quick = [each.values for each in parameters if not each.marks]
     assert 12 <= len(quick) <= 14
     assert {values[:2] for values in quick} == {(a, b) for a in "abcd" for b in "pqr"}
+
+
+def test_a_choice_of_pairs_has_every_pair_and_every_value_is_quick() -> None:
+    parameters = choice_of_pairs("abcd", "pqr", "xy")
+    assert {row.values[:2] for row in parameters} == set(product("abcd", "pqr"))
+    quick = [row.values for row in parameters if not row.marks]
+    assert [set(values) for values in zip(*quick, strict=True)] == [set("abcd"), set("pqr"), set("xy")]
+    assert len(quick) < len(parameters)
 
 
 def test_each_choice_has_every_value_once_or_more() -> None:

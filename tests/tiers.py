@@ -45,6 +45,21 @@ def each_choice(*factors: Iterable[Any]) -> list[Any]:
     return mostly_slow(product(*values), quick.__contains__)
 
 
+def choice_of_pairs(*factors: Sequence[Any]) -> list[Any]:
+    """Parameters of a test for a pairwise covering array; rows of it that have every value once are quick.
+
+    Where a combination is costly and nothing asks for all of them.
+    """
+    seen: set[tuple[int, Any]] = set()
+
+    def quick(row: tuple[Any, ...]) -> bool:
+        new = set(enumerate(row)) - seen
+        seen.update(new)
+        return bool(new)
+
+    return mostly_slow(covering_array(*factors), quick)
+
+
 def mostly_slow(rows: Iterable[tuple[Any, ...]], quick: Callable[[tuple[Any, ...]], bool]) -> list[Any]:
     """Parameters of a test, of which all but the quick ones are slow."""
     return [pytest.param(*row, marks=[] if quick(row) else pytest.mark.slow) for row in rows]

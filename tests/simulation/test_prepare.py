@@ -212,6 +212,7 @@ def outcome_of(values: dict[str, Any]) -> str:
         return str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [1e-300, 1e-30, 1e30, 1e300])
 def test_every_number_at_its_extremes_gives_an_outcome_or_one_line(value: float) -> None:
     """Gains in the parts that have them, of whatever kind."""

@@ -98,6 +98,7 @@ def test_searches_have_seeds_of_their_own_and_are_scored_in_the_same_scenarios()
         dw.race("sea", searches=0)
 
 
+@pytest.mark.slow
 def test_who_takes_part_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every law with the ensemble's filter, and nothing of what is asked for otherwise."""
     seen: list[list[str]] = []

@@ -32,8 +32,7 @@ from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
 from tests.closeness import close
 from tests.own_ropes import Bedding, Stiffening
-from tests.pairwise import covering_array
-from tests.tiers import each_choice
+from tests.tiers import choice_of_pairs, each_choice
 
 Array = NDArray[np.float64]
 
@@ -167,12 +166,13 @@ ROPES = (Rope, Stiffening, Bedding)
 
 @pytest.mark.parametrize(
     ("law", "estimator", "coordination", "rope"),
-    covering_array([*POSITION_LAWS], [*ESTIMATORS], [*COORDINATIONS], [*ROPES]),
+    choice_of_pairs([*POSITION_LAWS], [*ESTIMATORS], [*COORDINATIONS], [*ROPES]),
 )
 def test_three_engines_agree(law: str, estimator: str, coordination: str, rope: Any) -> None:
     """Over half a second with its slack rope, within 1e-9 of the largest value of each column.
 
-    The emitter rewrites and contracts products, which moves last bits; laws that switch amplify them.
+    The emitter rewrites and contracts products, which moves last bits; laws that switch amplify them. An estimated
+    scale is an error of 2e-3 or so that is 0 on these exact drums.
     """
     controller = Controller(ESTIMATORS[estimator](), POSITION_LAWS[law](), coordination=COORDINATIONS[coordination]())
     simulation = Simulation(duration=0.5)
@@ -181,6 +181,7 @@ def test_three_engines_agree(law: str, estimator: str, coordination: str, rope: 
     assert ours.outcome == casadi.outcome == interpreted.outcome
     for name, column in interpreted.columns.items():
         scale = max(np.abs(column).max(), np.abs(interpreted["F1"]).max() * (".winch_" in name))
+        scale = max(scale, 2e-3 * name.startswith("scale_"))
         for result in (ours, casadi):
             assert np.abs(result[name] - column).max() <= 1e-9 * scale, name
 
