@@ -6,6 +6,7 @@ import json
 import re
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ needs_zig = pytest.mark.skipif(not zig_is_there(), reason="needs zig")
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lab of the paper's structure alone."""
     offered = structures()[:1]
-    monkeypatch.setattr(lab, "content", lambda *given, **more: content(*given, offered=offered, **more))
+    monkeypatch.setattr("dualwinch.lab.content.content", partial(content, offered=offered))
 
 
 def own_run_in(page: str) -> dict[str, Any]:
