@@ -66,6 +66,13 @@ class GraphCache:
         """How many results are kept now."""
         return len(self._kept)
 
+    def clear(self) -> None:
+        """Keep nothing of what was built so far."""
+        with self._lock:
+            self._kept.clear()
+            self._users.clear()
+            self.size = 0
+
     def cached(self, build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
         """Decorator: a function whose results this cache keeps. Two threads may build the same result at once."""
 

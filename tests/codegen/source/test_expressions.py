@@ -127,6 +127,7 @@ def test_runs_of_many_structures_keep_the_graphs_of_the_latest(monkeypatch: pyte
     laws = [FandoNftsm(), Nftsm(), PidCascade(), FandoNftsm()]
     runs, kept = [], []
     monkeypatch.setattr(GRAPHS, "limit", 20_000_000)  # of one structure and a half
+    GRAPHS.clear()  # of what other tests built
     for law in laws:
         runs.append(simulate(Experiment(controller=Controller(law=law), simulation=Simulation(duration=0.1))))
         kept.append(GRAPHS.size)
