@@ -4,7 +4,7 @@ Most faults that depend on a combination depend on two values of it (Kuhn, Walla
 interactions and implications for software testing", IEEE Trans. Software Engineering 30(6), 2004).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from itertools import combinations, product
 from typing import Any
 
@@ -16,7 +16,7 @@ def pairs(row: Row) -> set[tuple[int, int, Any, Any]]:
     return {(i, j, row[i], row[j]) for i, j in combinations(range(len(row)), 2)}
 
 
-def covering_array(*factors: Sequence[Any], allowed: Callable[..., bool] = lambda *_: True) -> list[Row]:
+def covering_array(*factors: Iterable[Any], allowed: Callable[..., bool] = lambda *_: True) -> list[Row]:
     """Combinations, one value of each factor, that contain every pair of values that an allowed combination has.
 
     Greedy: the combination with most pairs that no earlier one has comes next, the first of several.

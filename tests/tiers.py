@@ -3,7 +3,7 @@
 The quick tier is what ``pytest`` runs by itself; the others have the markers ``slow`` and ``external``.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from itertools import product
 from typing import Any
 
@@ -29,7 +29,7 @@ def examples(full: int, **words: Any) -> settings:
     return settings(max_examples=min(full, max(usual, usual * full // FULL)), **words)
 
 
-def pairwise(*factors: Sequence[Any], allowed: Callable[..., bool] = lambda *_: True) -> list[Any]:
+def pairwise(*factors: Iterable[Any], allowed: Callable[..., bool] = lambda *_: True) -> list[Any]:
     """Parameters of a test for every combination of the factors; those beyond a pairwise covering array are slow."""
     quick = covering_array(*factors, allowed=allowed)
     return mostly_slow((row for row in product(*factors) if allowed(*row)), quick.__contains__)
@@ -45,7 +45,7 @@ def each_choice(*factors: Iterable[Any]) -> list[Any]:
     return mostly_slow(product(*values), quick.__contains__)
 
 
-def choice_of_pairs(*factors: Sequence[Any]) -> list[Any]:
+def choice_of_pairs(*factors: Iterable[Any]) -> list[Any]:
     """Parameters of a test for a pairwise covering array; rows of it that have every value once are quick.
 
     Where a combination is costly and nothing asks for all of them.
