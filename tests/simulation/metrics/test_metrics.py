@@ -45,8 +45,12 @@ def recomputed(result: Result) -> dict[str, float]:
 @pytest.mark.parametrize("number", [1, 4])
 def test_metrics_equal_their_recomputation(number: int, kind: str, paper_run: PaperRun) -> None:
     result = paper_run(number, kind)
+    # A tension is E A by a strain, a difference of two numbers near one. Compilers may fuse and round it differently
+    # where it is recorded and where its changes are summed, each time by this much.
+    rope = result.experiment.plant.rope_1
+    round_off = {"chatter": rope.modulus * rope.area * np.finfo(float).eps}
     for name, value in recomputed(result).items():
-        assert getattr(result.metrics, name) == pytest.approx(value, rel=1e-9), name
+        assert getattr(result.metrics, name) == pytest.approx(value, rel=1e-9, abs=round_off.get(name, 0.0)), name
 
 
 def test_every_metric_is_recomputed(paper_run: PaperRun) -> None:
