@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.model.linear.operating_point import PRELOAD, TENSION_MAX, TENSION_MIN
-from dualwinch.model.quantities.quantity import Quantity, Rule, Tunable
+from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Rule, Tunable
 from dualwinch.model.scalar import Scalar, clip
 
 
@@ -15,16 +13,14 @@ class Limits:
     """Preload and limits of the two tensions, 2 tension_min < preload < 2 command_max."""
 
     preload: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("N", "sum of both tension commands", "paper Section 4.1"),
         Tunable(800, 10000, log=False, of=("tension_min", "tension_max")),
     ] = PRELOAD
-    tension_min: Annotated[float, at.Gt(0), Quantity("N", "lower force limit of a winch", "Table 1")] = TENSION_MIN
-    tension_max: Annotated[float, at.Gt(0), Quantity("N", "upper force limit of a winch", "Table 1")] = TENSION_MAX
+    tension_min: Annotated[Positive, Quantity("N", "lower force limit of a winch", "Table 1")] = TENSION_MIN
+    tension_max: Annotated[Positive, Quantity("N", "upper force limit of a winch", "Table 1")] = TENSION_MAX
     reserve: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("N", "distance that tension commands keep from tension_max, for overshoot and noise", "assumption"),
         Tunable(0, 700, log=False, standard=False, of="tension_max"),
     ] = 0.0

@@ -18,14 +18,10 @@ class Nominal:
     """Values the controller believes; what is not given is taken from the plant."""
 
     mass: Annotated[
-        float | None,
-        at.Gt(0),
-        Quantity("kg", "believed mass (default: plant's mass + added_mass)", "assumption"),
+        float | None, at.Gt(0), Quantity("kg", "believed mass (default: plant's mass + added_mass)", "assumption")
     ] = None
     drag_coefficient: Annotated[
-        float | None,
-        at.Ge(0),
-        Quantity("1", "believed drag coefficient (default: the plant's)", "assumption"),
+        float | None, at.Ge(0), Quantity("1", "believed drag coefficient (default: the plant's)", "assumption")
     ] = None
     friction_coefficient: Annotated[
         float | None, at.Ge(0), Quantity("1", "believed rail friction (default: the plant's)", "assumption")

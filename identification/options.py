@@ -5,10 +5,9 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Lt
 
-from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.quantity import Positive, Quantity
 from dualwinch.model.quantities.tree import check_values
 
-Positive = Annotated[float, Gt(0)]
 Factor = Annotated[float, Gt(1)]
 Share = Annotated[float, Gt(0), Lt(1)]
 Count = Annotated[int, Ge(1)]

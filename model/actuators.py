@@ -14,7 +14,7 @@ import annotated_types as at
 
 from dualwinch.model.plant import Plant, PlantState, Torques
 from dualwinch.model.quantities.part import Part, Registry
-from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.quantities.quantity import Positive, Quantity
 from dualwinch.model.quantities.steps import stepped_to_number
 from dualwinch.model.scalar import Scalar, absolute, clip, tanh, where
 
@@ -97,7 +97,7 @@ class Motor(Actuator):
     """First-order lag, and a limit on the torque's rate."""
 
     time_constant: Annotated[
-        float, at.Gt(0), Quantity("s", "time constant of the torque loop of motor and drive", "assumption")
+        Positive, Quantity("s", "time constant of the torque loop of motor and drive", "assumption")
     ] = 5e-3
     rate_limit: Annotated[
         float | None, at.Gt(0), Quantity("N m/s", "fastest change of the torque (default: no limit)", "assumption")

@@ -7,10 +7,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
-import annotated_types as at
-
 from dualwinch.model.quantities.description import slots
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.scalar import Scalar, sin
 from dualwinch.model.signals import Signal
 from dualwinch.model.vehicle import Vehicle, drag
@@ -24,13 +22,10 @@ class Disturbance:
         False
     )
     vortex_amplitude: Annotated[
-        float,
-        at.Ge(0),
-        Quantity("1", "amplitude of the vortex force over the drag", "paper Section 4.3"),
-        Mark.OFF_AT_ZERO,
+        NonNegative, Quantity("1", "amplitude of the vortex force over the drag", "paper Section 4.3"), Mark.OFF_AT_ZERO
     ] = 0.2
     strouhal: Annotated[
-        float, at.Ge(0), Quantity("1", "Strouhal number of the vortex frequency", "paper Section 4.3"), Mark.OFF_AT_ZERO
+        NonNegative, Quantity("1", "Strouhal number of the vortex frequency", "paper Section 4.3"), Mark.OFF_AT_ZERO
     ] = 0.2
     integrated_phase: Annotated[
         bool,
@@ -39,29 +34,26 @@ class Disturbance:
         Mark.OFF_AT_ZERO,
     ] = False
     current_sigma: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("m/s", "standard deviation of the ambient current; 0: none", "Assumption 1"),
         Mark.DRAWN_AHEAD,
     ] = 0.0
     current_time: Annotated[
-        float, at.Gt(0), Quantity("s", "correlation time of the current", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
+        Positive, Quantity("s", "correlation time of the current", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
     ] = 20.0
     current_limit: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1"),
         Mark.DRAWN_AHEAD,
         Mark.COURSE,
     ] = 0.154
     normal_force_sigma: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("1", "standard deviation of the rail load over its mean; 0: none", "paper Section 2.3"),
         Mark.DRAWN_AHEAD,
     ] = 0.0
     normal_force_time: Annotated[
-        float, at.Gt(0), Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
+        Positive, Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
     ] = 5.0
     force: Annotated[Signal, Quantity("N", "force on the vehicle along the track")] = field(default_factory=Signal)
     current: Annotated[Signal, Quantity("m/s", "ambient current along the track")] = field(default_factory=Signal)

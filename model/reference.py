@@ -30,7 +30,7 @@ from dualwinch.model.motions import (
     speed_up,
     way_point_motion,
 )
-from dualwinch.model.quantities.quantity import NONE, Mark, Quantity, numbers_of
+from dualwinch.model.quantities.quantity import NONE, Mark, Positive, Quantity, numbers_of
 from dualwinch.model.recordings import Origin, Recording, recorded
 from dualwinch.model.scalar import Scalar
 
@@ -53,13 +53,13 @@ class Reference:
         Mark.DRAWN_AHEAD,
     ] = None
     accelerate_until: Annotated[
-        float, at.Gt(0), Quantity("s", "profile: end of the acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
+        Positive, Quantity("s", "profile: end of the acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
     ] = 18.0
     cruise_until: Annotated[
-        float, at.Gt(0), Quantity("s", "profile: end of the constant speed", "paper Section 4.1"), Mark.DRAWN_AHEAD
+        Positive, Quantity("s", "profile: end of the constant speed", "paper Section 4.1"), Mark.DRAWN_AHEAD
     ] = 29.0
     brake_until: Annotated[
-        float, at.Gt(0), Quantity("s", "profile: end of the braking, then rest", "paper Section 4.1"), Mark.DRAWN_AHEAD
+        Positive, Quantity("s", "profile: end of the braking, then rest", "paper Section 4.1"), Mark.DRAWN_AHEAD
     ] = 41.0
     jerk_limit: Annotated[
         float | None,
@@ -68,7 +68,7 @@ class Reference:
         Mark.DRAWN_AHEAD,
     ] = None
     acceleration: Annotated[
-        float, at.Gt(0), Quantity("m/s^2", "way-points: largest acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
+        Positive, Quantity("m/s^2", "way-points: largest acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
     ] = 0.1
     points: Annotated[
         tuple[float, ...], at.Ge(0), Quantity("m", "way-points: positions to reach in turn, from 0"), Mark.DRAWN_AHEAD

@@ -15,7 +15,7 @@ import casadi as ca
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Part, Registry
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, UnitInterval
 from dualwinch.model.quantities.steps import over_symbols
 from dualwinch.model.quantities.tree import alike, numbers, with_leaves
 from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, where
@@ -25,7 +25,7 @@ from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, whe
 class Track:
     """The rail between the two winches."""
 
-    length: Annotated[float, at.Gt(0), Quantity("m", "length of the rail, L_0 in the paper", "Table 1")] = 50.0
+    length: Annotated[Positive, Quantity("m", "length of the rail, L_0 in the paper", "Table 1")] = 50.0
     rope_offset: Annotated[
         float, at.Ge(0.05), Quantity("m", "rope between winch and vehicle at the rail's end", "A1")
     ] = 0.5
@@ -51,19 +51,13 @@ class Creep:
     """Permanent elongation of one rope, ``elongation (1 - exp(-t/time))``."""
 
     elongation: Annotated[
-        float,
-        at.Ge(0),
-        at.Le(1),
+        UnitInterval,
         Quantity("m", "permanent elongation of the rope in the long run", "assumption"),
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,
     ] = 0.0
     time: Annotated[
-        float,
-        at.Gt(0),
-        Quantity("s", "time constant of the permanent elongation", "assumption"),
-        Mark.UNKNOWN,
-        Mark.COURSE,
+        Positive, Quantity("s", "time constant of the permanent elongation", "assumption"), Mark.UNKNOWN, Mark.COURSE
     ] = 60.0
 
 
@@ -215,9 +209,9 @@ def _steady(rope: RopeLaw) -> ca.Function:
 class Rope(RopeLaw):
     """One wire rope."""
 
-    area: Annotated[float, at.Gt(0), Quantity("m^2", "cross-section of the rope", "Table 1")] = 4.52e-4
-    modulus: Annotated[float, at.Gt(0), Quantity("Pa", "axial elastic modulus", "Table 1")] = 80e9
-    damping: Annotated[float, at.Ge(0), Quantity("N s/m", "axial damping", "Table 1"), Mark.OFF_AT_ZERO] = 1000.0
+    area: Annotated[Positive, Quantity("m^2", "cross-section of the rope", "Table 1")] = 4.52e-4
+    modulus: Annotated[Positive, Quantity("Pa", "axial elastic modulus", "Table 1")] = 80e9
+    damping: Annotated[NonNegative, Quantity("N s/m", "axial damping", "Table 1"), Mark.OFF_AT_ZERO] = 1000.0
 
     kind: ClassVar = "kelvin-voigt"
     label: ClassVar = "Kelvin–Voigt rope"

@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import annotated_types as at
-
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.scalar import Scalar, absolute, tanh
 
 
@@ -13,30 +11,22 @@ from dualwinch.model.scalar import Scalar, absolute, tanh
 class Vehicle:
     """The towed vehicle on its rail."""
 
-    mass: Annotated[float, at.Gt(0), Quantity("kg", "mass of the vehicle", "Table 1")] = 1e4
-    added_mass: Annotated[
-        float, at.Ge(0), Quantity("kg", "water that moves with the vehicle", "A6"), Mark.OFF_AT_ZERO
-    ] = 0.0
-    drag_coefficient: Annotated[float, at.Ge(0), Quantity("1", "drag coefficient", "Table 1"), Mark.OFF_AT_ZERO] = 0.3
-    drag_area: Annotated[
-        float, at.Ge(0), Quantity("m^2", "frontal area, diameter x height", "A4"), Mark.OFF_AT_ZERO
-    ] = 6.0
-    diameter: Annotated[
-        float, at.Gt(0), Quantity("m", "diameter, the length that sets the vortex frequency", "Table 1")
-    ] = 2.0
-    height: Annotated[float, at.Gt(0), Quantity("m", "height of the vehicle", "Table 1")] = 3.0
-    water_density: Annotated[
-        float, at.Ge(0), Quantity("kg/m^3", "density of the water", "Table 1"), Mark.OFF_AT_ZERO
-    ] = 1000.0
-    normal_force: Annotated[float, at.Ge(0), Quantity("N", "mean force on the rail", "Table 1"), Mark.OFF_AT_ZERO] = (
-        4.9e3
+    mass: Annotated[Positive, Quantity("kg", "mass of the vehicle", "Table 1")] = 1e4
+    added_mass: Annotated[NonNegative, Quantity("kg", "water that moves with the vehicle", "A6"), Mark.OFF_AT_ZERO] = (
+        0.0
     )
+    drag_coefficient: Annotated[NonNegative, Quantity("1", "drag coefficient", "Table 1"), Mark.OFF_AT_ZERO] = 0.3
+    drag_area: Annotated[NonNegative, Quantity("m^2", "frontal area, diameter x height", "A4"), Mark.OFF_AT_ZERO] = 6.0
+    diameter: Annotated[Positive, Quantity("m", "diameter, the length that sets the vortex frequency", "Table 1")] = 2.0
+    height: Annotated[Positive, Quantity("m", "height of the vehicle", "Table 1")] = 3.0
+    water_density: Annotated[NonNegative, Quantity("kg/m^3", "density of the water", "Table 1"), Mark.OFF_AT_ZERO] = (
+        1000.0
+    )
+    normal_force: Annotated[NonNegative, Quantity("N", "mean force on the rail", "Table 1"), Mark.OFF_AT_ZERO] = 4.9e3
     friction_coefficient: Annotated[
-        float, at.Ge(0), Quantity("1", "Coulomb friction on the rail", "A3"), Mark.OFF_AT_ZERO
+        NonNegative, Quantity("1", "Coulomb friction on the rail", "A3"), Mark.OFF_AT_ZERO
     ] = 0.1
-    friction_velocity: Annotated[
-        float, at.Gt(0), Quantity("m/s", "speed over which friction changes its sign", "A3")
-    ] = 0.01
+    friction_velocity: Annotated[Positive, Quantity("m/s", "speed over which friction changes its sign", "A3")] = 0.01
 
 
 def inertia(vehicle: Vehicle) -> Scalar:

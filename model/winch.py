@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.model.quantities.quantity import Mark, Quantity, Rule
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, UnitInterval
 from dualwinch.model.scalar import Scalar, cos, sin, tanh
 
 
@@ -23,18 +23,17 @@ from dualwinch.model.scalar import Scalar, cos, sin, tanh
 class Winch:
     """One winch; what is marked as unknown is what makes a real one differ from its data sheet."""
 
-    inertia: Annotated[float, at.Gt(0), Quantity("kg m^2", "inertia at the drum", "Table 1")] = 1.8
-    drum_radius: Annotated[float, at.Gt(0), Quantity("m", "radius of the drum", "Table 1")] = 0.8
-    gear_ratio: Annotated[float, at.Gt(0), Quantity("1", "motor turns a drum turn", "Table 1")] = 36.0
+    inertia: Annotated[Positive, Quantity("kg m^2", "inertia at the drum", "Table 1")] = 1.8
+    drum_radius: Annotated[Positive, Quantity("m", "radius of the drum", "Table 1")] = 0.8
+    gear_ratio: Annotated[Positive, Quantity("1", "motor turns a drum turn", "Table 1")] = 36.0
     coulomb_friction: Annotated[
-        float, at.Ge(0), Quantity("N m", "Coulomb friction at the drum", "A5"), Mark.OFF_AT_ZERO
+        NonNegative, Quantity("N m", "Coulomb friction at the drum", "A5"), Mark.OFF_AT_ZERO
     ] = 0.0
     viscous_friction: Annotated[
-        float, at.Ge(0), Quantity("N m s", "viscous friction at the drum", "A5"), Mark.OFF_AT_ZERO
+        NonNegative, Quantity("N m s", "viscous friction at the drum", "A5"), Mark.OFF_AT_ZERO
     ] = 0.0
     layer_thickness: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         at.Le(0.5),
         Quantity("m", "growth of the radius by a full layer of rope; 0: one layer", "assumption"),
         Mark.OFF_AT_ZERO,
@@ -51,8 +50,7 @@ class Winch:
         Mark.UNKNOWN,
     ] = 0.0
     eccentricity: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         at.Le(0.1),
         Quantity("m", "distance of the drum's centre from its axis", "assumption"),
         Mark.OFF_AT_ZERO,
@@ -73,15 +71,13 @@ class Winch:
         Mark.UNKNOWN,
     ] = 0.0
     torque_ripple: Annotated[
-        float,
-        at.Ge(0),
-        at.Le(1),
+        UnitInterval,
         Quantity("1", "amplitude of the torque's ripple, as a share of the torque", "assumption"),
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,
     ] = 0.0
     ripple_waves: Annotated[
-        float, at.Ge(0), Quantity("1", "waves of the ripple a motor turn", "assumption"), Mark.UNKNOWN, Mark.COURSE
+        NonNegative, Quantity("1", "waves of the ripple a motor turn", "assumption"), Mark.UNKNOWN, Mark.COURSE
     ] = 6.0
     ripple_angle: Annotated[
         float, Quantity("rad", "phase of the ripple at drum angle 0", "assumption"), Mark.UNKNOWN, Mark.COURSE

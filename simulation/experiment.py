@@ -11,7 +11,7 @@ from dualwinch.model.actuators import ACTUATORS, Actuator, Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.part import PartChoice, PartChoices
-from dualwinch.model.quantities.quantity import Mark, Quantity, Rule
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule
 from dualwinch.model.quantities.tree import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
 from dualwinch.simulation.metrics.metric import METRICS, Metric
@@ -24,7 +24,7 @@ class Simulation:
     """How to simulate."""
 
     sample_time: Annotated[
-        float, at.Gt(0), at.Le(0.1), Quantity("s", "sampling period of the controller", "assumption"), Mark.TIMING
+        Positive, at.Le(0.1), Quantity("s", "sampling period of the controller", "assumption"), Mark.TIMING
     ] = 1e-3
     duration: Annotated[
         float | None,
@@ -40,8 +40,7 @@ class Simulation:
         Mark.SHAPES_CODE,
     ] = 0
     jitter: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         at.Le(0.05),
         Quantity("s", "largest time a sample is early or late, drawn evenly; no controller knows it", "assumption"),
         Mark.OFF_AT_ZERO,

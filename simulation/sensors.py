@@ -8,7 +8,7 @@ import annotated_types as at
 
 from dualwinch.controllers.signals import Measurement
 from dualwinch.model.plant import Plant, PlantState
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.scalar import Scalar, maximum, rounded, where
 
 Silence: TypeAlias = Literal["held", "missing"]
@@ -19,14 +19,10 @@ class Sensors:
     """Errors of the sensors; 0 is a perfect one."""
 
     position_noise: Annotated[
-        float, at.Ge(0), Quantity("m", "white noise of the position", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
+        NonNegative, Quantity("m", "white noise of the position", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
     position_resolution: Annotated[
-        float,
-        at.Ge(0),
-        Quantity("m", "step of the position reading", "assumption"),
-        Mark.OFF_AT_ZERO,
-        Mark.READS_IN_STEPS,
+        NonNegative, Quantity("m", "step of the position reading", "assumption"), Mark.OFF_AT_ZERO, Mark.READS_IN_STEPS
     ] = 0.0
     position_bias: Annotated[
         float,
@@ -37,8 +33,7 @@ class Sensors:
         Mark.OFF_AT_ZERO,
     ] = 0.0
     position_drift: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity(
             "m", "drift of the position since the run's beginning, standard deviation in the long run", "assumption"
         ),
@@ -47,22 +42,19 @@ class Sensors:
         Mark.SCALES_DRAWS,
     ] = 0.0
     position_drift_time: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("s", "how long a drift lasts (first-order Gauss–Markov)", "assumption"),
         Mark.DRAWN_AHEAD,
         Mark.COURSE,
     ] = 600.0
     outage_length: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("s", "mean length of the position sensor's outages, drawn within ±50 %; 0: none", "assumption"),
         Mark.DRAWN_AHEAD,
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     outage_period: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("s", "time in which one outage occurs, at a moment that is drawn", "assumption"),
         Mark.DRAWN_AHEAD,
         Mark.COURSE,
@@ -71,14 +63,10 @@ class Sensors:
         Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (missing)", "")
     ] = "held"
     speed_noise: Annotated[
-        float, at.Ge(0), Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
+        NonNegative, Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
     tension_noise: Annotated[
-        float,
-        at.Ge(0),
-        Quantity("N", "white noise of both tensions", "assumption"),
-        Mark.OFF_AT_ZERO,
-        Mark.SCALES_DRAWS,
+        NonNegative, Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
     load_cell_error_1: Annotated[
         float,

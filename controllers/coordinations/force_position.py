@@ -12,15 +12,13 @@ forces around zero, in which both are partly closed. While a winch is in front i
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.limits import within_limits
 from dualwinch.controllers.signals import CoordinationOutput, Estimate
-from dualwinch.model.quantities.quantity import Quantity, Tied, Tunable
+from dualwinch.model.quantities.quantity import Positive, Quantity, Tied, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, maximum
 
@@ -30,8 +28,7 @@ class ForcePosition(Coordination):
     """The force decides which winch is in front."""
 
     band: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("N", "largest force at which both winches still share the tension control", "by hand"),
         Tunable(1, 2000, of="controller.coordination.tension_max"),
     ] = 100.0

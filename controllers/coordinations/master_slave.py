@@ -13,13 +13,11 @@ rope 2 whenever rope 1 pulls. What one rope's limit takes from the feedforwards 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.limits import Limits, within_limits
 from dualwinch.controllers.signals import CoordinationOutput, Estimate
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import NonNegative, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, either, where
 from dualwinch.model.winch import Winch
@@ -50,26 +48,22 @@ class MasterSlave(Coordination):
     """Gains of the master's speed loop and of the slave's synchronisation."""
 
     position: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("1/s", "master: speed asked for by a metre of position error", "by hand"),
         Tunable(0.05, 20),
     ] = 1.0
     kp: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("N m s/rad", "master: proportional gain on the drum speed", "by hand"),
         Tunable(0.1, 100, of=TORQUE_LIMIT.format(winch=1)),
     ] = 5.0
     ki: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("N m/rad", "master: integral gain on the drum speed", "by hand"),
         Tunable(0.1, 200, of=TORQUE_LIMIT.format(winch=1)),
     ] = 10.0
     synchronisation: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("N m s/rad", "slave: gain on the difference of the drum speeds", "by hand"),
         Tunable(0.1, 100, of=TORQUE_LIMIT.format(winch=2)),
     ] = 5.0

@@ -29,7 +29,7 @@ from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.limits import within_limits
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import CoordinationOutput, Estimate
-from dualwinch.model.quantities.quantity import Mark, Quantity, Tied, Tunable
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tied, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute, maximum
 
@@ -58,26 +58,22 @@ class ScheduledPreload(Coordination):
     """The schedule, and the tension controllers that follow it; the shared preload is the least sum."""
 
     margin: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("N", "tension above tension_min that is left to the rope behind", "by hand"),
         Tunable(50, 1500, of="controller.coordination.tension_max"),
     ] = 300.0
     filter_time: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("s", "low-pass on the force that the reference does not explain", "by hand"),
         Tunable(0.05, 5),
     ] = 0.3
     rate: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("N/s", "how fast the sum of tensions falls at most, and rises to what is foreseen", "by hand"),
         Tunable(100, 5000, of="controller.coordination.tension_max"),
     ] = 1500.0
     horizon: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         at.Le(10),
         Quantity("s", "how far ahead the reference is known; 0: not at all", "by hand"),
         Mark.SHAPES_CODE,

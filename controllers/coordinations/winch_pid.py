@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
-from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, clip, where
 from dualwinch.model.winch import Winch
 
@@ -18,11 +16,10 @@ LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
 class WinchGains:
     """PID gains of one winch."""
 
-    kp: Annotated[float, at.Ge(0), Quantity("N m/N", "proportional gain", "A11"), Tunable(1e-5, 1e-2, of=LEVER)] = 5e-4
-    ki: Annotated[float, at.Ge(0), Quantity("N m/(N s)", "integral gain", "A11"), Tunable(1e-3, 1, of=LEVER)] = 2e-2
+    kp: Annotated[NonNegative, Quantity("N m/N", "proportional gain", "A11"), Tunable(1e-5, 1e-2, of=LEVER)] = 5e-4
+    ki: Annotated[NonNegative, Quantity("N m/(N s)", "integral gain", "A11"), Tunable(1e-3, 1, of=LEVER)] = 2e-2
     kd: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("N m s/N", "derivative gain", "A11"),
         Tunable(0, 1e-5, log=False, standard=False, of=LEVER),
         Mark.OFF_AT_ZERO,

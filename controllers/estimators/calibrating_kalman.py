@@ -14,13 +14,11 @@ from what the position sensor and the rope's encoder say of the same position; t
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, KalmanGains, KalmanState, filter_motion
 from dualwinch.controllers.signals import Measurement
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import Rope, kelvin_voigt, rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar, clip, exp, where
@@ -31,14 +29,12 @@ class CalibrationGains:
     """What is believed of the ropes before the run, and how long a sample counts."""
 
     deviation: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("1", "believed standard deviation of the ropes' compliance, as a share", "assumption"),
         Tunable(5e-3, 0.5, standard=False),
     ] = 0.06
     memory: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("s", "age at which a sample counts 1/e of a fresh one", "assumption"),
         Tunable(5, 500, standard=False),
     ] = 60.0

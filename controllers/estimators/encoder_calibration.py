@@ -27,7 +27,7 @@ import annotated_types as at
 
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 from dualwinch.controllers.estimators.shrinkage import shrunk
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
 from dualwinch.model.winch import TURN
 
@@ -37,44 +37,37 @@ class DrumGains:
     """What is believed of drums, ropes and encoders before the run, and how long a reading counts."""
 
     zero: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "believed standard deviation of an encoder's zero, in m of rope", "assumption"),
         Tunable(1e-4, 2e-2, standard=False),
     ] = 2e-3
     scale: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("1", "believed standard deviation of a drum's radius, as a share", "assumption"),
         Tunable(1e-4, 2e-2, standard=False),
     ] = 2e-3
     layers: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "believed standard deviation of the growth of a drum's radius a turn", "assumption"),
         Tunable(1e-7, 1e-4, standard=False),
     ] = 5e-6
     compliance: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("1", "believed standard deviation of a rope's compliance, as a share", "assumption"),
         Tunable(5e-3, 0.5, standard=False),
     ] = 0.06
     run_out: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "believed standard deviation of a drum's run-out, in m of rope", "assumption"),
         Tunable(1e-5, 2e-3, standard=False),
     ] = 1e-4
     tare: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "believed standard deviation of the position in which a run begins", "assumption"),
         Tunable(3e-5, 1e-2, standard=False),
     ] = 8e-5
     memory: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("s", "age at which a reading counts 1/e of a fresh one", "assumption"),
         Tunable(5, 500, standard=False),
     ] = 15.0
@@ -85,37 +78,30 @@ class TrustGains:
     """When a reading or an encoder is believed."""
 
     gate: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("1", "deviations from what is expected beyond which a reading is an outlier", "assumption"),
         Tunable(3, 10, standard=False),
     ] = 5.0
     frozen_after: Annotated[
-        int,
-        at.Ge(1),
-        Quantity("1", "samples after which a reading that repeats itself exactly is none", "assumption"),
+        int, at.Ge(1), Quantity("1", "samples after which a reading that repeats itself exactly is none", "assumption")
     ] = 20
     jump: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "an encoder's position further from what is expected counts the less, the further", "assumption"),
         Tunable(1e-4, 1e-2, standard=False),
     ] = 1e-3
     doubt_time: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("s", "time constant of the low-pass on what readings and an encoder disagree by", "assumption"),
         Tunable(0.05, 1, standard=False),
     ] = 0.15
     slide_time: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("s", "time constant with which the position law is told of a better calibration", "assumption"),
         Tunable(0.05, 1, standard=False),
     ] = 0.1
     relearning_time: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("s", "age at which a reading counts 1/e while its encoder is doubted", "assumption"),
         Tunable(0.1, 5, standard=False),
     ] = 0.3

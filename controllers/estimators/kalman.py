@@ -37,7 +37,7 @@ from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.signals import Estimate, Measurement
 from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, transpose
 from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
-from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable, UnitInterval
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, where
@@ -52,37 +52,29 @@ class KalmanGains:
     """
 
     position_noise: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "believed standard deviation of the position, rounding included", "assumption"),
         Tunable(5e-5, 5e-3, standard=False),
     ] = 6e-4
     speed_noise: Annotated[
-        float,
-        at.Gt(0),
-        Quantity("m/s", "believed standard deviation of the speed", "assumption"),
-        Tunable(1e-4, 5e-2),
+        Positive, Quantity("m/s", "believed standard deviation of the speed", "assumption"), Tunable(1e-4, 5e-2)
     ] = 2e-3
     encoder_noise: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "believed standard deviation of a position from encoder and stretch", "assumption"),
         Tunable(1e-6, 1e-2),
     ] = 1e-4
     bandwidth: Annotated[
-        float, at.Gt(0), Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)
+        Positive, Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)
     ] = 20.0
     ramp: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         at.Le(0.7),
         Quantity("1", "how fast it follows the disturbance's rate, over the bandwidth; 0: not at all", "assumption"),
         Tunable(0, 0.7, log=False),
     ] = 0.0
     compensation: Annotated[
-        float,
-        at.Ge(0),
-        at.Le(1),
+        UnitInterval,
         Quantity("1", "share of the estimated disturbance that the position law compensates", "assumption"),
         Tunable(0, 1, log=False),
     ] = 0.0

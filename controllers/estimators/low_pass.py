@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.signals import Estimate, Measurement
-from dualwinch.model.quantities.quantity import Key, Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Key, Mark, NonNegative, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 
@@ -31,8 +29,7 @@ class LowPass(Estimator):
     """The measurement with the filtered speed in place of the measured one."""
 
     speed_filter_time: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("s", "time constant of the low-pass on the measured speed; 0: none", "assumption"),
         Tunable(0, 0.1, log=False),
         Key("speed_filter_time"),

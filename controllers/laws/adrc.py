@@ -12,14 +12,12 @@ drag are compensated at the estimated speed.
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.extended_state_observer import ExtendedState, corrected
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip
 
@@ -41,11 +39,11 @@ class Adrc(PositionLaw):
     """The law and its two bandwidths."""
 
     control_bandwidth: Annotated[
-        float, at.Ge(0), Quantity("rad/s", "poles of the feedback", "by hand"), Tunable(0.2, 40)
+        NonNegative, Quantity("rad/s", "poles of the feedback", "by hand"), Tunable(0.2, 40)
     ] = 4.0
-    observer_bandwidth: Annotated[
-        float, at.Gt(0), Quantity("rad/s", "poles of the observer", "by hand"), Tunable(1, 200)
-    ] = 20.0
+    observer_bandwidth: Annotated[Positive, Quantity("rad/s", "poles of the observer", "by hand"), Tunable(1, 200)] = (
+        20.0
+    )
 
     kind: ClassVar = "adrc"
     label: ClassVar = "ADRC"

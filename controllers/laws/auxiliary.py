@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import annotated_types as at
-
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import NonNegative, Quantity, Tunable
 from dualwinch.model.scalar import Scalar
 
 
@@ -14,15 +12,14 @@ class AuxiliaryGains:
     """Gains of the anti-saturation system; the paper's one gamma cannot have both units (E8)."""
 
     gamma: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("m/(N s^2)", "weight of Z_a in the sliding surface", "A10"),
         Tunable(1e-8, 1e-3, of="1/plant.vehicle.mass"),
     ] = 1e-5
     gamma_force: Annotated[
-        float, at.Ge(0), Quantity("1/s", "weight of Z_a in the force", "A10"), Tunable(1e-6, 10, standard=False)
+        NonNegative, Quantity("1/s", "weight of Z_a in the force", "A10"), Tunable(1e-6, 10, standard=False)
     ] = 1e-5
-    k_a: Annotated[float, at.Ge(0), Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100)] = 1.0
+    k_a: Annotated[NonNegative, Quantity("1/s", "decay rate of Z_a", "A10"), Tunable(0.01, 100)] = 1.0
 
 
 def auxiliary_update(Z_a: Scalar, excess: Scalar, gains: AuxiliaryGains, sample_time: Scalar) -> Scalar:

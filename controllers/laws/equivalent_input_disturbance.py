@@ -24,13 +24,11 @@ observer is fed with the saturated command.
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, exp, where
 
@@ -57,16 +55,16 @@ class Eid(PositionLaw):
     """The law: state feedback, observer and filter."""
 
     natural_frequency: Annotated[
-        float, at.Ge(0), Quantity("rad/s", "natural frequency of the state feedback", "by hand"), Tunable(0.2, 40)
+        NonNegative, Quantity("rad/s", "natural frequency of the state feedback", "by hand"), Tunable(0.2, 40)
     ] = 4.0
     damping: Annotated[
-        float, at.Ge(0), Quantity("1", "damping ratio of the state feedback", "by hand"), Tunable(0.3, 3)
+        NonNegative, Quantity("1", "damping ratio of the state feedback", "by hand"), Tunable(0.3, 3)
     ] = 1.0
-    observer_bandwidth: Annotated[
-        float, at.Gt(0), Quantity("rad/s", "poles of the observer", "by hand"), Tunable(2, 400)
-    ] = 60.0
+    observer_bandwidth: Annotated[Positive, Quantity("rad/s", "poles of the observer", "by hand"), Tunable(2, 400)] = (
+        60.0
+    )
     filter_time: Annotated[
-        float, at.Gt(0), Quantity("s", "time constant of the low-pass on the disturbance", "by hand"), Tunable(5e-3, 2)
+        Positive, Quantity("s", "time constant of the low-pass on the disturbance", "by hand"), Tunable(5e-3, 2)
     ] = 0.08
 
     kind: ClassVar = "eid"

@@ -19,14 +19,12 @@ Ours: the integral is held where it would push the force further beyond its limi
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
 from dualwinch.model.matrix import Matrix, diagonal, riccati, times, transpose
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, both, clip, either, where
 
@@ -45,16 +43,13 @@ class LqiState:
 class Lqi(PositionLaw):
     """The law and its weights; only their ratios matter."""
 
-    position: Annotated[
-        float, at.Gt(0), Quantity("m", "position error that weighs 1", "by hand"), Tunable(1e-5, 1e-2)
-    ] = 2e-3
-    speed: Annotated[float, at.Gt(0), Quantity("m/s", "speed error that weighs 1", "by hand"), Tunable(1e-4, 1)] = 2e-2
+    position: Annotated[Positive, Quantity("m", "position error that weighs 1", "by hand"), Tunable(1e-5, 1e-2)] = 2e-3
+    speed: Annotated[Positive, Quantity("m/s", "speed error that weighs 1", "by hand"), Tunable(1e-4, 1)] = 2e-2
     integral: Annotated[
-        float, at.Gt(0), Quantity("m s", "integral of the position error that weighs 1", "by hand"), Tunable(1e-5, 1e-2)
+        Positive, Quantity("m s", "integral of the position error that weighs 1", "by hand"), Tunable(1e-5, 1e-2)
     ] = 1e-3
     acceleration: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m/s^2", "correcting acceleration that weighs 1", "by hand"),
         Tunable(1e-3, 10, standard=False),
     ] = 0.2

@@ -10,7 +10,7 @@ from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_updat
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.quantity import Quantity, Rule, Tunable, TunableRatio
+from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Rule, Tunable, TunableRatio
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, power
 
@@ -20,15 +20,13 @@ class NftsmGains:
     """Gains of the sliding-mode law; p and q odd, p > q."""
 
     beta: Annotated[
-        float, at.Gt(0), Quantity("m^(p/q-1)/s^(p/q)", "weight of the position error", "paper 4.1"), Tunable(0.005, 5)
+        Positive, Quantity("m^(p/q-1)/s^(p/q)", "weight of the position error", "paper 4.1"), Tunable(0.005, 5)
     ] = 0.05
     eta: Annotated[
-        float, at.Ge(0), Quantity("1/s^2", "rate of the exponential reaching law", "paper 4.1"), Tunable(0.005, 50)
+        NonNegative, Quantity("1/s^2", "rate of the exponential reaching law", "paper 4.1"), Tunable(0.005, 50)
     ] = 0.05
-    k: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the switching term", "paper 4.1"), Tunable(0.01, 20)] = 0.5
-    phi: Annotated[
-        float, at.Gt(0), Quantity("m", "thickness of the boundary layer", "paper 4.1"), Tunable(0.005, 5)
-    ] = 0.5
+    k: Annotated[NonNegative, Quantity("m/s^2", "gain of the switching term", "paper 4.1"), Tunable(0.01, 20)] = 0.5
+    phi: Annotated[Positive, Quantity("m", "thickness of the boundary layer", "paper 4.1"), Tunable(0.005, 5)] = 0.5
     p: Annotated[
         int,
         at.Ge(3),
@@ -36,9 +34,7 @@ class NftsmGains:
         TunableRatio("q", ("11/9", "9/7", "7/5", "5/3", "9/5")),
     ] = 5
     q: Annotated[int, at.Ge(1), Quantity("1", "denominator of the surface's power, odd", "paper 4.1")] = 3
-    smoothing: Annotated[
-        float, at.Gt(0), Quantity("m/s", "speed error below which the odd power is smoothed", "A7")
-    ] = 1e-5
+    smoothing: Annotated[Positive, Quantity("m/s", "speed error below which the odd power is smoothed", "A7")] = 1e-5
 
     rules: ClassVar = (
         Rule(("p",), lambda gains: gains.p % 2 == 1, lambda *_: "must be odd"),

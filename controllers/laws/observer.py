@@ -11,9 +11,7 @@ NS like PS, so that the magnitudes of the inputs with the labels ZO, PS, PB give
 from dataclasses import dataclass
 from typing import Annotated
 
-import annotated_types as at
-
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, exp, maximum, minimum
 
 RULES = (
@@ -47,27 +45,20 @@ def inference(error: Scalar, rate: Scalar) -> Scalar:
 class ObserverGains:
     """Gains of the disturbance observer."""
 
-    l0: Annotated[
-        float, at.Ge(0), Quantity("1/s", "constant part of the observer gain, L_0", "A9"), Tunable(0.1, 100)
-    ] = 5.0
-    kf: Annotated[float, at.Ge(0), Quantity("1/s", "fuzzy part of the observer gain, K_f", "A9"), Tunable(0.1, 100)] = (
+    l0: Annotated[NonNegative, Quantity("1/s", "constant part of the observer gain, L_0", "A9"), Tunable(0.1, 100)] = (
         5.0
     )
+    kf: Annotated[NonNegative, Quantity("1/s", "fuzzy part of the observer gain, K_f", "A9"), Tunable(0.1, 100)] = 5.0
     error_scale: Annotated[
-        float,
-        at.Gt(0),
-        Quantity("m/s^2", "estimation error that counts as big", "A8"),
-        Tunable(1e-3, 10, standard=False),
+        Positive, Quantity("m/s^2", "estimation error that counts as big", "A8"), Tunable(1e-3, 10, standard=False)
     ] = 0.1
     rate_scale: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m/s^3", "rate of the estimation error that counts as big", "A8"),
         Tunable(1e-2, 100, standard=False),
     ] = 0.5
     filter_time: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("s", "low-pass on the estimation error before the fuzzy rules", "A8"),
         Tunable(1e-3, 2, standard=False),
     ] = 0.2

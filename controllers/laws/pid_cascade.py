@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import NonNegative, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, both, clip, either, where
 from dualwinch.model.vehicle import inertia
@@ -28,17 +26,15 @@ class PidCascadeState:
 class PidCascade(PositionLaw):
     """The two loops and their gains."""
 
-    kp1: Annotated[float, at.Ge(0), Quantity("1/s", "position loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = (
-        10.0
-    )
-    ki1: Annotated[float, at.Ge(0), Quantity("1/s^2", "position loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.1
+    kp1: Annotated[NonNegative, Quantity("1/s", "position loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = 10.0
+    ki1: Annotated[NonNegative, Quantity("1/s^2", "position loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.1
     kd1: Annotated[
-        float, at.Ge(0), Quantity("1", "position loop, derivative", "A12"), Tunable(0, 2, log=False, standard=False)
+        NonNegative, Quantity("1", "position loop, derivative", "A12"), Tunable(0, 2, log=False, standard=False)
     ] = 0.0
-    kp2: Annotated[float, at.Ge(0), Quantity("1/s", "speed loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = 2.0
-    ki2: Annotated[float, at.Ge(0), Quantity("1/s^2", "speed loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.05
+    kp2: Annotated[NonNegative, Quantity("1/s", "speed loop, proportional", "paper 4.1"), Tunable(0.1, 100)] = 2.0
+    ki2: Annotated[NonNegative, Quantity("1/s^2", "speed loop, integral", "paper 4.1"), Tunable(1e-3, 100)] = 0.05
     kd2: Annotated[
-        float, at.Ge(0), Quantity("1", "speed loop, derivative", "A12"), Tunable(0, 0.5, log=False, standard=False)
+        NonNegative, Quantity("1", "speed loop, derivative", "A12"), Tunable(0, 0.5, log=False, standard=False)
     ] = 0.0
 
     kind: ClassVar = "pid-cascade"

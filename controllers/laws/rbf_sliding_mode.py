@@ -19,14 +19,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
-import annotated_types as at
 import numpy as np
 
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.quantity import Quantity, Tunable, vector
+from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, exp, where
 
@@ -56,36 +55,29 @@ class RbfSlidingMode(PositionLaw):
     """The law: sliding mode, network and adaptation."""
 
     lam: Annotated[
-        float, at.Gt(0), Quantity("1/s", "rate at which the error decays on the surface", "by hand"), Tunable(0.1, 20)
+        Positive, Quantity("1/s", "rate at which the error decays on the surface", "by hand"), Tunable(0.1, 20)
     ] = 4.0
     eta: Annotated[
-        float, at.Ge(0), Quantity("1/s", "rate of the exponential reaching law", "by hand"), Tunable(0.01, 50)
+        NonNegative, Quantity("1/s", "rate of the exponential reaching law", "by hand"), Tunable(0.01, 50)
     ] = 6.0
-    k: Annotated[float, at.Ge(0), Quantity("m/s", "gain of the switching term", "by hand"), Tunable(1e-3, 1)] = 0.02
-    phi: Annotated[float, at.Gt(0), Quantity("m", "thickness of the boundary layer", "by hand"), Tunable(1e-3, 0.5)] = (
-        5e-3
-    )
-    rate: Annotated[float, at.Ge(0), Quantity("1/s^3", "rate of the adaptation", "by hand"), Tunable(0.1, 1000)] = 150.0
+    k: Annotated[NonNegative, Quantity("m/s", "gain of the switching term", "by hand"), Tunable(1e-3, 1)] = 0.02
+    phi: Annotated[Positive, Quantity("m", "thickness of the boundary layer", "by hand"), Tunable(1e-3, 0.5)] = 5e-3
+    rate: Annotated[NonNegative, Quantity("1/s^3", "rate of the adaptation", "by hand"), Tunable(0.1, 1000)] = 150.0
     leakage: Annotated[
-        float,
-        at.Ge(0),
+        NonNegative,
         Quantity("1/s", "rate at which weights decay, sigma modification", "by hand"),
         Tunable(1e-4, 1, standard=False),
     ] = 0.01
     weight_limit: Annotated[
-        float,
-        at.Ge(0),
-        Quantity("m/s^2", "largest weight", "by hand"),
-        Tunable(0.01, 2, standard=False),
+        NonNegative, Quantity("m/s^2", "largest weight", "by hand"), Tunable(0.01, 2, standard=False)
     ] = 0.5
     span: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m/s", "speed at which the last basis functions have their centres", "by hand"),
         Tunable(0.5, 4, standard=False),
     ] = 2.1
     width: Annotated[
-        float, at.Gt(0), Quantity("m/s", "width of a basis function", "by hand"), Tunable(0.2, 2, standard=False)
+        Positive, Quantity("m/s", "width of a basis function", "by hand"), Tunable(0.2, 2, standard=False)
     ] = 0.5
 
     kind: ClassVar = "rbf-sliding-mode"

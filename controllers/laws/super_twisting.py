@@ -15,15 +15,13 @@ beyond its limit.
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-import annotated_types as at
-
 from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_update
 from dualwinch.controllers.laws.nftsm import NftsmOutput, odd_power
 from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate
-from dualwinch.model.quantities.quantity import Quantity, Tunable
+from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, where
 
@@ -41,13 +39,12 @@ class SuperTwisting(PositionLaw):
     """The law, its gains and the anti-saturation system."""
 
     lam: Annotated[
-        float, at.Gt(0), Quantity("1/s", "rate at which the error decays on the surface", "by hand"), Tunable(0.1, 20)
+        Positive, Quantity("1/s", "rate at which the error decays on the surface", "by hand"), Tunable(0.1, 20)
     ] = 2.0
-    k1: Annotated[float, at.Ge(0), Quantity("m^(1/2)/s", "gain of the square root", "by hand"), Tunable(0.01, 20)] = 0.5
-    k2: Annotated[float, at.Ge(0), Quantity("m/s^2", "gain of the integral", "by hand"), Tunable(1e-3, 20)] = 0.2
+    k1: Annotated[NonNegative, Quantity("m^(1/2)/s", "gain of the square root", "by hand"), Tunable(0.01, 20)] = 0.5
+    k2: Annotated[NonNegative, Quantity("m/s^2", "gain of the integral", "by hand"), Tunable(1e-3, 20)] = 0.2
     smoothing: Annotated[
-        float,
-        at.Gt(0),
+        Positive,
         Quantity("m", "sliding variable below which root and sign are smoothed", "by hand"),
         Tunable(1e-5, 0.1, standard=False),
     ] = 1e-3

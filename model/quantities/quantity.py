@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
 from numbers import Integral, Real
-from typing import Any
+from typing import Annotated, Any
 
 import annotated_types as at
 import casadi as ca
@@ -61,6 +61,10 @@ def _as_float(value: float) -> float:
 
 NONE = Numbers()
 """No numbers."""
+
+Positive = Annotated[float, at.Gt(0)]
+NonNegative = Annotated[float, at.Ge(0)]
+UnitInterval = Annotated[float, at.Ge(0), at.Le(1)]
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,8 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-import annotated_types as at
-
 from dualwinch.model.quantities.part import Part, Registry
-from dualwinch.model.quantities.quantity import Quantity, Rule
+from dualwinch.model.quantities.quantity import Positive, Quantity, Rule
 from dualwinch.simulation.scenario import Value
 
 
@@ -63,8 +61,8 @@ class Uniform(Distribution):
 class LogUniform(Distribution):
     """From `low` to `high`, each octave as likely as any other: for what is known by its order of magnitude only."""
 
-    low: Annotated[float, at.Gt(0), Quantity("", "least value")]
-    high: Annotated[float, at.Gt(0), Quantity("", "largest value")]
+    low: Annotated[Positive, Quantity("", "least value")]
+    high: Annotated[Positive, Quantity("", "largest value")]
 
     kind: ClassVar = "log-uniform"
     rules: ClassVar = (Rule(("low", "high"), lambda drawn: drawn.low < drawn.high, _must_be_below("high")),)
@@ -85,7 +83,7 @@ class Normal(Distribution):
     """Normal around `mean` with the standard deviation `sigma` before the tails beyond `low` and `high` are cut off."""
 
     mean: Annotated[float, Quantity("", "mean before the tails are cut off")]
-    sigma: Annotated[float, at.Gt(0), Quantity("", "standard deviation before the tails are cut off")]
+    sigma: Annotated[Positive, Quantity("", "standard deviation before the tails are cut off")]
     low: Annotated[float, Quantity("", "least value")]
     high: Annotated[float, Quantity("", "largest value")]
 

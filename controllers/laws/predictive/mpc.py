@@ -32,7 +32,7 @@ from dualwinch.controllers.laws.predictive.program import (
 )
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable, vector
+from dualwinch.model.quantities.quantity import Mark, Positive, Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, minimum
 
@@ -62,18 +62,16 @@ class Mpc(PositionLaw):
     Weights are errors that one would put up with, each as bad as a force that changes by `force_rate`.
     """
 
-    position: Annotated[float, at.Gt(0), Quantity("m", "position error, weight 1", "by hand"), Tunable(1e-5, 1e-2)] = (
-        5e-4
-    )
-    speed: Annotated[float, at.Gt(0), Quantity("m/s", "speed error, weight 1", "by hand"), Tunable(1e-4, 1)] = 1e-2
+    position: Annotated[Positive, Quantity("m", "position error, weight 1", "by hand"), Tunable(1e-5, 1e-2)] = 5e-4
+    speed: Annotated[Positive, Quantity("m/s", "speed error, weight 1", "by hand"), Tunable(1e-4, 1)] = 1e-2
     force_rate: Annotated[
-        float, at.Gt(0), Quantity("N/s", "rate of the force, weight 1", "by hand"), Tunable(2e3, 2e5, standard=False)
+        Positive, Quantity("N/s", "rate of the force, weight 1", "by hand"), Tunable(2e3, 2e5, standard=False)
     ] = 2e4
-    observer_bandwidth: Annotated[
-        float, at.Gt(0), Quantity("rad/s", "poles of the observer", "by hand"), Tunable(1, 200)
-    ] = 20.0
+    observer_bandwidth: Annotated[Positive, Quantity("rad/s", "poles of the observer", "by hand"), Tunable(1, 200)] = (
+        20.0
+    )
     rise_time: Annotated[
-        float, at.Gt(0), Quantity("s", "least time in which the force goes from none to its limit", "assumption")
+        Positive, Quantity("s", "least time in which the force goes from none to its limit", "assumption")
     ] = 0.1
     horizon: Annotated[
         float, at.Ge(0.01), at.Le(60), Quantity("s", "how far ahead it looks", "assumption"), Mark.SHAPES_CODE
