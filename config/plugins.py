@@ -62,7 +62,7 @@ def register(part: PartType) -> PartType:
         """Whether another stands in the same table, and is never there together with it."""
         return not part.table() and issubclass(owner, base_of(part))
 
-    with part.registry.with_part(part):
+    with part.registry.adding(part):
         leaves = list(every_leaf(Experiment))
         own = {leaf.key: leaf for owner, leaf in leaves if owner is part}
         if own:

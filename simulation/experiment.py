@@ -10,7 +10,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.actuators import ACTUATORS, Actuator, Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantities.part import PartChoice, PartChoices
+from dualwinch.model.quantities.part import PartChoice
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule
 from dualwinch.model.quantities.tree import check_values
 from dualwinch.model.reference import Reference, own_duration, steady_window
@@ -90,7 +90,9 @@ class Experiment:
     ] = field(default_factory=Ideal)
     simulation: Simulation = field(default_factory=Simulation)
     metrics: Annotated[
-        Sequence[Metric], Quantity("", "figures of merit beside the built-in ones"), PartChoices(METRICS)
+        Sequence[Metric],
+        Quantity("", "figures of merit beside the built-in ones"),
+        PartChoice("metrics", METRICS, "metrics", several=True),
     ] = ()
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
-"""The scalars of a group type: each with its key, quantity, type and bounds, as a `Leaf`.
+"""The scalars of a group: each with its key, quantity, type and bounds, as a `Leaf`.
 
 A group is a frozen dataclass, of floats or of CasADi symbols, that may have further groups and parts
-(`model.quantities.part`) as fields.
+(`model.quantities.part`) as fields. Its type is described with every registered part, an instance with those it has.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,8 +13,9 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import annotated_types as at
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.part import Part, PartChoice, PartChoices, built_in, named
+from dualwinch.model.quantities.part import Part, PartChoice, built_in, named
 from dualwinch.model.quantities.quantity import (
+    COMPARISONS,
     Elements,
     Key,
     Leaf,
@@ -34,13 +35,11 @@ class Slot:
 
     Attributes:
         field, hint, metadata, default: its name, type, annotations and default.
-        key: of the scalar it holds.
-        below: what the keys of a group that it holds begin with.
-        beside: what the keys of a part that it holds begin with.
-        plain: whether it can only hold a scalar.
-        choice: where it holds a part: what there is to choose from.
-        choice_key: key of the kind of that part.
-        choices: where it holds a tuple of parts: what there is to choose from. Its key is that of their kinds.
+        key: of its scalar; where it has parts, of their kind.
+        below: what the keys of the groups in it begin with.
+        plain: whether it can only have a scalar.
+        choice: where it has parts: what there is to choose from.
+        tied: what the keys that its group shares with others begin with; empty: it shares none.
     """
 
     field: str
@@ -49,52 +48,51 @@ class Slot:
     default: Any
     key: str
     below: str
-    beside: str
     plain: bool
     choice: PartChoice | None
-    choice_key: str
-    choices: PartChoices | None
+    tied: str
 
     def find(self, kind: type) -> Any:
         """The first piece of metadata of a type."""
-        return next((item for item in self.metadata if isinstance(item, kind)), None)
+        return _first(self.metadata, kind)
+
+    def groups(self, value: Any) -> tuple[Any, ...]:
+        """The groups that a value of this field is, or is made of; of its type all registered parts."""
+        if self.choice and value is self.hint:
+            return tuple(self.choice.registry.values())
+        if self.choice and self.choice.several:
+            return tuple(value)
+        return (value,) if is_dataclass(value) else ()
 
 
-def check_base(slot: Slot, value: Any) -> None:
-    """Raise `ConfigurationError` where what stands in a part's place is no object of the part's base."""
-    if not isinstance(value, slot.hint):
-        given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
-        hint = f"; write {value.__name__}()" if isinstance(value, type) and issubclass(value, slot.hint) else ""
-        raise ConfigurationError(f"{slot.choice_key}: must be a {slot.hint.__name__}, not {given}{hint}")
+def _first(metadata: Iterable[Any], kind: type) -> Any:
+    return next((item for item in metadata if isinstance(item, kind)), None)
 
 
 @cache
 def slots(group: type, prefix: str) -> tuple[Slot, ...]:
     """The fields with keys of a group type, whose keys begin with a prefix, in declaration order."""
-    hints, declared = get_type_hints(group, include_extras=True), fields(group)
-    own = own_prefix(group, prefix)
+    hints, own = get_type_hints(group, include_extras=True), own_prefix(group, prefix)
     found = []
-    for field in declared:
+    for field in fields(group):
         hint, metadata = hints[field.name], ()
         if get_origin(hint) is Annotated:
             hint, *metadata = get_args(hint)
         if Mark.CONTENT in metadata:
             continue
-        given = next((item.name for item in metadata if isinstance(item, Key)), None)
-        choice = next((item for item in metadata if isinstance(item, PartChoice)), None)
+        given, choice, tied = (_first(metadata, kind) for kind in (Key, PartChoice, Tied))
+        table = choice.table if choice else given.name if given else field.name
         found.append(
             Slot(
                 field=field.name,
                 hint=hint,
                 metadata=tuple(metadata),
                 default=field.default,
-                key=own + field.name if given is None else prefix + given,
-                below=f"{prefix}{given or field.name}.",
-                beside=f"{prefix}{choice.table}." if choice and choice.table else prefix,
+                key=prefix + choice.key if choice else prefix + given.name if given else own + field.name,
+                below=f"{prefix}{table}." if table else prefix,
                 plain=hint in PLAIN or get_origin(hint) is Literal or _all_plain(get_args(hint)),
                 choice=choice,
-                choice_key=prefix + choice.key if choice else "",
-                choices=next((item for item in metadata if isinstance(item, PartChoices)), None),
+                tied=f"{prefix}{tied.name}." if tied else "",
             )
         )
     return tuple(found)
@@ -133,25 +131,26 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
     return found
 
 
-def every_leaf(group: type, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
-    """Every scalar as in `describe`, with the group that has it; a key that several parts share comes with each."""
-    for slot in slots(group, prefix):
+def every_leaf(group: Any, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
+    """Every scalar below a group or a group type, with the part, else group, that has it.
+
+    A key that several parts share comes with each.
+    """
+    owner = group if isinstance(group, type) else type(group)
+    for slot in slots(owner, prefix):
+        value = slot.hint if group is owner else getattr(group, slot.field)
+        inside = () if slot.plain else slot.groups(value)
         if slot.choice:
-            yield group, _choice_leaf(slot, tuple(slot.choice.registry))
-            for part in slot.choice.registry.values():
-                for _, leaf in every_leaf(part, slot.beside):
-                    yield part, leaf
-        elif slot.choices:
-            yield group, _kinds_leaf(slot, tuple(slot.choices.registry))
-            for part in slot.choices.registry.values():
-                for _, leaf in every_leaf(part, slot.below):
-                    yield part, leaf
-        elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
-            tied = slot.find(Tied)
-            for owner, leaf in every_leaf(slot.hint, slot.below):
-                yield owner, _tied(leaf, slot) if tied else leaf
-        else:
-            yield group, _leaf(group, slot)
+            kinds = (part.kind for part in inside)
+            yield owner, _choice_leaf(slot, tuple(dict.fromkeys((*slot.choice.registry, *kinds))))
+        for part in inside:
+            whole = part if isinstance(part, type) else type(part)
+            for inner, leaf in every_leaf(part, slot.below):
+                tied = replace(leaf, tied=slot.tied + leaf.key.removeprefix(slot.below)) if slot.tied else leaf
+                yield whole if issubclass(whole, Part) else inner, tied
+        if not inside and not slot.choice:
+            leaves = _element_leaves(owner, slot, tuple(elements(value)) if is_array(value) else ("",))
+            yield from ((owner, leaf) for leaf in leaves)
 
 
 def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
@@ -165,9 +164,14 @@ def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
         ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound; a part is none; or two
             parts mean something else by a key.
     """
-    shape = _shape(group, prefix), prefix
+    shape = tuple(_shape(group, prefix)), prefix
     if shape not in _described:
-        _described[shape] = MappingProxyType(_describe_parts(group, prefix))
+        found = list(every_leaf(group, prefix))
+        for part in dict.fromkeys(owner for owner, _ in found):
+            if issubclass(part, Part) and part is not type(group) and not built_in(part):
+                own = {leaf.key: leaf for owner, leaf in found if owner is part}
+                check_keys(part, own, [(owner, leaf) for owner, leaf in found if owner is not part])
+        _described[shape] = MappingProxyType({leaf.key: leaf for _, leaf in found})
     return _described[shape]
 
 
@@ -175,55 +179,28 @@ _described: dict[tuple[Any, str], Mapping[str, Leaf]] = {}
 """What groups of a shape are, once they have been asked for."""
 
 
-def _shape(group: Any, prefix: str) -> tuple[Any, ...]:
+def _shape(group: Any, prefix: str) -> Iterator[Any]:
     """What the description of a group depends on: the types of its groups and the shapes of its arrays."""
-    found: list[Any] = [type(group)]
+    yield type(group)
     for slot in slots(type(group), prefix):
         if slot.plain:
             continue
         value = getattr(group, slot.field)
         if slot.choice:
-            check_base(slot, value)
-            found.append(tuple(slot.choice.registry))
-        if slot.choices:
-            found.append((tuple(slot.choices.registry), *(_shape(part, slot.below) for part in value)))
-        elif is_dataclass(value):
-            found.append(_shape(value, slot.below))
-        elif is_array(value):
-            found.append(value.shape)
-    return tuple(found)
+            _check_base(slot, value)
+            yield tuple(slot.choice.registry)
+        inside = slot.groups(value)
+        yield value.shape if is_array(value) else len(inside)
+        for part in inside:
+            yield from _shape(part, slot.below)
 
 
-def _describe_parts(group: Any, prefix: str) -> dict[str, Leaf]:
-    described: list[tuple[type, Mapping[str, Leaf]]] = []
-    for slot in slots(type(group), prefix):
-        value = getattr(group, slot.field)
-        if slot.choices:
-            kinds = dict.fromkeys((*slot.choices.registry, *(part.kind for part in value)))
-            described.append((type(group), {slot.key: _kinds_leaf(slot, tuple(kinds))}))
-            described += [(type(part), describe_parts(part, slot.below)) for part in value]
-            continue
-        if isinstance(value, Part) and slot.choice:
-            choices = dict.fromkeys((*slot.choice.registry, value.kind))
-            described.append((type(group), {slot.choice_key: _choice_leaf(slot, tuple(choices))}))
-        described.append(_describe_value(type(group), slot, value))
-    for part, own in described:
-        if issubclass(part, Part) and part is not type(group) and not built_in(part):
-            others = ((owner, leaf) for owner, known in described if known is not own for leaf in known.values())
-            check_keys(part, own, others)
-    return {key: leaf for _, known in described for key, leaf in known.items()}
-
-
-def _describe_value(group: type, slot: Slot, value: Any) -> tuple[type, Mapping[str, Leaf]]:
-    """Every scalar of a field's value, with the group that has it."""
-    if isinstance(value, Part):
-        return type(value), describe_parts(value, slot.beside)
-    if is_dataclass(value):
-        below = describe_parts(value, slot.below)
-        return type(value), {key: _tied(leaf, slot) for key, leaf in below.items()}
-    if is_array(value) or slot.find(Elements):
-        return group, _element_leaves(group, slot, tuple(elements(value)) if is_array(value) else ("",))
-    return group, {slot.key: _leaf(group, slot)}
+def _check_base(slot: Slot, value: Any) -> None:
+    """Raise `ConfigurationError` where what stands in a part's place is no object of the part's base."""
+    if not (slot.choice and slot.choice.several) and not isinstance(value, slot.hint):
+        given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+        hint = f"; write {value.__name__}()" if isinstance(value, type) and issubclass(value, slot.hint) else ""
+        raise ConfigurationError(f"{slot.key}: must be a {slot.hint.__name__}, not {given}{hint}")
 
 
 def check_keys(part: type, own: Mapping[str, Leaf], others: Iterable[tuple[type, Leaf]]) -> None:
@@ -252,43 +229,36 @@ def _alike(leaf: Leaf, other: Leaf) -> bool:
     return replace(leaf, default=None, tied=None) == replace(other, default=None, tied=None)
 
 
-def _tied(leaf: Leaf, slot: Slot) -> Leaf:
-    tied = slot.find(Tied)
-    return replace(leaf, tied=f"{slot.beside}{tied.name}.{leaf.key.removeprefix(slot.below)}") if tied else leaf
-
-
 @cache
-def _element_leaves(group: type, slot: Slot, ends: tuple[str, ...]) -> Mapping[str, Leaf]:
-    """What the elements of an array are, by their keys."""
+def _element_leaves(group: type, slot: Slot, ends: tuple[str, ...]) -> tuple[Leaf, ...]:
+    """What a scalar is, or the elements of an array, by what their keys end in."""
     each = slot.find(Elements)
     if each is None:
         leaf = _leaf(group, slot)
-        return {slot.key + end: replace(leaf, key=slot.key + end) for end in ends}
+        return tuple(replace(leaf, key=slot.key + end) for end in ends)
     if len(ends) != len(each.quantities):
         raise ConfigurationError(
             f"{group.__qualname__}.{slot.field}: has {len(ends)} elements; its Elements(...) must be as many, "
             f"not {len(each.quantities)}"
         )
     described = zip(ends, each.quantities, each.marks, strict=True)
-    return {slot.key + end: Leaf(slot.key + end, quantity, float, marks=marks) for end, quantity, marks in described}
+    return tuple(Leaf(slot.key + end, quantity, float, marks=marks) for end, quantity, marks in described)
 
 
 @cache
 def _choice_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
-    return Leaf(slot.choice_key, slot.find(Quantity), str, choices, marks=frozenset({Mark.PART}))
+    """What the kind of a part is, or the kinds of several."""
+    if slot.choice and slot.choice.several:
+        return Leaf(slot.key, slot.find(Quantity), tuple, choices, marks=frozenset({Mark.PARTS}), default=())
+    return Leaf(slot.key, slot.find(Quantity), str, choices, marks=frozenset({Mark.PART}))
 
 
-@cache
-def _kinds_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
-    return Leaf(slot.key, slot.find(Quantity), tuple, choices, marks=frozenset({Mark.PARTS}), default=())
-
-
-@cache
 def _leaf(group: type, slot: Slot) -> Leaf:
     quantity, name = slot.find(Quantity), f"{group.__name__}.{slot.field}"
     if quantity is None:
+        word = slot.hint.__name__ if isinstance(slot.hint, type) else str(slot.hint).removeprefix("typing.")
         raise ConfigurationError(
-            f'{name} has no Quantity; write {slot.field}: Annotated[{_word(slot.hint)}, Quantity("unit", "meaning")]'
+            f'{name} has no Quantity; write {slot.field}: Annotated[{word}, Quantity("unit", "meaning")]'
         )
     optional = type(None) in get_args(slot.hint)
     options = [option for option in get_args(slot.hint) if option is not type(None)]
@@ -312,15 +282,11 @@ def _leaf(group: type, slot: Slot) -> Leaf:
     )
 
 
-def _word(hint: Any) -> str:
-    return hint.__name__ if isinstance(hint, type) else str(hint).removeprefix("typing.")
-
-
 def _bounds(metadata: tuple[Any, ...], name: str) -> Iterator[at.BaseMetadata]:
     for item in metadata:
         if isinstance(item, at.GroupedMetadata):  # an interval
             yield from _bounds(tuple(item), name)
-        elif isinstance(item, (at.Gt, at.Ge, at.Lt, at.Le)):
+        elif type(item) in COMPARISONS:
             yield item
         elif isinstance(item, at.BaseMetadata):
             raise ConfigurationError(
@@ -331,15 +297,11 @@ def _bounds(metadata: tuple[Any, ...], name: str) -> Iterator[at.BaseMetadata]:
 def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...]]:
     """Whose a key is: the key that chooses among parts below a group type, and the registered kinds that have it."""
     for slot in slots(group, prefix):
-        found = "", ()
+        inside = slot.groups(slot.hint)
         if slot.choice:
-            kinds = slot.choice.registry.items()
-            found = slot.choice_key, tuple(kind for kind, part in kinds if key in describe(part, slot.beside))
-        elif slot.choices:
-            kinds = slot.choices.registry.items()
-            found = slot.key, tuple(kind for kind, part in kinds if key in describe(part, slot.below))
-        elif isinstance(slot.hint, type) and is_dataclass(slot.hint):
-            found = owners(slot.hint, key, slot.below)
+            found = slot.key, tuple(part.kind for part in inside if key in describe(part, slot.below))
+        else:
+            found = owners(slot.hint, key, slot.below) if inside else ("", ())
         if found[1]:
             return found
     return "", ()

@@ -142,7 +142,7 @@ KIND = re.compile(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*")
 """Words that can stand in keys, on command lines and in the names of functions."""
 
 OF_THE_CLASS = ("kind", "label", "colour", "dashes", "rules")
-"""What a part says of itself, which is no number of it."""
+"""Attributes of a part's class, which are no fields."""
 
 
 @cache
@@ -284,25 +284,20 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         if len(bases) == 1:
             bases.pop().registry = self
 
-    def register(self, part: type[PartType]) -> None:
-        """Add a part; one that is defined again takes the place of what it was.
+    @contextmanager
+    def adding(self, part: type[PartType]) -> Iterator[None]:
+        """Add a part, for good where nothing is wrong with it in there; defined again, it replaces what it was.
 
         Raises:
             ConfigurationError: the class cannot be a part, or its kind is that of another.
         """
         check_class(part)
-        known = self._parts.get(part.kind)
+        known, before = self._parts.get(part.kind), dict(self._parts)
         if known is not None and origin(known) != origin(part):
             raise ConfigurationError(
                 f"{self.what} '{part.kind}' is {named(known)}; give {named(part)} a kind of its own"
             )
         self._parts[part.kind] = part
-
-    @contextmanager
-    def with_part(self, part: type[PartType]) -> Iterator[None]:
-        """Add a part as `register` does, for good where nothing is wrong with it in there."""
-        before = dict(self._parts)
-        self.register(part)
         try:
             yield
         except BaseException:
@@ -344,21 +339,16 @@ def registries() -> Iterator[Registry[Any]]:
 
 @dataclass(frozen=True)
 class PartChoice:
-    """A field that holds a part.
+    """A field that has a part.
 
     Attributes:
         key: of the part's kind.
         registry: knows the other kinds.
         table: where the part's keys stand below its owner; default: beside the owner's own.
+        several: whether it has a tuple of parts, no two of a kind.
     """
 
     key: str
     registry: Registry[Any]
     table: str = ""
-
-
-@dataclass(frozen=True)
-class PartChoices:
-    """A field that holds a tuple of parts, no two of a kind, and the registry that knows the kinds there are."""
-
-    registry: Registry[Any]
+    several: bool = False

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
 from numbers import Integral, Real
+from operator import ge, gt, le, lt
 from typing import Annotated, Any
 
 import annotated_types as at
@@ -177,6 +178,15 @@ class Rule:
     wanted: Callable[[Any, str], str]
 
 
+COMPARISONS = {at.Gt: (">", gt), at.Ge: (">=", ge), at.Lt: ("<", lt), at.Le: ("<=", le)}
+"""Constraint → its sign, and the comparison of a value with its bound."""
+
+
+def bound_of(constraint: at.BaseMetadata) -> Any:
+    """The number in a constraint."""
+    return getattr(constraint, type(constraint).__name__.lower())
+
+
 @dataclass(frozen=True)
 class Leaf:
     """One scalar of a group: its dotted key, its quantity, its type and its bounds.
@@ -211,22 +221,9 @@ class Leaf:
     @property
     def allowed(self) -> str:
         """The allowed range in words, e.g. ``> 0`` or ``0 to 1``; empty where anything goes."""
-        words: list[str] = []
-        for constraint in self.constraints:
-            match constraint:
-                case at.Gt(gt=bound):
-                    words.append(f"> {bound:g}")
-                case at.Ge(ge=bound):
-                    words.append(f">= {bound:g}")
-                case at.Lt(lt=bound):
-                    words.append(f"< {bound:g}")
-                case at.Le(le=bound):
-                    words.append(f"<= {bound:g}")
-                case _:
-                    pass
-        if self.kind is bool:
-            words.append("true or false")
-        words.extend(f'"{choice}"' for choice in self.choices)
+        words = [f"{COMPARISONS[type(each)][0]} {bound_of(each):g}" for each in self.constraints]
+        words += ["true or false"] if self.kind is bool else []
+        words += [f'"{choice}"' for choice in self.choices]
         return (" or " if self.choices else " and ").join(words)
 
     @property
@@ -249,8 +246,10 @@ class Leaf:
         """Lower and upper end of the allowed range, infinite where there is none."""
         lower, upper = (0.0, 1.0) if self.kind is bool else (-math.inf, math.inf)
         for constraint in self.constraints:
-            lower = max(lower, getattr(constraint, "gt", lower), getattr(constraint, "ge", lower))
-            upper = min(upper, getattr(constraint, "lt", upper), getattr(constraint, "le", upper))
+            if isinstance(constraint, (at.Gt, at.Ge)):
+                lower = max(lower, bound_of(constraint))
+            else:
+                upper = min(upper, bound_of(constraint))
         return lower, upper
 
     @property
@@ -277,7 +276,7 @@ class Leaf:
     def admits(self, value: Any) -> bool:
         """Whether a value is of the right type and within the bounds."""
         if self.kind is float and type(value) is float:  # as most are
-            return math.isfinite(value) and all(_keeps(constraint, value) for constraint in self.constraints)
+            return math.isfinite(value) and self._within(value)
         if value is None:
             return self.optional
         if self.choices or Mark.PARTS in self.marks:
@@ -287,7 +286,10 @@ class Leaf:
         if self.kind is tuple:
             return isinstance(value, (list, tuple)) and _all_kept(numbers_of(value), self.constraints)
         right = isinstance(value, Integral if self.kind is int else Real) and _finite(value)
-        return right and all(_keeps(constraint, value) for constraint in self.constraints)
+        return right and self._within(value)
+
+    def _within(self, value: Any) -> bool:
+        return all(COMPARISONS[type(each)][1](value, bound_of(each)) for each in self.constraints)
 
     def _is_chosen(self, value: Any) -> bool:
         if Mark.PARTS not in self.marks:
@@ -309,19 +311,6 @@ def _finite(value: Any) -> bool:
 def _all_kept(values: Numbers, constraints: tuple[at.BaseMetadata, ...]) -> bool:
     numbers = Leaf("", Quantity("", ""), float, constraints=constraints)
     return all(map(numbers.admits, values))
-
-
-def _keeps(constraint: at.BaseMetadata, value: Any) -> bool:
-    match constraint:
-        case at.Gt(gt=bound):
-            return value > bound
-        case at.Ge(ge=bound):
-            return value >= bound
-        case at.Lt(lt=bound):
-            return value < bound
-        case at.Le(le=bound):
-            return value <= bound
-    return True
 
 
 def nearest(key: str, keys: Iterable[str]) -> str:

@@ -1,12 +1,13 @@
 """Groups of numbers as trees: taken apart into named scalars, put together again from others, and checked."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import is_dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from operator import is_
 from typing import Any, TypeVar
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, own_prefix, slots
-from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoices
+from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoice
 from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, elements, is_array, numbers_of, rebuilt
 
 Group = TypeVar("Group")
@@ -30,21 +31,15 @@ def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tupl
     """Keys and values as in `leaves`; a key that two parts share comes once for each."""
     for slot in slots(type(group), prefix):
         value = getattr(group, slot.field)
-        if slot.plain:
-            yield slot.key, value
-        elif isinstance(value, Part):
-            if slot.choice:
-                yield slot.choice_key, value.kind
-            yield from pairs(value, slot.beside, whole=whole)
-        elif slot.choices:
-            yield slot.key, tuple(part.kind for part in value)
-            for part in value:
-                yield from pairs(part, slot.below, whole=whole)
-        elif is_dataclass(value):
-            yield from pairs(value, slot.below, whole=whole)
-        elif is_array(value) and not whole:
+        inside = () if slot.plain else slot.groups(value)
+        if slot.choice:
+            kinds = tuple(part.kind for part in inside)
+            yield slot.key, kinds if slot.choice.several else kinds[0]
+        for part in inside:
+            yield from pairs(part, slot.below, whole=whole)
+        if not slot.plain and is_array(value) and not whole:
             yield from ((slot.key + end, element) for end, element in elements(value).items())
-        else:
+        elif not inside and not slot.choice:
             yield slot.key, value
 
 
@@ -64,24 +59,16 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
     """
     changes: dict[str, Any] = {}
     for slot in slots(type(group), prefix):
-        if slot.plain:
-            if slot.key in values:
-                changes[slot.field] = values[slot.key]
-            continue
         value = getattr(group, slot.field)
-        if isinstance(value, Part):
-            kind = values.get(slot.choice_key, value.kind)
-            if slot.choice and kind != value.kind:
-                value = with_leaves(slot.choice.registry.find(kind)(), leaves(value, slot.beside), slot.beside)
-            changes[slot.field] = with_leaves(value, values, slot.beside)
-        elif slot.choices:
-            chosen = _chosen(slot.choices, value, values.get(slot.key))
-            parts = tuple(with_leaves(part, values, slot.below) for part in chosen)
-            kept = len(parts) == len(value) and all(part is before for part, before in zip(parts, value, strict=True))
-            changes[slot.field] = value if kept else parts
-        elif is_dataclass(value):
+        inside = () if slot.plain else slot.groups(value)
+        if slot.choice:
+            parts = _chosen(slot.choice, inside, values.get(slot.key), slot.below)
+            parts = tuple(with_leaves(part, values, slot.below) for part in parts)
+            kept = len(parts) == len(inside) and all(map(is_, parts, inside))
+            changes[slot.field] = value if kept else parts if slot.choice.several else parts[0]
+        elif inside:
             changes[slot.field] = with_leaves(value, values, slot.below)
-        elif is_array(value):
+        elif not slot.plain and is_array(value):
             kept = elements(value)
             changes[slot.field] = rebuilt(value, lambda end, key=slot.key, kept=kept: values.get(key + end, kept[end]))
         elif slot.key in values:
@@ -89,11 +76,15 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
     return _changed(group, changes, prefix)
 
 
-def _chosen(choices: PartChoices, parts: tuple[Part, ...], kinds: Sequence[str] | None) -> tuple[Part, ...]:
-    if kinds is None:
-        return parts
+def _chosen(choice: PartChoice, parts: tuple[Part, ...], kinds: Any, below: str) -> Iterator[Part]:
+    """Parts of some kinds, new ones with what they share with those there are; ``None``: the kinds there are."""
     known = {part.kind: part for part in parts}
-    return tuple(known[kind] if kind in known else choices.registry.find(kind)() for kind in kinds)
+    for kind in known if kinds is None else kinds if choice.several else (kinds,):
+        if kind in known:
+            yield known[kind]
+        else:
+            shared = {key: value for part in parts for key, value in pairs(part, below)}
+            yield with_leaves(choice.registry.find(kind)(), shared, below)
 
 
 def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
@@ -126,14 +117,8 @@ def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
     for rule in getattr(group, "rules", ()):
         yield own, group, rule
     for slot in slots(type(group), prefix):
-        value = None if slot.plain else getattr(group, slot.field)
-        if isinstance(value, Part):
-            yield from rules(value, slot.beside)
-        elif slot.choices and value:
-            for part in value:
-                yield from rules(part, slot.below)
-        elif is_dataclass(value):
-            yield from rules(value, slot.below)
+        for inner in () if slot.plain else slot.groups(getattr(group, slot.field)):
+            yield from rules(inner, slot.below)
 
 
 def shown(value: Any) -> str:

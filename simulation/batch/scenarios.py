@@ -20,7 +20,7 @@ from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, nearest
+from dualwinch.model.quantities.quantity import COMPARISONS, Leaf, Mark, Rule, bound_of, nearest
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import starts
@@ -174,10 +174,6 @@ def _is_plain(leaf: Leaf) -> bool:
     return leaf.kind in {float, int} and not leaf.optional and leaf.marks.isdisjoint(IN_COMMON)
 
 
-BOUNDS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
-"""Bound of a constraint of `annotated_types` → what holds between a value and it."""
-
-
 def doubtful(group: ScenarioGroup) -> Flags:
     """(members,) whether each is to be looked at by itself."""
     if not group.columns:
@@ -220,10 +216,7 @@ def out_of_range(leaf: Leaf, column: NDArray[Any]) -> Flags:
     """(values,) whether each is no finite number within the bounds of a leaf."""
     wrong = ~np.isfinite(column)
     for constraint in leaf.constraints:
-        for word, holds in BOUNDS.items():
-            bound = getattr(constraint, word, None)
-            if bound is not None:
-                wrong |= ~holds(column, bound)
+        wrong |= ~COMPARISONS[type(constraint)][1](column, bound_of(constraint))
     if leaf.kind is int and column.dtype.kind not in "iu":
         wrong |= column != np.rint(column)
     return wrong
