@@ -28,11 +28,10 @@ from benchmarks.embedded.report import ABOUT, NAME, recorded
 from benchmarks.predictive_figure import predictive_figure
 from dualwinch.codegen import native
 from dualwinch.codegen.export.package import c_package
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.extended_state_observer import corrected
 from dualwinch.controllers.laws.predictive.box import least_in_box
 from dualwinch.controllers.laws.predictive.mpc import Mpc
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.motions import Previewed
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint

@@ -6,25 +6,22 @@ from typing import Annotated, Any
 
 import casadi as ca
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.low_pass import LowPass
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
-from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal
-from dualwinch.controllers.signals import (
-    ControllerOutput,
+from dualwinch.controllers.parts import (
+    Context,
+    Coordination,
     CoordinationOutput,
     Estimate,
+    Estimator,
     Measurement,
+    PositionLaw,
     PositionOutput,
 )
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed, previewed
 from dualwinch.model.plant import Plant
@@ -71,6 +68,20 @@ class Controller:
                     raise ConfigurationError(f"{part.kind}: its preview gives {time}: must be times > 0 s")
             times |= set(part.preview)
         return tuple(sorted(times))
+
+
+@dataclass(frozen=True)
+class ControllerOutput:
+    """What the whole controller gives in one sample."""
+
+    estimate: Estimate
+    position: PositionOutput
+    winches: CoordinationOutput
+
+    @property
+    def saturated(self) -> Scalar:
+        """1 where the force command is beyond its limit."""
+        return self.position.u_sat != self.position.u
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,10 @@ class Limits:
         """Largest net force in N the two ropes can give: tension_max − tension_min."""
         return self.tension_max - self.tension_min
 
+    def clipped(self, force: Scalar) -> Scalar:
+        """A net force in N within ± `force`."""
+        return clip(force, -self.force, self.force)
+
 
 def within_limits(wanted_1: Scalar, wanted_2: Scalar, limits: Limits) -> tuple[Scalar, Scalar]:
     """Commands F1_cmd and F2_cmd in N; what one rope cannot give, the other takes over (paper Section 3.2, E11)."""

@@ -12,7 +12,7 @@ import numpy as np
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
 from dualwinch.controllers.nominal import nominal_structure
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Measurement
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed
 from dualwinch.model.plant import (

@@ -6,13 +6,11 @@ from itertools import product
 from numbers import Integral
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.coordination import Coordination
-from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.pid_cascade import PidCascade
-from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.parts import Coordination, Estimator, PositionLaw
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.actuators import Actuator, Ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError

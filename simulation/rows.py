@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from dualwinch.controllers.controller import own_signals
-from dualwinch.controllers.signals import ControllerOutput, Measurement
+from dualwinch.controllers.controller import ControllerOutput, own_signals
+from dualwinch.controllers.parts import Measurement
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques, vehicle_acceleration
 from dualwinch.model.quantities.description import describe

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import annotated_types as at
 
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Measurement
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
 from dualwinch.model.scalar import Scalar, maximum, rounded, where

@@ -5,17 +5,17 @@ from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension, TensionLoops
-from dualwinch.controllers.laws.adrc import Adrc, AdrcOutput, AdrcState
-from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.controllers.laws.adrc import Adrc
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput
+from dualwinch.controllers.parts import Context, CoordinationOutput, Estimate
 from dualwinch.model.quantities.quantity import Mark, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 
 
 @dataclass(frozen=True)
-class Foreseen(AdrcOutput):
+class Foreseen(ObserverOutput):
     """Beside the force, what was seen."""
 
     x_soon: Annotated[Scalar, Quantity("m", "reference position ahead")] = 0.0
@@ -37,8 +37,8 @@ class Foresight(Adrc):
         return (2 * self.soon, self.soon)
 
     def step(
-        self, state: AdrcState, estimate: Estimate, setpoint: Setpoint, context: Context
-    ) -> tuple[AdrcState, Foreseen]:
+        self, state: ExtendedState, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[ExtendedState, Foreseen]:
         point = setpoint.ahead(self.soon)
         blended = Setpoint(setpoint.x, setpoint.v, setpoint.a + self.share * (point.a - setpoint.a))
         following, output = super().step(state, estimate, blended, context)

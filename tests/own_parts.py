@@ -7,12 +7,17 @@ import annotated_types as at
 import casadi as ca
 import numpy as np
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension, TensionLoops
-from dualwinch.controllers.estimators.estimator import Estimator
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import CoordinationOutput, Estimate, Measurement, PositionOutput
+from dualwinch.controllers.parts import (
+    Context,
+    CoordinationOutput,
+    Estimate,
+    Estimator,
+    Measurement,
+    PositionLaw,
+    PositionOutput,
+)
 from dualwinch.model.quantities.quantity import Mark, Quantity, Rule, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip

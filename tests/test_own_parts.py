@@ -15,9 +15,8 @@ from dualwinch.codegen.drivers.rollout import rollout_source
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import Nominal
-from dualwinch.controllers.signals import Measurement, PositionOutput
+from dualwinch.controllers.parts import Measurement, PositionLaw, PositionOutput
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Mark, Quantity

@@ -16,7 +16,7 @@ from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package, frozen, prepared
 from dualwinch.codegen.source.operations import Precision
 from dualwinch.controllers.controller import POSITION_LAWS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
+from dualwinch.controllers.registry import ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import asked_motion

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
 from dualwinch.controllers.limits import Limits, within_limits
-from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.controllers.parts import Context, Coordination, CoordinationOutput, Estimate
 from dualwinch.model.quantities.quantity import Tied
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, either

@@ -12,12 +12,10 @@ forces around zero, in which both are partly closed. While a winch is in front i
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.limits import within_limits
-from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.controllers.parts import Context, Coordination, CoordinationOutput, Estimate
 from dualwinch.model.quantities.quantity import Positive, Quantity, Tied, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, maximum

@@ -13,10 +13,8 @@ rope 2 whenever rope 1 pulls. What one rope's limit takes from the feedforwards 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.limits import Limits, within_limits
-from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.controllers.parts import Context, Coordination, CoordinationOutput, Estimate
 from dualwinch.model.quantities.quantity import NonNegative, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, either, where

@@ -22,13 +22,11 @@ from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.limits import within_limits
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.controllers.parts import Context, Coordination, CoordinationOutput, Estimate
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tied, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute, maximum

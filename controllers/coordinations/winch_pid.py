@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from dualwinch.controllers.context import Context
+from dualwinch.controllers.parts import Context
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, clip, where
 from dualwinch.model.winch import Winch

@@ -14,10 +14,8 @@ from what the position sensor and the rope's encoder say of the same position; t
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, KalmanGains, KalmanState, filter_motion
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import Rope, kelvin_voigt, rope_lengths, stiffness

@@ -32,9 +32,7 @@ from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.estimators.estimator import Estimator
-from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
 from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, transpose
 from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable, UnitInterval

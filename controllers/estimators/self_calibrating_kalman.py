@@ -18,7 +18,6 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 from dualwinch.codegen.block import NO_READING
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.encoder_calibration import (
     Drum,
     DrumGains,
@@ -30,7 +29,6 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     learnt_errors,
     tared,
 )
-from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.kalman import (
     TAUT,
     KalmanEstimate,
@@ -39,7 +37,7 @@ from dualwinch.controllers.estimators.kalman import (
     corrected,
     kalman_gain,
 )
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.matrix import Matrix
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.reference import Setpoint

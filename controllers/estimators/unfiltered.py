@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.estimators.estimator import Estimator
-from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
 from dualwinch.model.reference import Setpoint
 
 

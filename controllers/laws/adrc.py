@@ -12,26 +12,11 @@ drag are compensated at the estimated speed.
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.extended_state_observer import ExtendedState, corrected
-from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput, corrected, expected
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw
 from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, clip
-
-
-@dataclass(frozen=True)
-class AdrcState(ExtendedState):
-    """What the observer expects."""
-
-
-@dataclass(frozen=True)
-class AdrcOutput(PositionOutput):
-    """What the law gives."""
-
-    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")]
 
 
 @dataclass(frozen=True)
@@ -50,13 +35,13 @@ class Adrc(PositionLaw):
     colour: ClassVar = "#56B4E9"
     dashes: ClassVar = (0, (2, 1.5))
 
-    def initial_state(self) -> AdrcState:
+    def initial_state(self) -> ExtendedState:
         """Nothing expected."""
-        return AdrcState()
+        return ExtendedState()
 
     def step(
-        self, state: AdrcState, estimate: Estimate, setpoint: Setpoint, context: Context
-    ) -> tuple[AdrcState, AdrcOutput]:
+        self, state: ExtendedState, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[ExtendedState, ObserverOutput]:
         """One sample: correct what was expected, command, expect the next sample."""
         T = context.sample_time
         x, v, d = corrected(state, estimate, self.observer_bandwidth, T)
@@ -64,9 +49,7 @@ class Adrc(PositionLaw):
         proportional, derivative = self.control_bandwidth**2, 2 * self.control_bandwidth
         wanted = setpoint.a - proportional * (x - setpoint.x) - derivative * (v - setpoint.v)
         u = forces.mass * (wanted - d) + forces.resistance
-        limit = context.limits.force
-        u_sat = clip(u, -limit, limit)
+        u_sat = context.limits.clipped(u)
 
         acceleration = (u_sat - forces.resistance) / forces.mass + d
-        following = AdrcState(x=x + T * v + T**2 / 2 * acceleration, v=v + T * acceleration, d=d, primed=1.0)
-        return following, AdrcOutput(u=u, u_sat=u_sat, d_hat=d)
+        return expected(x, v, d, acceleration, T), ObserverOutput(u=u, u_sat=u_sat, d_hat=d)

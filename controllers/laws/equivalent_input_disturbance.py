@@ -24,30 +24,12 @@ observer is fed with the saturated command.
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput, expected
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate, PositionOutput
-from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw
+from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, clip, exp, where
-
-
-@dataclass(frozen=True)
-class EidState:
-    """What the observer expects of the coming sample."""
-
-    x: Annotated[Scalar, Quantity("m", "expected position"), Mark.POSITION] = 0.0
-    v: Annotated[Scalar, Quantity("m/s", "expected speed"), Mark.SPEED] = 0.0
-    d: Annotated[Scalar, Quantity("m/s^2", "filtered equivalent input disturbance")] = 0.0
-    primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
-
-
-@dataclass(frozen=True)
-class EidOutput(PositionOutput):
-    """What the law gives."""
-
-    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")]
+from dualwinch.model.scalar import exp, where
 
 
 @dataclass(frozen=True)
@@ -72,19 +54,19 @@ class Eid(PositionLaw):
     colour: ClassVar = "#999933"
     dashes: ClassVar = (0, (1, 1))
 
-    def initial_state(self) -> EidState:
+    def initial_state(self) -> ExtendedState:
         """Nothing expected."""
-        return EidState()
+        return ExtendedState()
 
     def step(
-        self, state: EidState, estimate: Estimate, setpoint: Setpoint, context: Context
-    ) -> tuple[EidState, EidOutput]:
+        self, state: ExtendedState, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[ExtendedState, ObserverOutput]:
         """One sample: correct what was expected, command, estimate the disturbance, expect the next sample."""
         T = context.sample_time
         pole = exp(-self.observer_bandwidth * T)
-        surprise = where(state.primed, estimate.x - state.x, 0.0)
-        x = where(state.primed, state.x, estimate.x) + (1 - pole**2) * surprise
-        correction = (1 - pole) ** 2 / T * surprise
+        innovation = where(state.primed, estimate.x - state.x, 0.0)
+        x = where(state.primed, state.x, estimate.x) + (1 - pole**2) * innovation
+        correction = (1 - pole) ** 2 / T * innovation
         v = where(state.primed, state.v, estimate.v) + correction
         d = state.d + (1 - exp(-T / self.filter_time)) * correction / T
 
@@ -92,9 +74,7 @@ class Eid(PositionLaw):
         stiffness, damping = self.natural_frequency**2, 2 * self.damping * self.natural_frequency
         wanted = setpoint.a - stiffness * (x - setpoint.x) - damping * (v - setpoint.v)
         u = forces.mass * (wanted - d) + forces.resistance
-        limit = context.limits.force
-        u_sat = clip(u, -limit, limit)
+        u_sat = context.limits.clipped(u)
 
         acceleration = (u_sat - forces.resistance) / forces.mass + d
-        following = EidState(x=x + T * v + T**2 / 2 * acceleration, v=v + T * acceleration, d=d, primed=1.0)
-        return following, EidOutput(u=u, u_sat=u_sat, d_hat=d)
+        return expected(x, v, d, acceleration, T), ObserverOutput(u=u, u_sat=u_sat, d_hat=d)

@@ -8,7 +8,7 @@ Conference 2006), whose poles lie at ``exp(-bandwidth * sample_time)`` exactly; 
 from dataclasses import dataclass
 from typing import Annotated
 
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Estimate, PositionOutput
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.scalar import Scalar, exp, where
 
@@ -23,14 +23,27 @@ class ExtendedState:
     primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
 
 
+@dataclass(frozen=True)
+class ObserverOutput(PositionOutput):
+    """What a law with such an observer gives."""
+
+    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")]
+
+
 def corrected(
-    expected: ExtendedState, estimate: Estimate, bandwidth: Scalar, sample_time: Scalar
+    state: ExtendedState, estimate: Estimate, bandwidth: Scalar, sample_time: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Position in m, speed in m/s and disturbance acceleration in m/s² of this sample; at the first, as estimated."""
     T = sample_time
     pole = exp(-bandwidth * T)
-    surprise = where(expected.primed, estimate.x - expected.x, 0.0)
-    x = where(expected.primed, expected.x, estimate.x) + (1 - pole**3) * surprise
-    v = where(expected.primed, expected.v, estimate.v) + 1.5 * (1 - pole) ** 2 * (1 + pole) / T * surprise
-    d = expected.d + (1 - pole) ** 3 / T**2 * surprise
+    innovation = where(state.primed, estimate.x - state.x, 0.0)
+    x = where(state.primed, state.x, estimate.x) + (1 - pole**3) * innovation
+    v = where(state.primed, state.v, estimate.v) + 1.5 * (1 - pole) ** 2 * (1 + pole) / T * innovation
+    d = state.d + (1 - pole) ** 3 / T**2 * innovation
     return x, v, d
+
+
+def expected(x: Scalar, v: Scalar, d: Scalar, acceleration: Scalar, sample_time: Scalar) -> ExtendedState:
+    """What position in m, speed in m/s and disturbance in m/s² will be a sample later, at an acceleration in m/s²."""
+    T = sample_time
+    return ExtendedState(x=x + T * v + T**2 / 2 * acceleration, v=v + T * acceleration, d=d, primed=1.0)

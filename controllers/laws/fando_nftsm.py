@@ -3,13 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_update
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains, NftsmOutput, NftsmState
 from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar

@@ -19,14 +19,12 @@ Ours: the integral is held where it would push the force further beyond its limi
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.matrix import Matrix, diagonal, riccati, times, transpose
 from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, both, clip, either, where
+from dualwinch.model.scalar import Scalar, both, either, where
 
 DOUBLINGS = 24
 """Doubling steps: the gain is that of a horizon of 2^24 samples, long beside the slowest integral that is tuned."""
@@ -92,4 +90,4 @@ class Lqi(PositionLaw):
         u = forces.mass * (setpoint.a + correction) + forces.resistance
         winding_up = either(both(u > limit, e1 < 0), both(u < -limit, e1 > 0))
         following = LqiState(where(winding_up, state.integral, state.integral + context.sample_time * e1))
-        return following, PositionOutput(u=u, u_sat=clip(u, -limit, limit))
+        return following, PositionOutput(u=u, u_sat=context.limits.clipped(u))

@@ -5,11 +5,9 @@ from typing import Annotated, ClassVar
 
 import annotated_types as at
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_update
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Rule, Tunable, TunableRatio
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, power
@@ -99,8 +97,7 @@ class Nftsm(PositionLaw):
         terminal = gains.beta / ratio * odd_power(e2, 2 - ratio, gains.smoothing)
         reaching = gains.eta * s + gains.k * clip(s / gains.phi, -1.0, 1.0)
         u = forces.mass * (setpoint.a - terminal - reaching - d_hat) + forces.resistance - auxiliary.gamma_force * Z_a
-        limit = context.limits.force
-        return u, clip(u, -limit, limit), s
+        return u, context.limits.clipped(u), s
 
     def step(
         self, state: NftsmState, estimate: Estimate, setpoint: Setpoint, context: Context

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.quantities.quantity import NonNegative, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, both, clip, either, where
+from dualwinch.model.scalar import Scalar, both, either, where
 from dualwinch.model.vehicle import inertia
 
 
@@ -73,4 +71,4 @@ class PidCascade(PositionLaw):
             ev_previous=where(winding_up, held_ev, ev),
             primed=1.0,
         )
-        return next_state, PositionOutput(u=u, u_sat=clip(u, -limit, limit))
+        return next_state, PositionOutput(u=u, u_sat=context.limits.clipped(u))

@@ -21,10 +21,8 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, exp, where
@@ -105,8 +103,7 @@ class RbfSlidingMode(PositionLaw):
         reaching = self.eta * s + self.k * clip(s / self.phi, -1.0, 1.0)
         forces = nominal_forces(estimate.v, estimate.d, context.nominal)
         u = forces.mass * (setpoint.a - self.lam * (e2 + reaching) - d_hat) + forces.resistance
-        limit = context.limits.force
-        u_sat = clip(u, -limit, limit)
+        u_sat = context.limits.clipped(u)
 
         def adapted(weight: Scalar, value: Scalar) -> Scalar:
             moved = weight + context.sample_time * (self.rate * value * s - self.leakage * weight)

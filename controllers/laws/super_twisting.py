@@ -15,15 +15,13 @@ beyond its limit.
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains, auxiliary_update
 from dualwinch.controllers.laws.nftsm import NftsmOutput, odd_power
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw
 from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, clip, where
+from dualwinch.model.scalar import Scalar, where
 
 
 @dataclass(frozen=True)
@@ -69,8 +67,7 @@ class SuperTwisting(PositionLaw):
         s = e1 + (e2 + auxiliary.gamma * Z_a) / self.lam
         reaching = state.z - self.k1 * odd_power(s, 0.5, self.smoothing)
         u = forces.mass * (setpoint.a + self.lam * (reaching - e2)) + forces.resistance - auxiliary.gamma_force * Z_a
-        limit = context.limits.force
-        u_sat = clip(u, -limit, limit)
+        u_sat = context.limits.clipped(u)
         z = state.z - sample_time * self.k2 * odd_power(s, 0.0, self.smoothing)
         next_state = SuperTwistingState(
             z=where(u == u_sat, z, state.z), Z_a=auxiliary_update(Z_a, u - u_sat, auxiliary, sample_time)

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 import dualwinch as dw
 from docs.generated.text import code, table, unit
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.rows import COLUMNS, CONTINUOUS, READINGS, TORQUES
 

@@ -287,7 +287,7 @@ PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"
 def variants_beyond_paper() -> list[tuple[str, str]]:
     """Position law and coordination of each run."""
     from dualwinch.controllers.controller import POSITION_LAWS
-    from dualwinch.controllers.coordinations.registry import COORDINATIONS
+    from dualwinch.controllers.registry import COORDINATIONS
 
     others = (coordination for coordination in COORDINATIONS if coordination != PAPERS_COORDINATION)
     return [*((law, PAPERS_COORDINATION) for law in POSITION_LAWS), *((PAPERS_LAW, other) for other in others)]

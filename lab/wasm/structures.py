@@ -4,9 +4,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.lab.wasm.settings import Settings
 from dualwinch.model.quantities.part import Registry
 from dualwinch.model.quantities.tree import leaves, with_leaves

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.source.expressions import GRAPHS
-from dualwinch.controllers.coordinations.coordination import Coordination
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
+from dualwinch.controllers.parts import Coordination
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import numbers

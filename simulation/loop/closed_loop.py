@@ -12,9 +12,14 @@ from numpy.typing import NDArray
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.expressions import built_once
-from dualwinch.controllers.controller import Controller, ControllerState, controller_step, initial_controller_state
+from dualwinch.controllers.controller import (
+    Controller,
+    ControllerOutput,
+    ControllerState,
+    controller_step,
+    initial_controller_state,
+)
 from dualwinch.controllers.nominal import nominal_structure
-from dualwinch.controllers.signals import ControllerOutput
 from dualwinch.model.actuators import Actuator, NoState, drive, is_ideal
 from dualwinch.model.motions import later, no_departures, previewed
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions, torques_amid

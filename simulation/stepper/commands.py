@@ -3,10 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, TypeAlias, get_args
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.coordinations.coordination import Coordination
-from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.signals import CoordinationOutput, Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Coordination, CoordinationOutput, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint

@@ -13,9 +13,7 @@ import pytest
 
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.toml_text import flattened
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.experiment import Experiment

@@ -9,7 +9,7 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.config.experiment_file import load
 from dualwinch.config.plugins import EntryPointWarning, load_entry_points
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from tests.spring_law import SPRING, changed
 
 METADATA = "Metadata-Version: 2.1\nName: {}\nVersion: 1.0\n"

@@ -8,12 +8,10 @@ from hypothesis import strategies as st
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.master_slave import MasterSlave
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.estimators.kalman import Kalman, KalmanGains
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import owners
 from dualwinch.model.quantities.tree import leaves

@@ -10,8 +10,7 @@ from dualwinch.cli.options import ESTIMATORS as ESTIMATORS_IN_HELP
 from dualwinch.cli.options import LAWS
 from dualwinch.config.experiment_file import load
 from dualwinch.config.plugins import load_plugin
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import PLUGIN
 from tests.spring_law import SPRING, changed

@@ -9,8 +9,7 @@ import pytest
 import dualwinch as dw
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.config.plugins import register
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.part import Part, registries

@@ -8,15 +8,14 @@ import pytest
 
 from dualwinch.controllers.controller import (
     Controller,
+    ControllerOutput,
     controller_function,
     controller_step,
     initial_controller_state,
     own_signals,
 )
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.equivalent_input_disturbance import Eid
@@ -25,19 +24,18 @@ from dualwinch.controllers.laws.lqi import Lqi
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.laws.observer import ObserverGains
 from dualwinch.controllers.laws.pid_cascade import PidCascade
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.laws.predictive.mpc import Mpc
 from dualwinch.controllers.laws.rbf_sliding_mode import RbfSlidingMode
-from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.laws.super_twisting import SuperTwisting
 from dualwinch.controllers.nominal import Nominal, nominal_plant
-from dualwinch.controllers.signals import (
-    ControllerOutput,
+from dualwinch.controllers.parts import (
     CoordinationOutput,
     Estimate,
     Measurement,
+    PositionLaw,
     PositionOutput,
 )
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity

@@ -9,7 +9,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.lab.catalogue.catalogue import catalogue
 from dualwinch.lab.wasm.structures import structures
 from dualwinch.lab.wasm.wide import LAG

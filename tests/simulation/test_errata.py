@@ -10,14 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.differential_tension import tension_commands
 from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
 from dualwinch.controllers.laws.observer import ObserverGains, ObserverState, estimate_disturbance, remember
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.controllers.parts import Context, Estimate, Measurement
 from dualwinch.model.disturbance import Disturbance, vortex_force
 from dualwinch.model.plant import (
     DisturbanceInputs,

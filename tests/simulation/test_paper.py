@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import CASES, CONTENTS, FIGURES, case
 

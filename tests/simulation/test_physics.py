@@ -9,14 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.coordination import Coordination
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.nftsm import NftsmGains
-from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.parts import Coordination, PositionLaw
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe

@@ -8,13 +8,11 @@ import pytest
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmGains
-from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import owners

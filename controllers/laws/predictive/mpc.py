@@ -16,9 +16,7 @@ import annotated_types as at
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.extended_state_observer import ExtendedState, corrected
-from dualwinch.controllers.laws.position_law import PositionLaw
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput, corrected, expected
 from dualwinch.controllers.laws.predictive.box import least_in_box
 from dualwinch.controllers.laws.predictive.program import (
     Prediction,
@@ -31,7 +29,7 @@ from dualwinch.controllers.laws.predictive.program import (
     slope_of_cost,
 )
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw
 from dualwinch.model.quantities.quantity import Mark, Positive, Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, minimum
@@ -46,13 +44,6 @@ class MpcState:
     sides: Annotated[
         NDArray[np.float64], Quantity("1", "-1 or 1 where the force is at its lower or upper limit, else 0")
     ]
-
-
-@dataclass(frozen=True)
-class MpcOutput(PositionOutput):
-    """What the law gives."""
-
-    d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")]
 
 
 @dataclass(frozen=True)
@@ -104,9 +95,9 @@ class Mpc(PositionLaw):
 
     def step(
         self, state: MpcState, estimate: Estimate, setpoint: Setpoint, context: Context
-    ) -> tuple[MpcState, MpcOutput]:
+    ) -> tuple[MpcState, ObserverOutput]:
         """One sample: correct what was expected, solve the quadratic program, move to its first stage's end."""
-        T, limit = context.sample_time, context.limits.force
+        T = context.sample_time
         x, v, d = corrected(state.observer, estimate, self.observer_bandwidth, T)
         forces = nominal_forces(v, estimate.d, context.nominal)
         program = self.program(state.force, (x, v, d), estimate.d, setpoint, context)
@@ -116,12 +107,11 @@ class Mpc(PositionLaw):
         # the force goes to the first stage's end along a straight line: this sample's share of the way
         share = minimum(T / self.predicted.lengths[0], 1.0) * forces.mass
         u = state.force + share * clip(changes[0], program.lower[0], program.upper[0])
-        u_sat = clip(u, -limit, limit)
+        u_sat = context.limits.clipped(u)
 
         a = (u_sat - forces.resistance) / forces.mass + d
-        expected = ExtendedState(x + T * v + T**2 / 2 * a, v + T * a, d, 1.0)
-        following = MpcState(expected, u_sat, vector(sides))
-        return following, MpcOutput(u=u, u_sat=u_sat, d_hat=d)
+        following = MpcState(expected(x, v, d, a, T), u_sat, vector(sides))
+        return following, ObserverOutput(u=u, u_sat=u_sat, d_hat=d)
 
     def program(
         self,

@@ -20,8 +20,7 @@ from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.export.package import Provenance, c_package, frozen, prepared
 from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from dualwinch.controllers.controller import POSITION_LAWS
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals

@@ -2,11 +2,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops
 from dualwinch.controllers.coordinations.force_position import ForcePosition
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.controllers.parts import Context, CoordinationOutput, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 

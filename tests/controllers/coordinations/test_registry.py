@@ -6,11 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import CoordinationOutput, Estimate
+from dualwinch.controllers.parts import Context, CoordinationOutput, Estimate
+from dualwinch.controllers.registry import COORDINATIONS
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.loop.structure import structure_of

@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchOutput, WinchState, winch_step
 from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.parts import Context
 from dualwinch.model.plant import Plant
 from dualwinch.model.winch import Winch
 

@@ -7,8 +7,8 @@ import pytest
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.calibrating_kalman import CalibrationGains, RopeKnowledge, learn
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Measurement
+from dualwinch.controllers.registry import ESTIMATORS
 from dualwinch.model.plant import Plant, resting_state, tensions
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment, Simulation

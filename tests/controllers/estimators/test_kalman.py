@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from dualwinch.codegen.source.hoist import hoisted
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.kalman import Kalman, KalmanEstimate, KalmanGains, KalmanState, kalman_gain
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.plant import Plant, PlantState, resting_state, tensions
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.exogenous.signals import exogenous_signals

@@ -4,12 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.estimators.low_pass import LowPass
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
+from dualwinch.controllers.registry import ESTIMATORS
 from dualwinch.model.plant import Plant, resting_state, tensions
 from dualwinch.model.reference import Setpoint
 

@@ -13,7 +13,6 @@ from benchmarks.embedded.host import PRECISE, Host, build
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.source.operations import Precision
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.estimators.kalman import KalmanGains, kalman_gain
 from dualwinch.controllers.estimators.self_calibrating_kalman import (
     SelfCalibratingEstimate,
@@ -23,7 +22,7 @@ from dualwinch.controllers.estimators.self_calibrating_kalman import (
     watched,
 )
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Context, Measurement
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint

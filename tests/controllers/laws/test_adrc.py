@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.adrc import Adrc, AdrcOutput, AdrcState
+from dualwinch.controllers.laws.adrc import Adrc
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle
@@ -21,7 +21,9 @@ T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
 SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
 
 
-def step(state: AdrcState, x: float, v: float = 0.0, law: Adrc | None = None) -> tuple[AdrcState, AdrcOutput]:
+def step(
+    state: ExtendedState, x: float, v: float = 0.0, law: Adrc | None = None
+) -> tuple[ExtendedState, ObserverOutput]:
     estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
     return (law or Adrc()).step(state, estimate, STILL, Context(SMOOTH, Limits(), T))
 
@@ -31,7 +33,7 @@ def test_all_poles_of_the_observer_lie_at_its_bandwidth(bandwidth: float) -> Non
     """What the expectation is wrong by, a sample later, on a vehicle at rest that then follows the command."""
     columns = []
     for wrong in np.eye(3):
-        after, output = step(AdrcState(*wrong, primed=1.0), 0.0, law=Adrc(0.0, bandwidth))
+        after, output = step(ExtendedState(*wrong, primed=1.0), 0.0, law=Adrc(0.0, bandwidth))
         acceleration = output.u_sat / 1e4
         columns.append([after.x - T**2 / 2 * acceleration, after.v - T * acceleration, after.d])
     expected = np.poly([np.exp(-bandwidth * T)] * 3)
@@ -39,20 +41,20 @@ def test_all_poles_of_the_observer_lie_at_its_bandwidth(bandwidth: float) -> Non
 
 
 def test_the_first_sample_takes_the_measured_motion() -> None:
-    state, output = step(AdrcState(), 12.0, 0.3)
+    state, output = step(ExtendedState(), 12.0, 0.3)
     assert output.u == pytest.approx(1e4 * (-16 * 12 - 8 * 0.3))
     assert output.d_hat == 0
     assert state.x == pytest.approx(12.0, abs=1e-3)
 
 
 def test_the_expectation_follows_the_saturated_command() -> None:
-    state, output = step(AdrcState(x=-3.0, primed=1.0), -3.0)
+    state, output = step(ExtendedState(x=-3.0, primed=1.0), -3.0)
     assert (output.u, output.u_sat) == (pytest.approx(4.8e5), 5800)
     assert state.v == pytest.approx(T * 0.58)
 
 
 def test_a_constant_disturbance_is_found() -> None:
-    x, v, state = 0.0, 0.0, AdrcState()
+    x, v, state = 0.0, 0.0, ExtendedState()
     output = None
     for _ in range(8000):
         state, output = step(state, x, v)

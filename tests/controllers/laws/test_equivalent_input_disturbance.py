@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.equivalent_input_disturbance import Eid, EidOutput, EidState
+from dualwinch.controllers.laws.equivalent_input_disturbance import Eid
+from dualwinch.controllers.laws.extended_state_observer import ExtendedState, ObserverOutput
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle
@@ -21,7 +21,9 @@ T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
 SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))
 
 
-def step(state: EidState, x: float, v: float = 0.0, law: Eid | None = None) -> tuple[EidState, EidOutput]:
+def step(
+    state: ExtendedState, x: float, v: float = 0.0, law: Eid | None = None
+) -> tuple[ExtendedState, ObserverOutput]:
     estimate = Estimate(x, v, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0)
     return (law or Eid()).step(state, estimate, STILL, Context(SMOOTH, Limits(), T))
 
@@ -30,7 +32,7 @@ def error_poles(law: Eid) -> np.ndarray:
     """Poles of what the expectation is wrong by, on a vehicle at rest that then follows the command."""
     columns = []
     for wrong in np.eye(3):
-        after, output = step(EidState(*wrong, primed=1.0), 0.0, law=replace(law, natural_frequency=0.0))
+        after, output = step(ExtendedState(*wrong, primed=1.0), 0.0, law=replace(law, natural_frequency=0.0))
         acceleration = output.u_sat / 1e4
         columns.append([after.x - T**2 / 2 * acceleration, after.v - T * acceleration, after.d])
     return np.linalg.eigvals(np.array(columns).T)
@@ -55,27 +57,27 @@ def test_it_is_stable_where_the_filter_is_slow_enough(bandwidth: float, ratio: f
 def test_the_filter_is_a_first_order_low_pass_of_the_estimate() -> None:
     """After one surprise: the share that the filter lets through, of the speed's correction over the sample."""
     law = Eid(observer_bandwidth=20.0, filter_time=0.1)
-    _, output = step(EidState(primed=1.0), 1e-3, law=law)
+    _, output = step(ExtendedState(primed=1.0), 1e-3, law=law)
     wanted = (1 - np.exp(-20 * T)) ** 2 * 1e-3 / T**2
     assert output.d_hat == pytest.approx((1 - np.exp(-T / 0.1)) * wanted)
 
 
 def test_the_first_sample_takes_the_measured_motion() -> None:
-    state, output = step(EidState(), 12.0, 0.3)
+    state, output = step(ExtendedState(), 12.0, 0.3)
     assert output.u == pytest.approx(1e4 * (-16 * 12 - 8 * 0.3))
     assert output.d_hat == 0
     assert state.x == pytest.approx(12.0, abs=1e-3)
 
 
 def test_the_expectation_follows_the_saturated_command() -> None:
-    state, output = step(EidState(x=-3.0, primed=1.0), -3.0)
+    state, output = step(ExtendedState(x=-3.0, primed=1.0), -3.0)
     assert (output.u, output.u_sat) == (pytest.approx(4.8e5), 5800)
     assert state.v == pytest.approx(T * 0.58)
 
 
 @pytest.mark.parametrize("disturbance", [0.05, -0.2])
 def test_a_constant_input_disturbance_is_estimated_exactly_and_taken_off(disturbance: float) -> None:
-    x, v, state, output = 0.0, 0.0, EidState(), None
+    x, v, state, output = 0.0, 0.0, ExtendedState(), None
     for _ in range(8000):
         state, output = step(state, x, v)
         acceleration = output.u_sat / 1e4 + disturbance

@@ -4,12 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm, FandoNftsmOutput, FandoNftsmState
 from dualwinch.controllers.laws.nftsm import Nftsm, NftsmState
 from dualwinch.controllers.laws.observer import ObserverGains, ObserverState
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from dualwinch.codegen.source.hoist import hoisted
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.lqi import Lqi, LqiState
 from dualwinch.controllers.laws.pid_cascade import PidCascade
-from dualwinch.controllers.laws.position_law import PositionLaw
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle

@@ -2,10 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.nftsm import Nftsm, odd_power
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 

@@ -1,9 +1,8 @@
 import pytest
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.pid_cascade import PidCascade, PidCascadeState
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionOutput
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 

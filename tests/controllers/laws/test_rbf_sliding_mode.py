@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.laws.rbf_sliding_mode import CENTRES, RbfOutput, RbfSlidingMode, RbfState
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle

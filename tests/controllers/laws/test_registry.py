@@ -4,10 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionOutput
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
 

@@ -9,7 +9,7 @@ import pytest
 
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.laws.nftsm import Nftsm
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.quantities.part import built_in, digest, named, origin, source_of
 from tests.own_parts import StateFeedback
 from tests.spring_law import SPRING, changed
@@ -44,7 +44,7 @@ def helped(folder: Path, helper: str) -> str:
     (folder / "law.py").write_text("from helper_of_springs import Damping\n" + changed(("= 2e4", "= Damping.VALUE")))
     program = (
         "from dualwinch.config.plugins import load_plugin; from dualwinch.model.quantities.part import digest\n"
-        "from dualwinch.controllers.laws.registry import POSITION_LAWS\n"
+        "from dualwinch.controllers.registry import POSITION_LAWS\n"
         f"load_plugin({str(folder / 'law.py')!r}); print(digest(POSITION_LAWS['spring']))"
     )
     return subprocess.run([sys.executable, "-B", "-c", program], capture_output=True, text=True, check=True).stdout

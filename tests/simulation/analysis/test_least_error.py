@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import COORDINATIONS, POSITION_LAWS
 from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case

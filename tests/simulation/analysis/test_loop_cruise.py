@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop

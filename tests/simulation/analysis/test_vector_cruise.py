@@ -8,11 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.estimators.estimator import Estimator
 from dualwinch.controllers.nominal import nominal_forces
-from dualwinch.controllers.signals import Estimate, Measurement
+from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Elements, Mark, Quantity
 from dualwinch.model.reference import Setpoint

@@ -3,10 +3,8 @@ import pytest
 
 from dualwinch.codegen.block import Block
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Measurement
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe

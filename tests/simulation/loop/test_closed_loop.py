@@ -8,8 +8,8 @@ import pytest
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.low_pass import LowPass
-from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.nominal import Nominal
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference

@@ -9,13 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
-from dualwinch.controllers.laws.registry import POSITION_LAWS
 from dualwinch.controllers.nominal import Nominal
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference

@@ -11,7 +11,7 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
 from dualwinch.controllers.laws.adrc import Adrc
-from dualwinch.controllers.signals import Measurement
+from dualwinch.controllers.parts import Measurement
 from dualwinch.export import export_c, export_mex
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed

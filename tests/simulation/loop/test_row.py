@@ -5,13 +5,9 @@ from typing import Annotated, ClassVar
 
 import pytest
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.laws.registry import POSITION_LAWS
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint

@@ -7,9 +7,7 @@ import pytest
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.coordinations.registry import COORDINATIONS
-from dualwinch.controllers.estimators.registry import ESTIMATORS
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.plant import Plant
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.experiment import Experiment

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import same_color, to_hex
 
 from dualwinch.controllers.laws.adrc import Adrc
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation import plots
 from dualwinch.simulation.paper import case

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat
 
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from dualwinch.controllers.estimators.registry import ESTIMATORS
 from dualwinch.controllers.laws.nftsm import NftsmGains, odd_power
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment

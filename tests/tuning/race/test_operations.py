@@ -3,10 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.context import Context
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.position_law import PositionLaw
-from dualwinch.controllers.signals import Estimate, PositionOutput
+from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import exp

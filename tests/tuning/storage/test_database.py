@@ -20,7 +20,7 @@ from optuna.trial import TrialState
 from dualwinch.cli import main
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.config.plugins import load_plugin
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.problem import TuningProblem

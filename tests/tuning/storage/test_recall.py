@@ -14,7 +14,7 @@ from dualwinch.cli.progress import StatusLine
 from dualwinch.cli.tune import Options, run_study
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.registry import POSITION_LAWS
+from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override

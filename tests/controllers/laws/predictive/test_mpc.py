@@ -11,10 +11,10 @@ from benchmarks.embedded.host import PRECISE, Host, build
 from benchmarks.embedded.report import recorded
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.controllers.context import Context
-from dualwinch.controllers.laws.predictive.mpc import Mpc, MpcOutput, MpcState
+from dualwinch.controllers.laws.extended_state_observer import ObserverOutput
+from dualwinch.controllers.laws.predictive.mpc import Mpc, MpcState
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.signals import Estimate
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.motions import Setpoint
 from dualwinch.model.plant import Plant
 from dualwinch.model.vehicle import Vehicle
@@ -86,7 +86,7 @@ class Blind(Mpc):
 
     def step(
         self, state: MpcState, estimate: Estimate, setpoint: Setpoint, context: Context
-    ) -> tuple[MpcState, MpcOutput]:
+    ) -> tuple[MpcState, ObserverOutput]:
         return super().step(state, estimate, Setpoint(setpoint.x, setpoint.v, setpoint.a), context)
 
 

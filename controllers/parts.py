@@ -1,0 +1,129 @@
+"""What the three parts of a controller are, what they pass on to each other, and what each of them may know.
+
+A part may give more than the next one needs: a subclass of its output with further annotated fields. They become
+columns of a result, under their own names.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from dualwinch.controllers.limits import Limits
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.part import Part
+from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.scalar import Scalar
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Sampled sensor values."""
+
+    x: Annotated[Scalar, Quantity("m", "measured position")]
+    v: Annotated[Scalar, Quantity("m/s", "measured speed")]
+    F1: Annotated[Scalar, Quantity("N", "measured tension of rope 1")]
+    F2: Annotated[Scalar, Quantity("N", "measured tension of rope 2")]
+    omega_1: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 1")]
+    omega_2: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 2")]
+    theta_1: Annotated[Scalar, Quantity("rad", "measured angle of drum 1")]
+    theta_2: Annotated[Scalar, Quantity("rad", "measured angle of drum 2")]
+
+
+@dataclass(frozen=True)
+class Estimate(Measurement):
+    """What an estimator gives: sensor values, position and speed maybe better ones, and a known disturbance."""
+
+    d: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration that the estimator knows")] = 0.0
+
+
+@dataclass(frozen=True)
+class PositionOutput:
+    """What a position law gives."""
+
+    u: Annotated[Scalar, Quantity("N", "force command of the position law before saturation")]
+    u_sat: Annotated[Scalar, Quantity("N", "force command within the limits")]
+
+
+@dataclass(frozen=True)
+class CoordinationOutput:
+    """What a coordination gives."""
+
+    F1_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 1")]
+    F2_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 2")]
+    tau_1: Annotated[Scalar, Quantity("N m", "motor torque command of winch 1")]
+    tau_2: Annotated[Scalar, Quantity("N m", "motor torque command of winch 2")]
+    torque_saturated: Annotated[Scalar, Quantity("1", "1 where a motor torque is at its limit")]
+
+
+@dataclass(frozen=True)
+class Context:
+    """What every part may know beside its own gains.
+
+    Attributes:
+        nominal: the plant as the controller believes it to be.
+        limits: preload and limits of the tensions.
+        sample_time: in s.
+    """
+
+    nominal: Plant
+    limits: Limits
+    sample_time: Scalar
+
+
+class ControllerPart(ABC):
+    """What all parts have in common; their steps take floats or CasADi symbols.
+
+    A step's first argument is the state as the last sample left it, its last two are this sample's `setpoint`
+    (reference position, speed and acceleration) and the `context`. It returns the next state and its output.
+    """
+
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """Times in s ahead at which the step looks by ``setpoint.ahead``; they may follow from what shapes code."""
+        return ()
+
+    @abstractmethod
+    def initial_state(self) -> Any:
+        """State before the first sample: a dataclass of floats, vectors and matrices; it may depend on the gains."""
+
+
+class Estimator(ControllerPart, Part):
+    """From sensor values to what the position law takes for the motion: a frozen dataclass of its own gains.
+
+    An estimator that does without a sensor while it is silent names it in `silent`: then the sensor's value may be no
+    number (NaN), or be beyond `codegen.block.NO_READING` in magnitude, in exported controllers too.
+    """
+
+    silent: ClassVar[frozenset[str]] = frozenset()
+    """Names of measurements that may be no number."""
+
+    @abstractmethod
+    def step(self, state: Any, measurement: Measurement, setpoint: Setpoint, context: Context) -> tuple[Any, Estimate]:
+        """One sample: the next state, and the estimate by this sample's sensor values."""
+
+
+class PositionLaw(ControllerPart, Part):
+    """From estimated motion and setpoint to a force on the vehicle: a frozen dataclass of the law's own gains."""
+
+    @abstractmethod
+    def step(self, state: Any, estimate: Estimate, setpoint: Setpoint, context: Context) -> tuple[Any, PositionOutput]:
+        """One sample: the next state, and the force in N before saturation and within ± ``context.limits.force``."""
+
+
+class Coordination(ControllerPart, Part):
+    """From the position law's force to the torques of both winches: a frozen dataclass of its own gains."""
+
+    @abstractmethod
+    def step(
+        self, state: Any, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context
+    ) -> tuple[Any, CoordinationOutput]:
+        """One sample: the next state, and tension commands in N with motor torques in N m.
+
+        Args:
+            state: as the last sample left it.
+            force: net force in N that the ropes are to give, within ± ``context.limits.force``.
+            estimate: what the estimator gives of this sample, measured tensions among it.
+            setpoint: this sample's reference position, speed and acceleration.
+            context: nominal plant, limits and sample time.
+        """
