@@ -1,5 +1,6 @@
 """Controllers in the same scenarios of an ensemble: paired statistics, with confidence intervals on the differences."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,13 +12,11 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.authority import least_mse
-from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.result import Statistic
-from dualwinch.simulation.metrics.metrics import BUILT_IN
+from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic
+from dualwinch.simulation.ensembles.run import run_side_by_side
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
-from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.progress import no_progress
 
 Floats = NDArray[np.float64]
 
@@ -27,23 +26,11 @@ CONFIDENCE = 0.95
 RESAMPLES = 4000
 """Bootstrap samples behind an interval."""
 
-PORTION = 2**18
-"""Numbers drawn at a time, so that memory does not grow."""
+AT_ONCE = 2**18
+"""Numbers resampled at a time, so that memory does not grow."""
 
 COMPARED = ("mse", "mae", "max_abs_error", "chatter", "peak_tension", "energy")
 """Figures of merit whose ratios are given: all positive, small is good."""
-
-SUMMARY = {
-    "mean_mse": Statistic("mean", "mse"),
-    "median_mse": Statistic("median", "mse"),
-    "p95_mse": Statistic("p95", "mse"),
-    "mean_chatter": Statistic("mean", "chatter"),
-    "max_tension": Statistic("worst", "peak_tension"),
-    "min_tension": Statistic("worst", "min_tension"),
-    "slack_share": Statistic("mean", "slack_share"),
-    "saturated_share": Statistic("mean", "saturated_share"),
-}
-"""What is said of a controller: name in tables and files → statistic."""
 
 
 @dataclass(frozen=True)
@@ -72,69 +59,44 @@ class Paired:
     better: float
 
 
-@dataclass(frozen=True, eq=False)
-class Contender(RunOutcomes):
-    """What a controller came to; arrays of outcomes are (scenarios,).
-
-    Attributes:
-        controller: its laws and gains.
-    """
-
-    controller: Controller
-
-    def over(self, statistic: Statistic) -> float:
-        """A statistic over the scenarios that ran to their end; NaN without any."""
-        return statistic.over(self.of_completed(statistic.metric))
-
-    @property
-    def own(self) -> tuple[str, ...]:
-        """Names of the figures of merit that are none of the built-in ones."""
-        return tuple(name for name in self.metrics if name not in BUILT_IN)
-
-    def summary(self) -> dict[str, float | int | dict[str, int]]:
-        """Statistics over the scenarios that ran to their end (a run that ended early measured something else).
-
-        Returns:
-            The names of `SUMMARY`, each in the unit of its figure of merit and NaN where no scenario ran to its end;
-            likewise ``mean_*`` of the ensemble's own metrics;
-            ``slack_scenarios``, the number of scenarios with any slack sample; ``outcomes``, counts of all scenarios.
-        """
-        statistics = SUMMARY | {f"mean_{name}": Statistic("mean", name) for name in self.own}
-        found = {name: self.over(statistic) for name, statistic in statistics.items()}
-        slack = self.of_completed("slack_share") > 0
-        return found | {
-            "slack_scenarios": int(slack.sum()),
-            "outcomes": self.outcome_counts,
-        }
-
-
 @dataclass(frozen=True, repr=False)
 class Comparison:
     """Controllers in the same scenarios.
 
     Attributes:
         ensemble: what the scenarios were drawn from.
-        seed: of the draws, and of the resampling.
-        asked: number of scenarios asked for; more than there are where the run was interrupted.
-        contenders: name → what it came to, the first being what the others are compared with.
+        contenders: name → result of the controller in these scenarios; the others are compared with the first.
     """
 
     ensemble: Ensemble
-    seed: int
-    asked: int
-    contenders: dict[str, Contender]
+    contenders: dict[str, EnsembleResult]
+
+    @property
+    def first(self) -> EnsembleResult:
+        """Result of the controller that the others are compared with."""
+        return next(iter(self.contenders.values()))
+
+    @property
+    def seed(self) -> int:
+        """Seed of the draws, and of the resampling."""
+        return self.first.seed
+
+    @property
+    def asked(self) -> int:
+        """Number of scenarios asked for; more than there are where the run was interrupted."""
+        return self.first.asked
 
     def __len__(self) -> int:
         """Number of scenarios that every controller ran."""
-        return len(next(iter(self.contenders.values())).outcomes)
+        return len(self.first)
 
     def __repr__(self) -> str:
         """A line for each controller."""
         lines = [f"Comparison in {len(self)} scenarios of '{self.ensemble.name}', seed {self.seed}:"]
         first = next(iter(self.contenders))
         for name, contender in self.contenders.items():
-            peak = contender.over(Statistic("worst", "peak_tension"))
-            mse, chatter = (contender.over(Statistic("mean", metric)) for metric in ("mse", "chatter"))
+            names = ("mean.mse", "mean.chatter", "worst.peak_tension")
+            mse, chatter, peak = (contender.statistic(statistic) for statistic in names)
             words = f"mean MSE {mse:.3g} m², chatter {chatter:.3g} N, largest tension {peak:.0f} N"
             if name != first:
                 words += f"; {self.paired(name)['mse'].ratio_of_means.estimate:.3g} times the MSE of {first}"
@@ -144,7 +106,7 @@ class Comparison:
     @property
     def partial(self) -> bool:
         """Whether the run was interrupted."""
-        return len(self) < self.asked
+        return self.first.partial
 
     @cached_property
     def least_mse(self) -> Floats:
@@ -189,7 +151,7 @@ class Comparison:
             Name of `COMPARED`, or of one of the ensemble's own metrics → ratios; NaN where no scenario was run to its
             end by both.
         """
-        first, other = next(iter(self.contenders.values())), self.contenders[name]
+        first, other = self.first, self.contenders[name]
         both = first.completed & other.completed
         return {
             metric: paired_ratio(other.metrics[metric][both], first.metrics[metric][both], self.seed)
@@ -205,27 +167,37 @@ def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
         references: (pairs,) positive, of the same scenarios.
         seed: of the resampling; the same seed gives the same intervals.
     """
+    from scipy.stats import bootstrap
+
     count = len(values)
     if not count:
         nothing = Interval(np.nan, np.nan, np.nan)
         return Paired(0, nothing, nothing, np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = values / references
-        drawn = np.empty((2, RESAMPLES))
-        generator = np.random.default_rng(seed)
-        portion = max(1, PORTION // count)
-        for start in range(0, RESAMPLES, portion):
-            end = min(start + portion, RESAMPLES)
-            chosen = generator.integers(count, size=(end - start, count))
-            drawn[0, start:end] = values[chosen].mean(axis=1) / references[chosen].mean(axis=1)
-            drawn[1, start:end] = np.median(ratios[chosen], axis=1)
-        estimates = values.mean() / references.mean(), np.median(ratios)
-        tail = (1 - CONFIDENCE) / 2
-        intervals = [
-            Interval(float(estimate), *map(float, np.quantile(samples, (tail, 1 - tail))))
-            for estimate, samples in zip(estimates, drawn, strict=True)
-        ]
-    return Paired(count, *intervals, better=float((values < references).mean()))
+
+    def interval(statistic: Callable[..., Floats]) -> Interval:
+        estimate = float(statistic(values, references))
+        if count == 1:
+            return Interval(estimate, estimate, estimate)
+        found = bootstrap(
+            (values, references),
+            statistic,
+            n_resamples=RESAMPLES,
+            batch=max(1, AT_ONCE // count),
+            paired=True,
+            confidence_level=CONFIDENCE,
+            method="percentile",
+            rng=np.random.default_rng(seed),
+        ).confidence_interval
+        return Interval(estimate, float(found.low), float(found.high))
+
+    with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of ratios that are all NaN
+        return Paired(
+            count,
+            interval(lambda x, y, axis=-1: x.mean(axis) / y.mean(axis)),
+            interval(lambda x, y, axis=-1: np.median(x / y, axis)),
+            better=float((values < references).mean()),
+        )
 
 
 def paper_controller() -> Controller:
@@ -240,7 +212,7 @@ def compare(
     seed: int,
     *,
     threads: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] = no_progress,
 ) -> Comparison:
     """Run every controller in every scenario (common random numbers).
 
@@ -258,57 +230,19 @@ def compare(
         progress: called now and then with the share that is done.
 
     Returns:
-        The comparison. An interrupt (Ctrl-C) keeps the portions that all controllers have finished.
+        The comparison. An interrupt (Ctrl-C) keeps the scenarios that all controllers have finished.
 
     Raises:
         ConfigurationError: nothing to compare, a count or seed out of range, an ensemble that draws the controller's
             own values, or a controller that does not fit; the message names it.
         DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: before the first portion was finished.
+        KeyboardInterrupt: before all controllers have finished a scenario.
     """
     if not controllers:
         raise ConfigurationError("controllers: must be at least one")
-    if scenarios < 1:
-        raise ConfigurationError(f"scenarios = {scenarios}: must be a whole number >= 1")
-    if seed < 0:
-        raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
-    drawn = {name: _with_controller(ensemble, name, controller) for name, controller in controllers.items()}
-    size, threads = portion_size(ensemble.experiment, threads)
-    streams = [in_portions(variant.scenarios(scenarios, seed), size) for variant in drawn.values()]
-    portions: list[dict[str, BatchResult]] = []
-    done = 0
-    try:
-        for chosen in zip(*streams, strict=True):
-
-            def report(share: float, before: int = done, count: int = len(chosen[0])) -> None:
-                if progress:
-                    progress((before + share * count) / scenarios)
-
-            portions.append(_run_portion(dict(zip(drawn, chosen, strict=True)), threads, report))
-            done += len(chosen[0])
-    except KeyboardInterrupt:
-        if not portions:
-            raise
-    contenders = {
-        name: _gathered(controller, [part[name] for part in portions]) for name, controller in controllers.items()
-    }
-    return Comparison(ensemble, seed, scenarios, contenders)
-
-
-def _run_portion(
-    chosen: Mapping[str, list[Scenario]], threads: int, report: Callable[[float], None]
-) -> dict[str, BatchResult]:
-    """The next scenarios by every controller, or an interrupt: pairs need all of them."""
-    results: dict[str, BatchResult] = {}
-    for number, (name, scenarios) in enumerate(chosen.items()):
-
-        def say(share: float, before: int = number) -> None:
-            report((before + share) / len(chosen))
-
-        results[name] = rollout([], np.empty((1, 0)), scenarios, threads=threads, progress=say)
-        if results[name].interrupted:
-            raise KeyboardInterrupt
-    return results
+    drawn = [_with_controller(ensemble, name, controller) for name, controller in controllers.items()]
+    results = run_side_by_side(drawn, scenarios, seed, threads=threads, progress=progress)
+    return Comparison(ensemble, dict(zip(controllers, results, strict=True)))
 
 
 def _with_controller(ensemble: Ensemble, name: str, controller: Controller) -> Ensemble:
@@ -323,8 +257,3 @@ def _with_controller(ensemble: Ensemble, name: str, controller: Controller) -> E
     except ConfigurationError as error:
         raise ConfigurationError(f"{name}: {error}") from error
     return replace(ensemble, experiment=experiment)
-
-
-def _gathered(controller: Controller, parts: list[BatchResult]) -> Contender:
-    runs = concatenated([part.take(0, axis=0) for part in parts])
-    return Contender(runs.outcomes, runs.end_times, runs.metrics, controller)

@@ -10,7 +10,7 @@ times as long for each of them, and a second to import.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from dualwinch.model.quantities.part import Part, Registry
 from dualwinch.model.quantities.quantity import Positive, Quantity, Rule
@@ -33,53 +33,57 @@ class Distribution(Part):
         """The values that show whether every draw is allowed: both bounds, or all choices."""
 
 
-def _must_be_below(name: str) -> Any:
-    return lambda distribution, _: f"must be < {name} = {getattr(distribution, name):g}"
+class Bounded(Distribution):
+    """A distribution with a least value `low` and a largest value `high`."""
+
+    low: float
+    high: float
+
+    rules: ClassVar[tuple[Rule, ...]] = (
+        Rule(
+            ("low", "high"),
+            lambda drawn: drawn.low < drawn.high,
+            lambda drawn, _: f"must be < high = {drawn.high:g}",
+        ),
+    )
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both bounds."""
+        return self.low, self.high
 
 
 @dataclass(frozen=True)
-class Uniform(Distribution):
+class Uniform(Bounded):
     """Equally likely anywhere from `low` to `high`."""
 
     low: Annotated[float, Quantity("", "least value")]
     high: Annotated[float, Quantity("", "largest value")]
 
     kind: ClassVar = "uniform"
-    rules: ClassVar = (Rule(("low", "high"), lambda drawn: drawn.low < drawn.high, _must_be_below("high")),)
 
     def quantile(self, share: float) -> float:
         """The value that a `share` (0 to 1) of all draws do not exceed."""
         return self.low + share * (self.high - self.low)
 
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Both bounds."""
-        return self.low, self.high
-
 
 @dataclass(frozen=True)
-class LogUniform(Distribution):
+class LogUniform(Bounded):
     """From `low` to `high`, each octave as likely as any other: for what is known by its order of magnitude only."""
 
     low: Annotated[Positive, Quantity("", "least value")]
     high: Annotated[Positive, Quantity("", "largest value")]
 
     kind: ClassVar = "log-uniform"
-    rules: ClassVar = (Rule(("low", "high"), lambda drawn: drawn.low < drawn.high, _must_be_below("high")),)
 
     def quantile(self, share: float) -> float:
         """The value that a `share` (0 to 1) of all draws do not exceed."""
         value = self.low * math.exp(share * math.log(self.high / self.low))
         return min(max(value, self.low), self.high)
 
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Both bounds."""
-        return self.low, self.high
-
 
 @dataclass(frozen=True)
-class Normal(Distribution):
+class Normal(Bounded):
     """Normal around `mean` with the standard deviation `sigma` before the tails beyond `low` and `high` are cut off."""
 
     mean: Annotated[float, Quantity("", "mean before the tails are cut off")]
@@ -89,7 +93,7 @@ class Normal(Distribution):
 
     kind: ClassVar = "normal"
     rules: ClassVar = (
-        Rule(("low", "high"), lambda drawn: drawn.low < drawn.high, _must_be_below("high")),
+        *Bounded.rules,
         Rule(
             ("mean", "low", "high"),
             lambda drawn: drawn.low <= drawn.mean <= drawn.high,
@@ -104,11 +108,6 @@ class Normal(Distribution):
         below, upto = (float(ndtr((end - self.mean) / self.sigma)) for end in self.ends)
         value = self.mean + self.sigma * float(ndtri(below + share * (upto - below)))
         return min(max(value, self.low), self.high)
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Both bounds."""
-        return self.low, self.high
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.files import atomic
+from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Quantity, nearest
@@ -124,6 +125,19 @@ class Traces:
         return np.quantile(self.sampled[column].astype(float), shares, axis=0)
 
 
+SUMMARY = {
+    "mean_mse": "mean.mse",
+    "median_mse": "median.mse",
+    "p95_mse": "p95.mse",
+    "mean_chatter": "mean.chatter",
+    "max_tension": "worst.peak_tension",
+    "min_tension": "worst.min_tension",
+    "slack_share": "mean.slack_share",
+    "saturated_share": "mean.saturated_share",
+}
+"""What is said of a controller: name in tables and files → statistic."""
+
+
 @dataclass(frozen=True, eq=False)
 class EnsembleResult(RunOutcomes):
     """What the scenarios of an ensemble came to; arrays of outcomes are (scenarios,).
@@ -160,15 +174,38 @@ class EnsembleResult(RunOutcomes):
         Raises:
             ConfigurationError: unknown statistic or figure of merit.
         """
-        return self._over(statistic_from(name, self.ensemble.experiment.metrics))
+        statistic = statistic_from(name, self.ensemble.experiment.metrics)
+        return statistic.over(self.of_completed(statistic.metric))
 
     @property
     def statistics(self) -> dict[str, dict[str, float]]:
         """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
         return {metric: {kind: self.statistic(f"{kind}.{metric}") for kind in KINDS} for metric in self.metrics}
 
-    def _over(self, statistic: Statistic) -> float:
-        return statistic.over(self.of_completed(statistic.metric))
+    @property
+    def controller(self) -> Controller:
+        """Laws and gains of all scenarios."""
+        return self.ensemble.experiment.controller
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the figures of merit that are none of the built-in ones."""
+        return tuple(name for name in self.metrics if name not in BUILT_IN)
+
+    def summary(self) -> dict[str, float | int | dict[str, int]]:
+        """Statistics over the scenarios that ran to their end (a run that ended early measured something else).
+
+        Returns:
+            The names of `SUMMARY`, each in the unit of its figure of merit and NaN where no scenario ran to its end;
+            likewise ``mean_*`` of the ensemble's own metrics;
+            ``slack_scenarios``, the number of scenarios with any slack sample; ``outcomes``, counts of all scenarios.
+        """
+        names = SUMMARY | {f"mean_{name}": f"mean.{name}" for name in self.own}
+        slack = self.of_completed("slack_share") > 0
+        return {name: self.statistic(statistic) for name, statistic in names.items()} | {
+            "slack_scenarios": int(slack.sum()),
+            "outcomes": self.outcome_counts,
+        }
 
 
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:

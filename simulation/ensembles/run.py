@@ -1,10 +1,6 @@
-"""Run an ensemble: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
+"""Run ensembles: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
 
-from array import array
-from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
-from itertools import chain, islice
-from sys import intern
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +11,9 @@ from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import no_progress
-from dualwinch.simulation.results.outcomes import WORDS
-from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.progress import no_progress, part
+from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes, concatenated
+from dualwinch.simulation.scenario import Scenario, Value
 
 TRACED = ("e", "F1", "F2")
 """Columns whose traces are kept."""
@@ -25,137 +21,11 @@ TRACED = ("e", "F1", "F2")
 SAMPLED = 2000
 """Scenarios whose traces are kept one by one (12 MB); of all others only their extremes."""
 
-
-@dataclass(frozen=True)
-class Finished:
-    """One scenario after its run.
-
-    Attributes:
-        scenario: what was run.
-        metrics: figure of merit → value.
-        outcome, end_time: how it ended, and when in s.
-        t: (rows,) times in s of the trace.
-        trace: (columns of `TRACED`, rows) float32.
-    """
-
-    scenario: Scenario
-    metrics: dict[str, float]
-    outcome: str
-    end_time: float
-    t: NDArray[np.float64]
-    trace: NDArray[np.float32]
-
-
-class Collector:
-    """Finished scenarios of an ensemble so far."""
-
-    def __init__(self, ensemble: Ensemble) -> None:
-        self.ensemble = ensemble
-        self._draws: list[tuple] = []
-        self._outcomes: list[str] = []
-        self._end_times, self._metrics = array("d"), array("d")
-        self._merits: tuple[str, ...] = ()
-        self._count = 0
-        self._t = np.empty(0)
-        self._sampled: list[NDArray[np.float32]] = []
-        self._lowest = self._highest = np.empty(0, np.float32)
-
-    def __len__(self) -> int:
-        return self._count
-
-    def add(self, run: Finished) -> None:
-        """Take a scenario in."""
-        if run.outcome == "completed" and run.t.size:
-            if not self._sampled:
-                self._t, self._lowest, self._highest = run.t, run.trace, run.trace
-            if len(self._sampled) < SAMPLED:
-                self._sampled.append(run.trace)
-            self._lowest = np.minimum(self._lowest, run.trace)
-            self._highest = np.maximum(self._highest, run.trace)
-        self._draws.append(tuple(run.scenario.draws.values()))
-        self._outcomes.append(intern(run.outcome))
-        self._end_times.append(run.end_time)
-        self._merits = tuple(run.metrics)
-        self._metrics.extend(run.metrics.values())
-        self._count += 1
-
-    def result(self, seed: int, asked: int) -> EnsembleResult:
-        """The result of the scenarios taken in; of an interrupted `add` nothing is seen.
-
-        Args:
-            seed: of the draws.
-            asked: number of scenarios asked for.
-        """
-        count = len(self)
-        merits = np.array(self._metrics[: count * len(self._merits)]).reshape(count, -1).T
-        draws = zip(*self._draws[:count], strict=True)
-        return EnsembleResult(
-            ensemble=self.ensemble,
-            seed=seed,
-            asked=asked,
-            draws={key: np.array(values) for key, values in zip(self.ensemble.drawn_keys, draws, strict=True)},
-            outcomes=np.array(self._outcomes[:count], dtype=np.str_),
-            end_times=np.array(self._end_times[:count]),
-            metrics=dict(zip(self._merits, merits, strict=True)),
-            traces=self._traces() if self._sampled else None,
-        )
-
-    def _traces(self) -> Traces:
-        sampled = np.array(self._sampled)
-        return Traces(
-            t=self._t,
-            sampled={column: sampled[:, index] for index, column in enumerate(TRACED)},
-            lowest={column: self._lowest[index] for index, column in enumerate(TRACED)},
-            highest={column: self._highest[index] for index, column in enumerate(TRACED)},
-        )
-
-
 POINTS = 500
 """Instants of a trace."""
 
 LARGEST = 1e30
 """Magnitude a trace is limited to, within the range of single precision."""
-
-
-def rollout_scenarios(
-    scenarios: Iterable[Scenario], points: int = 0, workers: int | None = None
-) -> Generator[Finished, None, None]:
-    """Run scenarios of one structure and length portion by portion, and give them back in their order.
-
-    Args:
-        scenarios: drawn a portion at a time.
-        points: instants of the traces, at most; 0 keeps none.
-        workers: threads (default: one a core); the compiled code runs without Python's lock.
-
-    Raises:
-        ConfigurationError: the values of a scenario do not fit together; the message names its number.
-        DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: after all that was finished by then has been given back.
-    """
-    stream = iter(scenarios)
-    for first in islice(stream, 1):
-        size, threads = portion_size(first.base, workers)
-        stride = -(-first.base.samples // points) if points else 0
-        for portion in in_portions(chain((first,), stream), size):
-            result = rollout([], np.empty((1, 0)), portion, stride=stride, threads=threads)
-            yield from _finished(portion, result)
-            if result.interrupted:
-                raise KeyboardInterrupt
-
-
-def _finished(portion: list[Scenario], result: BatchResult) -> Iterator[Finished]:
-    """The scenarios of a portion up to the first that an interrupt left out."""
-    outcomes, end_times = result.outcomes[0].tolist(), result.end_times[0].tolist()
-    rows = np.array(list(result.metrics.values()))[:, 0].T.tolist()
-    t, traces = np.empty((len(portion), 0)), np.empty((len(portion), 0, 0), np.float32)
-    if result.columns:
-        traced = np.array([result.columns[name][0] for name in TRACED])
-        t, traces = result.columns["t"][0], traced.clip(-LARGEST, LARGEST).astype(np.float32).swapaxes(0, 1)
-    for index, scenario in enumerate(portion):
-        if outcomes[index] == WORDS[Outcome.NOT_RUN]:
-            return
-        metrics = dict(zip(result.metrics, rows[index], strict=True))
-        yield Finished(scenario, metrics, outcomes[index], end_times[index], t[index], traces[index])
 
 
 def run_ensemble(
@@ -184,20 +54,106 @@ def run_ensemble(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: before the first scenario was finished.
     """
+    (result,) = run_side_by_side([ensemble], scenarios, seed, POINTS if traces else 0, workers, progress)
+    return result
+
+
+def run_side_by_side(
+    ensembles: Sequence[Ensemble],
+    scenarios: int,
+    seed: int,
+    points: int = 0,
+    threads: int | None = None,
+    progress: Callable[[float], None] = no_progress,
+) -> list[EnsembleResult]:
+    """Run the same scenarios of several ensembles, which differ in their controllers alone; as `run_ensemble`.
+
+    Scenarios are drawn and run a portion at a time, each portion by every ensemble. An interrupt keeps the scenarios
+    that all ensembles have finished.
+
+    Args:
+        ensembles: one or more.
+        scenarios: how many.
+        seed: of the draws.
+        points: instants of the traces, at most; 0 keeps none.
+        threads: default: one a core; the compiled code runs without Python's lock.
+        progress: receives the fraction that is done.
+    """
     if scenarios < 1:
         raise ConfigurationError(f"scenarios = {scenarios}: must be a whole number >= 1")
     if seed < 0:
         raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
-    prepare(ensemble.experiment)
-    kept = Collector(ensemble)
-    finished = rollout_scenarios(ensemble.scenarios(scenarios, seed), POINTS if traces else 0, workers)
+    for ensemble in ensembles:
+        prepare(ensemble.experiment)
+    size, threads = portion_size(ensembles[0].experiment, threads)
+    stride = -(-ensembles[0].experiment.samples // points) if points else 0
+    portions: list[tuple[list[RunOutcomes], list[tuple[Value, ...]]]] = []
+    traces: list[Traces | None] = [None] * len(ensembles)
     try:
-        for run in finished:
-            kept.add(run)
-            progress(len(kept) / scenarios)
+        for portion in zip(*(in_portions(each.scenarios(scenarios, seed), size) for each in ensembles), strict=True):
+            report = part(progress, portion[0][0].index / scenarios, (portion[0][-1].index + 1) / scenarios)
+            ran = _run_portion(portion, stride, threads, report)
+            finished = min(map(_finished, ran)) if len(ran) == len(portion) else 0
+            if finished:
+                values = [tuple(scenario.draws.values()) for scenario in portion[0][:finished]]
+                portions.append(([_taken(run, finished) for run in ran], values))
+                traces = [_traced(before, run, finished) for before, run in zip(traces, ran, strict=True)]
+            if ran[-1].interrupted:
+                break
     except KeyboardInterrupt:
-        if not len(kept):
+        if not portions:
             raise
-    finally:
-        finished.close()
-    return kept.result(seed, scenarios)
+    if not portions:
+        raise KeyboardInterrupt
+    draws = zip(*(values for _, drawn in portions for values in drawn), strict=True)
+    columns = dict(zip(ensembles[0].drawn_keys, map(np.array, draws), strict=True))
+    runs = [concatenated(of_one) for of_one in zip(*(runs for runs, _ in portions), strict=True)]
+    return [
+        EnsembleResult(run.outcomes, run.end_times, run.metrics, ensemble, seed, scenarios, columns, traced)
+        for ensemble, run, traced in zip(ensembles, runs, traces, strict=True)
+    ]
+
+
+def _run_portion(
+    portion: Sequence[list[Scenario]], stride: int, threads: int, progress: Callable[[float], None]
+) -> list[BatchResult]:
+    """A portion of the scenarios by every ensemble, up to the first run that is interrupted."""
+    ran: list[BatchResult] = []
+    for number, chosen in enumerate(portion):
+        report = part(progress, number / len(portion), (number + 1) / len(portion))
+        ran.append(rollout([], np.empty((1, 0)), chosen, stride=stride, threads=threads, progress=report))
+        if ran[-1].interrupted:
+            break
+    return ran
+
+
+def _finished(run: BatchResult) -> int:
+    """Number of a portion's scenarios before the first that an interrupt left out."""
+    left_out = run.outcomes[0] == WORDS[Outcome.NOT_RUN]
+    return int(left_out.argmax()) if left_out.any() else len(left_out)
+
+
+def _taken(run: BatchResult, finished: int) -> RunOutcomes:
+    """The outcomes of a portion's finished scenarios, without their traces."""
+    return RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(finished))
+
+
+def _traced(before: Traces | None, run: BatchResult, finished: int) -> Traces | None:
+    """The traces so far with those of a portion's finished scenarios that were completed."""
+    completed = np.flatnonzero(run.completed[0, :finished])
+    if not (run.columns and completed.size):
+        return before
+    signals: dict[str, NDArray[np.float32]] = {
+        name: run.columns[name][0, completed].clip(-LARGEST, LARGEST).astype(np.float32) for name in TRACED
+    }
+    if before is None:
+        ends = {name: values[0] for name, values in signals.items()}
+        none = {name: values[:0] for name, values in signals.items()}
+        before = Traces(run.columns["t"][0, completed[0]], none, ends, ends)
+    room = SAMPLED - len(before.sampled[TRACED[0]])
+    return Traces(
+        before.t,
+        {name: np.concatenate([before.sampled[name], values[:room]]) for name, values in signals.items()},
+        {name: np.minimum(before.lowest[name], values.min(axis=0)) for name, values in signals.items()},
+        {name: np.maximum(before.highest[name], values.max(axis=0)) for name, values in signals.items()},
+    )

@@ -1,6 +1,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.result import save_ensemble
@@ -304,16 +306,17 @@ def test_config_prints_an_ensemble_that_simulate_reads(tmp_path: Path, capsys: p
 def test_an_interrupt_writes_what_was_finished(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dualwinch.simulation.ensembles.run import Collector, Finished
+    from dualwinch.simulation.ensembles import run
 
-    add = Collector.add
+    rollout = run.rollout
 
-    def interrupted(self: Collector, finished: Finished) -> None:
-        if finished.scenario.index == 3:
-            raise KeyboardInterrupt
-        add(self, finished)
+    def interrupted(*arguments: Any, **options: Any) -> BatchResult:
+        found = rollout(*arguments, **options)
+        outcomes = found.outcomes.copy()
+        outcomes[:, 3:] = "not_run"
+        return replace(found, outcomes=outcomes, interrupted=True)
 
-    monkeypatch.setattr(Collector, "add", interrupted)
+    monkeypatch.setattr(run, "rollout", interrupted)
     out = tmp_path / "sea.json"
     assert dualwinch("simulate", *SHORT, "--out", out) == 1
     said = capsys.readouterr()

@@ -10,7 +10,8 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.ensembles.comparison import Comparison, Contender, paper_controller
+from dualwinch.simulation.ensembles.comparison import Comparison, paper_controller
+from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 
 SHORT = ("--scenarios", "3", "--seed", "5", "--set", "simulation.duration=0.2")
@@ -65,10 +66,9 @@ def test_only_the_controller_of_a_file_counts(calm: Path) -> None:
 
 
 def test_json_says_null_where_nothing_completed() -> None:
-    lost = Contender(
-        np.array(["diverged"]), np.array([1.0]), {name: np.array([np.inf]) for name in BUILT_IN}, paper_controller()
-    )
-    facts = as_json(Comparison(load_ensemble("sea"), 0, 1, {"a": lost, "b": lost}))
+    sea, metrics = load_ensemble("sea"), {name: np.array([np.inf]) for name in BUILT_IN}
+    lost = EnsembleResult(np.array(["diverged"]), np.array([1.0]), metrics, sea, 0, 1, draws={}, traces=None)
+    facts = as_json(Comparison(sea, {"a": lost, "b": lost}))
     assert facts["files"][0]["mean_mse"] is None
     assert facts["files"][1]["over_first"]["mse"]["ratio_of_means"]["low"] is None
     json.dumps(facts, allow_nan=False)

@@ -12,7 +12,7 @@ from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS
-from dualwinch.simulation.ensembles import comparison
+from dualwinch.simulation.ensembles import run
 from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_ratio, paper_controller
 from dualwinch.simulation.ensembles.distributions import Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
@@ -110,7 +110,7 @@ def test_the_seed_determines_the_intervals() -> None:
 
 
 def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls, whole = [], comparison.rollout
+    calls, whole = [], run.rollout
 
     def interrupted(*words, **options):
         calls.append(1)
@@ -118,7 +118,7 @@ def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: p
             raise KeyboardInterrupt
         return whole(*words, **options)
 
-    monkeypatch.setattr(comparison, "rollout", interrupted)
+    monkeypatch.setattr(run, "rollout", interrupted)
     result = compare({"a": paper_controller(), "b": stronger()}, sea, 40, 0, threads=1)
     assert result.partial
     assert {len(contender.outcomes) for contender in result.contenders.values()} == {BLOCKS * LANES}

@@ -16,7 +16,7 @@ from dualwinch.simulation.ensembles import run as module
 from dualwinch.simulation.ensembles.distributions import Choice
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult
-from dualwinch.simulation.ensembles.run import POINTS, rollout_scenarios, run_ensemble
+from dualwinch.simulation.ensembles.run import POINTS, run_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.simulate import simulate
@@ -113,14 +113,19 @@ def test_statistics_look_at_the_bad_end(ten: EnsembleResult) -> None:
 
 def test_an_interrupt_keeps_the_finished_scenarios() -> None:
     def interrupt(done: float) -> None:
-        if done == 4 / 1000:
+        if done >= 4 / 1000:
             raise KeyboardInterrupt
 
     ensemble = lasting(0.5)
     result = run_ensemble(ensemble, 1000, 7, progress=interrupt)
     assert result.partial
-    assert same(result, run_ensemble(ensemble, 4, 7))
-    assert not run_ensemble(ensemble, 4, 7).partial
+    assert 4 <= len(result) < 1000
+    whole = run_ensemble(ensemble, len(result), 7)
+    assert same(result, whole)
+    assert not whole.partial
+    assert result.traces is not None
+    assert whole.traces is not None
+    np.testing.assert_equal(vars(result.traces), vars(whole.traces))
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
@@ -131,7 +136,7 @@ def test_a_signal_in_the_middle_is_such_an_interrupt() -> None:
             lasting(0.5),
             1000,
             7,
-            progress=lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 4 / 1000 else None,
+            progress=lambda done: os.kill(os.getpid(), signal.SIGINT) if done >= 4 / 1000 else None,
         )
     finally:
         signal.signal(signal.SIGINT, before)
@@ -153,14 +158,18 @@ def test_an_interrupt_before_anything_is_finished_is_one() -> None:
 def test_scenarios_are_drawn_as_they_are_needed() -> None:
     drawn: list[int] = []
 
-    def scenarios() -> Iterator[Scenario]:
-        for scenario in lasting(0.1).scenarios(1000, 0):
-            drawn.append(scenario.index)
-            yield scenario
+    class Counted(Ensemble):
+        def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
+            for scenario in super().scenarios(count, seed):
+                drawn.append(scenario.index)
+                yield scenario
 
-    run = rollout_scenarios(scenarios(), workers=1)
-    assert [next(run).scenario.index for _ in range(5)] == list(range(5))
-    run.close()
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    ensemble = Counted(**vars(lasting(0.1)))
+    result = run_ensemble(ensemble, 1000, 0, workers=1, progress=interrupt)
+    assert 0 < len(result) <= BLOCKS * LANES
     assert len(drawn) <= 2 * BLOCKS * LANES  # a portion, and the next one
 
 
