@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeAlias, get_args
 
 import annotated_types as at
 
@@ -17,6 +17,12 @@ from dualwinch.model.reference import Reference, own_duration, steady_window
 from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.metrics.metrics import checked_metrics
 from dualwinch.simulation.sensors import Sensors
+
+EngineName: TypeAlias = Literal["compiled", "casadi", "interpreter"]
+ENGINES: tuple[EngineName, ...] = get_args(EngineName)
+"""``compiled``: C by the emitter of `codegen.source`, which rewrites the step with fewer operations. ``casadi``: the
+step as CasADi's code generator writes it, untouched. Both run in the same driver, the whole run in one call.
+``interpreter``: CasADi's virtual machine, a call a sample."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,12 @@ class Simulation:
         Quantity("1", "steps of the integrator in a sample (adaptive: where one step is not enough)", ""),
         Mark.SHAPES_CODE,
     ] = 5
+    engine: Annotated[
+        EngineName,
+        Quantity(
+            "", "what runs: C by our emitter, C as CasADi's code generator writes it, or CasADi's interpreter", ""
+        ),
+    ] = "compiled"
     readings: Annotated[
         bool, Quantity("", "rows hold what the sensors say, too (x_read, F1_read, ...), as a logger would", "")
     ] = False

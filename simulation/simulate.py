@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.engine import EngineName, engine_of
+from dualwinch.simulation.experiment import EngineName, Experiment
+from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.prepare import check_memory, prepare
 from dualwinch.simulation.results.outcomes import WORDS
@@ -24,7 +24,7 @@ def simulate(
     *,
     nominal: Plant | None = None,
     stride: int = 1,
-    engine: EngineName = "compiled",
+    engine: EngineName | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Run one experiment.
@@ -34,7 +34,8 @@ def simulate(
         nominal: the plant the controller was designed for; default: the simulated one.
         stride: every how many samples a row is kept; 0 keeps none (the metrics count every sample all the same).
         engine: ``compiled`` (C by our emitter), ``casadi`` (C as CasADi's code generator writes it) or ``interpreter``
-            (CasADi's, some hundred times slower); the same answer but for rounding.
+            (CasADi's, some hundred times slower); the same answer but for rounding. Default: the experiment's
+            (``simulation.engine``).
         progress: called now and then in a long run with the share that is done.
 
     Returns:
@@ -48,7 +49,7 @@ def simulate(
     prepared = prepare(experiment, nominal)
     loop = prepared.loop
     check_memory(experiment.samples, stride, len(loop.columns))
-    run = engine_of(loop, engine)
+    run = engine_of(loop, experiment.simulation.engine if engine is None else engine)
     parameters, state = loop.vector(prepared.parameters), prepared.state
     kept: list[NDArray[np.float64]] = []
     outcome, done = Outcome.COMPLETED, 0

@@ -22,8 +22,7 @@ from benchmarks.peers import (
 from benchmarks.peers.candidates import ROLLOUTS
 from benchmarks.peers.peer import Peer, Run
 from dualwinch.simulation.batch.threads import cores
-from dualwinch.simulation.experiment import Simulation
-from dualwinch.simulation.loop.engine import EngineName
+from dualwinch.simulation.experiment import EngineName, Simulation
 
 LIMIT = "hand-c"
 """Key of the peer that is the limit of the shared algorithm, RK4."""

@@ -22,7 +22,7 @@ from dualwinch.cli.simulate import engine_here
 
 if TYPE_CHECKING:
     from dualwinch.reports.claims import Claim
-    from dualwinch.simulation.loop.engine import EngineName
+    from dualwinch.simulation.experiment import EngineName
     from dualwinch.simulation.results.result import Result
 
     Runs = dict[tuple[int, str], Result]
@@ -76,7 +76,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
     from dualwinch.simulation.results.storage import save
     from dualwinch.simulation.simulate import simulate
 
-    engine = engine_here()
+    engine = engine_here("compiled")
     jobs = [(number, kind) for number in numbers for kind in kinds]
     contents = [figure for figure in FIGURES if figure.case in numbers]
     compared = 4 in numbers and {"fando-nftsm", "nftsm"} <= set(kinds)

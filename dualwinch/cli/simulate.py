@@ -29,8 +29,7 @@ from dualwinch.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.ensembles.result import EnsembleResult
-    from dualwinch.simulation.experiment import Experiment
-    from dualwinch.simulation.loop.engine import EngineName
+    from dualwinch.simulation.experiment import EngineName, Experiment
     from dualwinch.simulation.results.result import Result
 
 app = App(
@@ -74,8 +73,8 @@ def simulate(
     engine: Annotated[
         Literal["compiled", "casadi", "interpreter"] | None,
         Parameter(
-            help="Compiled C, C as CasADi's code generator writes it, or CasADi's interpreter (slow; the default only "
-            "where there is no compiler)."
+            help="In place of `simulation.engine`: compiled C, C as CasADi's code generator writes it, or CasADi's "
+            "interpreter (slow; by itself only where there is no compiler)."
         ),
     ] = None,
 ) -> None:
@@ -93,7 +92,9 @@ def simulate(
     use_parts(plugin)
     assignments = with_estimator(estimator, set_)
     if ensemble is not None:
-        _check_alone("--ensemble", stride=stride != 1, engine=engine not in {None, "compiled"}, animate=animate)
+        _check_alone("--ensemble", stride=stride != 1, animate=animate)
+        if engine is not None:
+            assignments = [*assignments, f"simulation.engine={engine}"]
         simulate_ensemble(ensemble_of(ensemble, case, config, controller, assignments), scenarios, seed, out, plot)
         return
     if scenarios is not None:
@@ -133,7 +134,7 @@ def simulate_one(
 
         check_animation(animate)
         check_folder(animate.parent)
-    engine = engine or engine_here()
+    engine = engine or engine_here(asked.simulation.engine)
     console = terminal(stderr=True)
     with ProgressLine("simulating") as progress:
         result = run(asked, stride=stride, engine=engine, progress=progress)
@@ -181,8 +182,8 @@ NO_COMPILER = (
 )
 
 
-def engine_here() -> EngineName:
-    """The fastest engine that this machine has; where that is the interpreter, a line on standard error says so.
+def engine_here(asked: EngineName) -> EngineName:
+    """The engine asked for; the interpreter in place of ``compiled`` without a compiler, as standard error says then.
 
     Raises:
         CompilerNotFoundError: the compiler asked for by name (``DUALWINCH_CC``, ``CC``) is none.
@@ -190,6 +191,8 @@ def engine_here() -> EngineName:
     from dualwinch.codegen.compiler import find_compiler
     from dualwinch.codegen.errors import CompilerNotFoundError
 
+    if asked != "compiled":
+        return asked
     try:
         find_compiler()
     except CompilerNotFoundError:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity, nearest
@@ -20,6 +21,7 @@ from dualwinch.simulation.batch.scenarios import Progress, Scenarios, run_by_str
 from dualwinch.simulation.batch.threads import cores, run_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
+from dualwinch.simulation.loop.engine import Engine, engine_of
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import final_states, metric_quantities, metrics_of
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run, words_of
@@ -58,7 +60,8 @@ def rollout(
     """Run every set of parameters in every scenario.
 
     A pair's result depends on nothing but the pair: not on its neighbours, its lane, the number of pairs or threads.
-    It equals `simulate`'s up to the elementary functions, which err by up to 1e-9 of their value here.
+    It equals `simulate`'s up to the elementary functions, which err by up to 1e-9 of their value here. Scenarios of
+    another engine than ``compiled`` (``simulation.engine``) run one by one, as by `simulate`.
 
     Args:
         names: keys of the parameters that vary, e.g. ``["controller.nftsm.beta", "controller.observer.l0"]``. A
@@ -176,7 +179,9 @@ def _rollout(
     loop, samples = pairs.loop, pairs.samples
     slack = loop.states.index("metrics.slack")
     most = np.inf if most_slack is None else most_slack * samples
-    run = compile_batch(loop)
+    engine = pairs.experiment(0).simulation.engine
+    together = compile_batch(loop) if engine == "compiled" else None
+    alone = None if together else engine_of(loop, engine)
     shape, kept = pairs.shape, -(-samples // stride) if stride else 0
     found = not_run(shape, ())
     columns = {name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {}
@@ -185,12 +190,14 @@ def _rollout(
     summed = [loop.states.index(name) for name in kept_states]
 
     def block(chosen: NDArray[np.int64]) -> None:
-        filled = np.resize(chosen, (LANES, 2))  # idle lanes repeat the block's pairs
+        filled = np.resize(chosen, (lanes, 2))  # idle lanes repeat the block's pairs
         vectors = pairs.vectors(filled)
         state = pairs.starts(vectors)
-        outcome, done, rows = run(
-            vectors, pairs.sources(filled[:, 1].tolist()), state, samples, stride, watched=slack, most=most
-        )
+        if together:
+            sources = pairs.sources(filled[:, 1].tolist())
+            outcome, done, rows = together(vectors, sources, state, samples, stride, watched=slack, most=most)
+        else:
+            outcome, done, rows = _alone(alone, vectors[0], pairs.signals(chosen[0, 1]), state[0], stride, slack, most)
         busy, (sets, scenes) = slice(len(chosen)), chosen.T
         final[:, sets, scenes] = state[busy, summed].T
         for index, name in enumerate(columns):
@@ -198,10 +205,34 @@ def _rollout(
         found.end_times[sets, scenes] = done[busy] * pairs.sample_time
         found.outcomes[sets, scenes] = words_of(outcome[busy])
 
-    blocks = [pairs.indices[first : first + LANES] for first in range(0, len(pairs.indices), LANES)]
+    lanes = LANES if together else 1
+    blocks = [pairs.indices[first : first + lanes] for first in range(0, len(pairs.indices), lanes)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
     metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=found.completed, own=pairs.metrics)
     return BatchResult(found.outcomes, found.end_times, vars(metrics), columns, interrupted=not whole)
+
+
+LOOK_EVERY = 64
+"""Samples from one look at the slack to the next, about, as in compiled batches."""
+
+
+def _alone(
+    run: Engine, vector: Floats, signals: Floats, state: Floats, stride: int, watched: int, most: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """One run by another engine, in the form of a block of one lane; arguments as those of `codegen.drivers.batch`."""
+    step = max(stride, 1)
+    length = len(signals) if np.isinf(most) else step * -(-LOOK_EVERY // step)
+    outcome, done, kept = Outcome.COMPLETED, 0, []
+    while done < len(signals) and outcome == Outcome.COMPLETED:
+        outcome, stepped, rows = run(vector, signals[done : done + length], state, stride)
+        done += stepped
+        kept.append(rows)
+        if outcome == Outcome.COMPLETED and done < len(signals) and state[watched] > most:
+            outcome = Outcome.GIVEN_UP
+    rows = np.full((-(-len(signals) // stride) if stride else 0, kept[0].shape[1]), np.nan)
+    found = np.concatenate(kept)
+    rows[: len(found)] = found
+    return np.array([outcome]), np.array([done]), rows[np.newaxis]
 
 
 BLOCKS = 2

@@ -22,7 +22,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import COMPARISONS, Leaf, Mark, Rule, bound_of, nearest
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import starts
 from dualwinch.simulation.loop.structure import (
     Structure,
@@ -353,8 +353,8 @@ def run_by_structure(
 ) -> Result:
     """The result of a batch whose scenarios are run structure by structure: no pair depends on its neighbours.
 
-    One compiled loop runs scenarios of one structure, length and sample time. The sub-steps are part of the structure:
-    they follow from the laws of the ropes.
+    One compiled loop runs scenarios of one structure, length, sample time and engine. The sub-steps are part of the
+    structure: they follow from the laws of the ropes.
 
     Args:
         run: gives the result of scenarios that go together; a dataclass of arrays (n, m, ...) and dictionaries of such.
@@ -365,15 +365,16 @@ def run_by_structure(
     Raises:
         ConfigurationError: scenarios differ in more than their sub-steps, and may not.
     """
-    places: dict[tuple[Structure, int, float], list[int]] = {}
+    places: dict[tuple[Structure, int, float, EngineName], list[int]] = {}
     for group in scenario_groups(scenarios):
         experiment = group.experiment
-        shape = structure_of(experiment), experiment.samples, experiment.simulation.sample_time
+        simulation = experiment.simulation
+        shape = structure_of(experiment), experiment.samples, simulation.sample_time, simulation.engine
         places.setdefault(shape, []).extend(group.members.tolist())
     if len(places) <= 1:
         return run(scenarios, progress)
     if alike:
-        shapes = [(replace(structure, substeps=0), *rest) for structure, *rest in places]
+        shapes = [(replace(structure, substeps=0), *rest) for structure, *rest, _engine in places]
         for shape, indices in zip(shapes, places.values(), strict=True):
             if shape != shapes[0]:
                 where = f"scenarios[{indices[0]}]"

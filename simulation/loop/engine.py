@@ -1,7 +1,7 @@
 """Three ways to run the same symbolic step: C by our emitter, C by CasADi's code generator, CasADi's interpreter."""
 
 from collections.abc import Callable
-from typing import Literal, TypeAlias, get_args
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -12,13 +12,8 @@ from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import ENGINES, EngineName
 from dualwinch.simulation.loop.closed_loop import ClosedLoop
-
-EngineName: TypeAlias = Literal["compiled", "casadi", "interpreter"]
-ENGINES: tuple[EngineName, ...] = get_args(EngineName)
-"""``compiled``: C by the emitter of `codegen.source`, which rewrites the step with fewer operations. ``casadi``: the
-step as CasADi's code generator writes it, untouched. Both run in the same driver, the whole run in one call.
-``interpreter``: CasADi's virtual machine, a call a sample."""
 
 Floats: TypeAlias = NDArray[np.float64]
 

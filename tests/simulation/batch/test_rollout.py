@@ -49,6 +49,22 @@ def test_a_batch_is_its_single_rollouts(number: int) -> None:
             assert result.metrics["peak_tension"][i, j] == pytest.approx(single.metrics.peak_tension, rel=1e-9)
 
 
+@pytest.mark.parametrize("engine", ["casadi", "interpreter"])
+def test_a_batch_runs_in_the_engine_that_its_scenarios_ask_for(engine: str) -> None:
+    """To the last bit as `simulate` there; in any order beside scenarios of other engines, and given up likewise."""
+    asking = [override(scenario(4, seed, 0.3), {"simulation.engine": engine}) for seed in (0, 1)]
+    mixed = [asking[0], scenario(4, 2, 0.3), asking[1]]
+    result = rollout(NAMES, GAINS[:2], mixed, stride=7)
+    assert same(result, rollout(NAMES, GAINS[:2], asking, stride=7), lambda table: table[:, [0, 2]])
+    single = simulate(override(asking[1], dict(zip(NAMES, GAINS[1].tolist(), strict=True))), stride=7)
+    assert np.array_equal(result.columns["x"][1, 2], single["x"])
+    assert result.metrics["mse"][1, 2] == single.metrics.mse
+    slack = override(scenario(1, 0, 0.3), {"simulation.engine": engine})
+    ours, theirs = (rollout([], np.empty((1, 0)), [each], most_slack=0.0) for each in (slack, scenario(1, 0, 0.3)))
+    assert ours.outcomes.tolist() == theirs.outcomes.tolist() == [["went_slack"]]
+    assert ours.end_times == theirs.end_times
+
+
 def test_lane_size_threads_and_neighbours_change_no_bit() -> None:
     scenarios = [scenario(4, seed, 0.3) for seed in range(3)]
     everything = rollout(NAMES, GAINS, scenarios, stride=7)

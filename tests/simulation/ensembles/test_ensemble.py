@@ -91,7 +91,7 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "metrics": ["room"],
         "actuator.kind": "motor",
     }
-    alone = {"plant.rope_1.kind", "plant.rope_2.kind", "sensors.outage"}
+    alone = {"plant.rope_1.kind", "plant.rope_2.kind", "sensors.outage", "simulation.engine"}
     assert set(others) | alone == shaping_keys(SEA.experiment)
     for key, value in others.items():
         assert structure_of(override(SEA.experiment, {key: value})) != structure_of(SEA.experiment), key

@@ -19,14 +19,15 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Reference
 from dualwinch.model.ropes import Rope, Track
 from dualwinch.simulation.exogenous.signals import exogenous_signals
-from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.simulation.experiment import ENGINES, Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
-from dualwinch.simulation.loop.engine import ENGINES, engine_of
+from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.sensors import Sensors
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.closeness import close
 from tests.own_ropes import Bedding, Stiffening
@@ -141,6 +142,25 @@ EXPLODING = replace(
     simulation=Simulation(duration=2.0),
 )
 """The anti-saturation state's own Euler step is unstable."""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_experiment_says_its_engine_unless_the_call_says_another(engine: Any) -> None:
+    plain = override(case(4), {"simulation.duration": 0.3})
+    asking = override(plain, {"simulation.engine": engine})
+    apart = dict(zip(ENGINES, (simulate(plain, engine=name)["x"] for name in ENGINES), strict=True))
+    assert np.array_equal(simulate(asking)["x"], apart[engine])
+    for other in ENGINES:
+        assert np.array_equal(simulate(asking, engine=other)["x"], apart[other])
+    assert not np.array_equal(apart["compiled"], apart["interpreter"])  # last bits, which tell the engines apart
+
+
+def test_an_unknown_engine_is_one_line_that_names_the_three() -> None:
+    allowed = 'simulation.engine = "casadis": must be "compiled" or "casadi" or "interpreter"'
+    with pytest.raises(ConfigurationError, match=allowed):
+        override(case(4), {"simulation.engine": "casadis"})
+    with pytest.raises(ConfigurationError, match="engine = 'casadis': must be compiled, casadi, interpreter"):
+        simulate(case(4), engine="casadis")  # pyright: ignore[reportArgumentType]
 
 
 def all_engines(experiment: Experiment) -> list[Result]:
