@@ -11,7 +11,7 @@ last, so that ``A(:, :, k)`` is a matrix), and every number of the operating poi
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -24,160 +24,11 @@ from dualwinch.model.errors import ConfigurationError, MissingExtraError
 from dualwinch.model.quantities.quantity import nearest
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 
-
-@dataclass(frozen=True)
-class SystemContent:
-    """What a file holds: one system, or a sweep of systems, whose names and sample time are those of the content.
-
-    Attributes:
-        matrices: ``A``, ``B``, ``C``, ``D`` → the matrix, or those of a sweep with the points as their first axis.
-        dt: sample time in s; None: continuous time.
-        states, inputs, outputs: names.
-        units: name → unit.
-        operating_point: name → value, or values of a sweep.
-        figures: what was found of the systems, plain data with names and units; empty: nothing.
-    """
-
-    matrices: Mapping[str, NDArray[np.float64]]
-    dt: float | None
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    units: Mapping[str, str]
-    operating_point: Mapping[str, float | list[float]]
-    figures: Mapping[str, Any] = field(default_factory=dict)
-
-
-def write(content: SystemContent, path: str | PathLike[str]) -> None:
-    """Write linear systems to a file, which appears whole or not at all.
-
-    Args:
-        content: what to write.
-        path: its suffix chooses the format: json, mat, npz.
-
-    Raises:
-        ConfigurationError: unknown suffix.
-        OSError: the file cannot be written.
-    """
-    path = Path(path)
-    write_format = writer(path)
-    with atomic(path) as unfinished:
-        write_format(unfinished, content)
-
-
-def writer(path: str | PathLike[str]) -> Callable[[Path, SystemContent], None]:
-    """What writes the format of a path's suffix.
-
-    Raises:
-        ConfigurationError: unknown suffix.
-    """
-    path = Path(path)
-    try:
-        return WRITERS[path.suffix.lower()]
-    except KeyError:
-        allowed = ", ".join(WRITERS)
-        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
-
-
-def _write_json(path: Path, content: SystemContent) -> None:
-    entries = {
-        **{name: matrix.tolist() for name, matrix in content.matrices.items()},
-        "dt": content.dt,
-        "states": list(content.states),
-        "inputs": list(content.inputs),
-        "outputs": list(content.outputs),
-        "units": dict(content.units),
-        "operating_point": dict(content.operating_point),
-        **({"figures": dict(content.figures)} if content.figures else {}),
-    }
-    path.write_text(json.dumps(entries, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _write_npz(path: Path, content: SystemContent) -> None:
-    arrays = {
-        **content.matrices,
-        "dt": np.array(content.dt or 0.0),
-        "states": np.array(content.states),
-        "inputs": np.array(content.inputs),
-        "outputs": np.array(content.outputs),
-        "units": np.array(json.dumps(dict(content.units))),
-        "operating_point": np.array(json.dumps(dict(content.operating_point))),
-        **({"figures": np.array(json.dumps(dict(content.figures)))} if content.figures else {}),
-    }
-    np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
-
-
-def _write_mat(path: Path, content: SystemContent) -> None:
-    from scipy.io import savemat
-
-    entries = {
-        **{
-            name: np.moveaxis(matrix, 0, -1) if matrix.ndim == 3 else matrix
-            for name, matrix in content.matrices.items()
-        },
-        "dt": content.dt or 0.0,
-        "states": _cells(content.states),
-        "inputs": _cells(content.inputs),
-        "outputs": _cells(content.outputs),
-        "units": {_field(name): unit for name, unit in content.units.items()},
-        "operating_point": {_field(name): value for name, value in content.operating_point.items()},
-        **({"figures": json.dumps(dict(content.figures))} if content.figures else {}),
-    }
-    savemat(path, entries, long_field_names=True)
-
-
-def _cells(names: Iterable[str]) -> NDArray[np.object_]:
-    """A column cell array of texts."""
-    return np.array([*names, ""], dtype=object)[:-1, None]
-
-
-def _field(name: str) -> str:
-    """A name as a field of a MATLAB structure, which has no dots."""
-    return name.replace(".", "_")
-
-
-WRITERS: dict[str, Callable[[Path, SystemContent], None]] = {
-    ".json": _write_json,
-    ".mat": _write_mat,
-    ".npz": _write_npz,
-}
-"""Suffix → what writes it."""
+Array = NDArray[np.float64]
 
 
 LARGEST = 16
 """Rows and columns of the largest matrix that is shown; of a larger system only the names are."""
-
-
-def html(system: SystemContent) -> str:
-    """Names, units and, of a small system, the matrix [A B; C D] with its rows and columns named."""
-    sizes = len(system.states), len(system.inputs), len(system.outputs)
-    words = "{} states, {} inputs, {} outputs".format(*sizes)
-    time = "continuous time" if system.dt is None else f"sampled every {system.dt:g} s"
-    point = ", ".join(f"{name} = {value:.4g}" for name, value in system.operating_point.items())
-    kinds = {"state": system.states, "input": system.inputs, "output": system.outputs}
-    rows = [[name, readable_unit(system.units[name]), kind] for kind, names in kinds.items() for name in names]
-    names = section("names and units", table(["name", "unit", ""], rows))
-    parts = [section("A, B; C, D", _matrix(system), is_open=True)] if _is_small(system) else []
-    if point:
-        words += f", at {point}"
-    return page("Linear system", f"{time}, {words}", *parts, names)
-
-
-def _is_small(system: SystemContent) -> bool:
-    states, inputs, outputs = len(system.states), len(system.inputs), len(system.outputs)
-    return max(states + inputs, states + outputs) <= LARGEST
-
-
-def _matrix(system: SystemContent) -> str:
-    numbers = np.block([[system.matrices["A"], system.matrices["B"]], [system.matrices["C"], system.matrices["D"]]])
-    columns = (*system.states, *system.inputs)
-    form = "d{}/dt" if system.dt is None else "next {}"
-    causes = [*(form.format(name) for name in system.states), *system.outputs]
-    rows = [[name, *(f"{value:.4g}" for value in row)] for name, row in zip(causes, numbers, strict=True)]
-    return table(["", *columns], rows, numbers=range(1, len(columns) + 1))
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,8 +147,24 @@ class LinearSystem:
         return control.StateSpace(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt, **names)
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
-        return html(self._content)
+        """Names, units and, of a small system, the matrix [A B; C D] with its rows and columns named."""
+        kinds = {"state": self.states, "input": self.inputs, "output": self.outputs}
+        words = ", ".join(f"{len(names)} {kind}s" for kind, names in kinds.items())
+        time = "continuous time" if self.dt is None else f"sampled every {self.dt:g} s"
+        point = ", ".join(f"{name} = {value:.4g}" for name, value in self.operating_point.items())
+        rows = [[name, readable_unit(self.units[name]), kind] for kind, names in kinds.items() for name in names]
+        is_small = len(self.states) + max(len(self.inputs), len(self.outputs)) <= LARGEST
+        parts = [section("A, B; C, D", self._matrix(), is_open=True)] if is_small else []
+        parts.append(section("names and units", table(["name", "unit", ""], rows)))
+        return page("Linear system", f"{time}, {words}" + (f", at {point}" if point else ""), *parts)
+
+    def _matrix(self) -> str:
+        columns = (*self.states, *self.inputs)
+        form = "d{}/dt" if self.dt is None else "next {}"
+        causes = [*(form.format(name) for name in self.states), *self.outputs]
+        matrix = np.block([[self.A, self.B], [self.C, self.D]])
+        rows = [[name, *(f"{value:.4g}" for value in row)] for name, row in zip(causes, matrix, strict=True)]
+        return table(["", *columns], rows, numbers=range(1, len(columns) + 1))
 
     def save(self, path: str | PathLike[str], figures: Mapping[str, Any] | None = None) -> None:
         """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.system`).
@@ -310,11 +177,7 @@ class LinearSystem:
             ConfigurationError: unknown suffix.
             OSError: the file cannot be written.
         """
-        write(replace(self._content, figures=figures or {}), path)
-
-    @property
-    def _content(self) -> SystemContent:
-        return _content(self, {name: getattr(self, name) for name in "ABCD"}, self.operating_point)
+        _write(path, self, {}, figures)
 
 
 def save_sweep(
@@ -329,21 +192,70 @@ def save_sweep(
     first = systems[0]
     matrices = {name: np.array([getattr(system, name) for system in systems]) for name in "ABCD"}
     values = {name: [system.operating_point[name] for system in systems] for name in first.operating_point}
-    write(replace(_content(first, matrices, values), figures=figures or {}), path)
+    _write(path, first, matrices | {"operating_point": values}, figures)
 
 
-def _content(
-    first: LinearSystem, matrices: Mapping[str, Array], operating_point: Mapping[str, float] | Mapping[str, list[float]]
-) -> SystemContent:
-    return SystemContent(
-        matrices=matrices,
-        dt=first.dt,
-        states=first.states,
-        inputs=first.inputs,
-        outputs=first.outputs,
-        units=first.units,
-        operating_point=operating_point,
-    )
+def _write(
+    path: str | PathLike[str], first: LinearSystem, own: Mapping[str, Any], figures: Mapping[str, Any] | None
+) -> None:
+    """Write a file, which appears whole or not at all: entries of a system, some of them replaced by `own`."""
+    write_format = writer(path)
+    entries = {field.name: getattr(first, field.name) for field in fields(first)} | own
+    with atomic(Path(path)) as unfinished:
+        write_format(unfinished, entries | ({"figures": dict(figures)} if figures else {}))
+
+
+def writer(path: str | PathLike[str]) -> Callable[[Path, dict[str, Any]], None]:
+    """What writes the format of a path's suffix.
+
+    Raises:
+        ConfigurationError: unknown suffix.
+    """
+    path = Path(path)
+    try:
+        return WRITERS[path.suffix.lower()]
+    except KeyError:
+        allowed = ", ".join(WRITERS)
+        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
+
+
+def _write_json(path: Path, entries: dict[str, Any]) -> None:
+    def plain(value: Any) -> Any:
+        return value.tolist() if isinstance(value, np.ndarray) else dict(value)
+
+    path.write_text(json.dumps(entries, indent=2, allow_nan=False, default=plain) + "\n", encoding="utf-8")
+
+
+def _write_npz(path: Path, entries: dict[str, Any]) -> None:
+    arrays = {
+        name: np.array(json.dumps(dict(value)) if isinstance(value, Mapping) else value)
+        for name, value in (entries | {"dt": entries["dt"] or 0.0}).items()
+    }
+    np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  # names are free
+
+
+def _write_mat(path: Path, entries: dict[str, Any]) -> None:
+    from scipy.io import savemat
+
+    def form(name: str, value: Any) -> Any:
+        if name == "figures":
+            return json.dumps(value)
+        if isinstance(value, Mapping):  # a field of a structure has no dots
+            return {field.replace(".", "_"): item for field, item in value.items()}
+        if isinstance(value, tuple):  # names, as a column cell array of texts
+            return np.array([*value, ""], dtype=object)[:-1, None]
+        return np.moveaxis(value, 0, -1) if np.ndim(value) == 3 else value
+
+    found = {name: form(name, value) for name, value in (entries | {"dt": entries["dt"] or 0.0}).items()}
+    savemat(path, found, long_field_names=True)
+
+
+WRITERS: dict[str, Callable[[Path, dict[str, Any]], None]] = {
+    ".json": _write_json,
+    ".mat": _write_mat,
+    ".npz": _write_npz,
+}
+"""Suffix → what writes it."""
 
 
 def _index(name: str, names: tuple[str, ...], kind: str) -> int:
