@@ -196,7 +196,7 @@ def save_sweep(
 
 
 def _write(
-    path: str | PathLike[str], first: LinearSystem, own: Mapping[str, Any], figures: Mapping[str, Any] | None
+    path: str | PathLike[str], first: LinearSystem, own: dict[str, Any], figures: Mapping[str, Any] | None
 ) -> None:
     """Write a file, which appears whole or not at all: entries of a system, some of them replaced by `own`."""
     write_format = writer(path)
