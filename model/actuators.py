@@ -152,11 +152,12 @@ def drive(
     Raises:
         ConfigurationError: the actuator's step is none (`model.quantities.steps`).
     """
-    ratio_1, ratio_2 = plant.winch_1.gear_ratio, plant.winch_2.gear_ratio
-    demand_1 = Demand(asked.tau_1, ratio_1 * motion.theta_1, ratio_1 * motion.omega_1)
-    demand_2 = Demand(asked.tau_2, ratio_2 * motion.theta_2, ratio_2 * motion.omega_2)
-    state_1, torque_1 = stepped_to_number(actuator, states[0], "torque", demand_1, sample_time)
-    state_2, torque_2 = stepped_to_number(actuator, states[1], "torque", demand_2, sample_time)
+    found = []
+    commands = asked.tau_1, asked.tau_2
+    for side, drum, state, torque in zip(plant.sides, motion.drums, states, commands, strict=True):
+        demand = Demand(torque, *(side.winch.gear_ratio * value for value in drum))
+        found.append(stepped_to_number(actuator, state, "torque", demand, sample_time))
+    (state_1, torque_1), (state_2, torque_2) = found
     return (state_1, state_2), Torques(torque_1, torque_2)
 
 

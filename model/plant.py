@@ -1,13 +1,13 @@
 """The coupled plant: vehicle, two ropes, two winches (paper Section 2; signs as in E1–E3)."""
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import casadi as ca
 
 from dualwinch.model.quantities.part import PartChoice
 from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
+from dualwinch.model.quantities.tree import alike, leaves, symbols
 from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, one_sided, rope_lengths
 from dualwinch.model.scalar import Scalar, reciprocals
 from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
@@ -32,25 +32,48 @@ class Plant:
     creep_1: Creep = field(default_factory=Creep)
     creep_2: Creep = field(default_factory=Creep)
 
+    @property
+    def sides(self) -> "tuple[Side, Side]":
+        """Both winches with their ropes."""
+        return (
+            Side(1, 1.0, self.winch_1, self.rope_1, self.creep_1),
+            Side(2, -1.0, self.winch_2, self.rope_2, self.creep_2),
+        )
+
+
+class Side(NamedTuple):
+    """A winch with its rope, and the direction of the rope's pull on the vehicle: 1 along the track, -1 back."""
+
+    number: int
+    direction: float
+    winch: Winch
+    rope: RopeLaw
+    creep: Creep
+
 
 @dataclass(frozen=True)
 class PlantState:
     """State of the plant; angles and speeds are positive when rope is retrieved (E1)."""
 
-    x: Annotated[Scalar, Quantity("m", "position of the vehicle along the track"), Mark.POSITION]
-    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle"), Mark.SPEED]
-    theta_1: Annotated[Scalar, Quantity("rad", "angle of drum 1")]
-    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1")]
-    theta_2: Annotated[Scalar, Quantity("rad", "angle of drum 2")]
-    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2")]
+    x: Annotated[Scalar, Quantity("m", "position of the vehicle along the track"), Mark.POSITION] = 0.0
+    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle"), Mark.SPEED] = 0.0
+    theta_1: Annotated[Scalar, Quantity("rad", "angle of drum 1")] = 0.0
+    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1")] = 0.0
+    theta_2: Annotated[Scalar, Quantity("rad", "angle of drum 2")] = 0.0
+    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2")] = 0.0
+
+    @property
+    def drums(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
+        """Angle in rad and speed in rad/s of both drums."""
+        return (self.theta_1, self.omega_1), (self.theta_2, self.omega_2)
 
 
 @dataclass(frozen=True)
 class Torques:
     """Motor torques, the plant's inputs."""
 
-    tau_1: Annotated[Scalar, Quantity("N m", "motor torque of winch 1")]
-    tau_2: Annotated[Scalar, Quantity("N m", "motor torque of winch 2")]
+    tau_1: Annotated[Scalar, Quantity("N m", "motor torque of winch 1")] = 0.0
+    tau_2: Annotated[Scalar, Quantity("N m", "motor torque of winch 2")] = 0.0
 
 
 @dataclass(frozen=True)
@@ -64,17 +87,15 @@ class DisturbanceInputs:
 
 def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, Scalar]:
     """Tensions F_1 and F_2 in N of the two ropes at the time t in s (paper Section 2.2, E1, A1, A2)."""
-    length_1, length_2 = rope_lengths(state.x, plant.track)
-    closeness_1, closeness_2 = reciprocals(length_1, length_2)
-    drum_1, drum_2 = winding(state.theta_1, plant.winch_1), winding(state.theta_2, plant.winch_2)
-    (longer_1, creeping_1), (longer_2, creeping_2) = crept(t, plant.creep_1), crept(t, plant.creep_2)
-    stretch_1, rate_1 = drum_1.rope - state.x - longer_1, drum_1.radius * state.omega_1 - state.v - creeping_1
-    stretch_2, rate_2 = drum_2.rope + state.x - longer_2, drum_2.radius * state.omega_2 + state.v - creeping_2
-    pull_1 = plant.rope_1.pull(stretch_1, rate_1, length_1, closeness_1)
-    pull_2 = plant.rope_2.pull(stretch_2, rate_2, length_2, closeness_2)
-    if not plant.rope_slack:
-        return pull_1, pull_2
-    return one_sided(stretch_1, pull_1), one_sided(stretch_2, pull_2)
+    lengths, found = rope_lengths(state.x, plant.track), []
+    closenesses = reciprocals(*lengths)
+    for side, (theta, omega), length, closeness in zip(plant.sides, state.drums, lengths, closenesses, strict=True):
+        drum, (longer, creeping) = winding(theta, side.winch), crept(t, side.creep)
+        stretch = drum.rope - side.direction * state.x - longer
+        rate = drum.radius * omega - side.direction * state.v - creeping
+        pull = side.rope.pull(stretch, rate, length, closeness)
+        found.append(one_sided(stretch, pull) if plant.rope_slack else pull)
+    return found[0], found[1]
 
 
 def vehicle_acceleration(v: Scalar, pull: Scalar, environment: DisturbanceInputs, vehicle: Vehicle) -> Scalar:
@@ -96,15 +117,18 @@ def derivative(
         plant: its parameters.
         t: time in s.
     """
-    force_1, force_2 = tensions(state, plant, t)
-    radius_1, radius_2 = winding(state.theta_1, plant.winch_1).radius, winding(state.theta_2, plant.winch_2).radius
+    forces, given = tensions(state, plant, t), (torques.tau_1, torques.tau_2)
+    accelerations = [
+        drum_acceleration(omega, force, torque, side.winch, winding(theta, side.winch).radius)
+        for side, (theta, omega), force, torque in zip(plant.sides, state.drums, forces, given, strict=True)
+    ]
     return PlantState(
         x=state.v,
-        v=vehicle_acceleration(state.v, force_1 - force_2, environment, plant.vehicle),
+        v=vehicle_acceleration(state.v, forces[0] - forces[1], environment, plant.vehicle),
         theta_1=state.omega_1,
-        omega_1=drum_acceleration(state.omega_1, force_1, torques.tau_1, plant.winch_1, radius_1),
+        omega_1=accelerations[0],
         theta_2=state.omega_2,
-        omega_2=drum_acceleration(state.omega_2, force_2, torques.tau_2, plant.winch_2, radius_2),
+        omega_2=accelerations[1],
     )
 
 
@@ -118,33 +142,22 @@ def shaft_torques(torques: Torques, theta_1: Scalar, theta_2: Scalar, plant: Pla
 
 def torques_amid(torques: Torques, state: PlantState, duration: Scalar, plant: Plant) -> Torques:
     """`shaft_torques` at the drum angles amid a stretch of time of a duration in s that begins with a state."""
-    middle_1 = state.theta_1 + duration / 2 * state.omega_1
-    middle_2 = state.theta_2 + duration / 2 * state.omega_2
+    middle_1, middle_2 = (theta + duration / 2 * omega for theta, omega in state.drums)
     return shaft_torques(torques, middle_1, middle_2, plant)
 
 
 def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
     """At rest at x in m with both ropes at tension preload/2 in N: the initial state of every run."""
-    length_1, length_2 = rope_lengths(x, plant.track)
-    stretch_1 = plant.rope_1.resting_stretch(preload / 2, length_1)
-    stretch_2 = plant.rope_2.resting_stretch(preload / 2, length_2)
-    return PlantState(
-        x=x,
-        v=0.0,
-        theta_1=angle_of(stretch_1 + x, plant.winch_1),
-        omega_1=0.0,
-        theta_2=angle_of(stretch_2 - x, plant.winch_2),
-        omega_2=0.0,
+    angles = (
+        angle_of(side.rope.resting_stretch(preload / 2, length) + side.direction * x, side.winch)
+        for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True)
     )
+    return PlantState(x, 0.0, next(angles), 0.0, next(angles), 0.0)
 
 
 def holding_torques(preload: Scalar, plant: Plant) -> Torques:
     """Motor torques that hold both ropes at tension preload/2 in N on the drums' radius of the data sheet."""
-    winch_1, winch_2 = plant.winch_1, plant.winch_2
-    return Torques(
-        tau_1=winch_1.drum_radius / winch_1.gear_ratio * preload / 2,
-        tau_2=winch_2.drum_radius / winch_2.gear_ratio * preload / 2,
-    )
+    return Torques(*(side.winch.drum_radius / side.winch.gear_ratio * preload / 2 for side in plant.sides))
 
 
 def specified_plant(plant: Plant) -> Plant:
@@ -163,13 +176,6 @@ def plant_structure(plant: Plant) -> Plant:
     return Plant(rope_slack=plant.rope_slack, rope_1=alike(plant.rope_1), rope_2=alike(plant.rope_2))
 
 
-def symbolic_plant(structure: Plant) -> tuple[Plant, ca.SX]:
-    """A plant of a structure whose numbers are symbols, and their vector in the order of ``numbers(structure)``."""
-    names = list(numbers(structure))
-    p = ca.SX.sym("p", len(names))
-    return with_leaves(structure, dict(zip(names, ca.vertsplit(p), strict=True))), p
-
-
 def plant(values: Plant | None = None) -> ca.Function:
     """The plant as a named CasADi function to call, print, differentiate or generate code from.
 
@@ -184,12 +190,11 @@ def plant(values: Plant | None = None) -> ca.Function:
         there is no p.
     """
     structure = values or Plant()
-    symbolic, p = symbolic_plant(structure)
+    symbolic, p = symbols(structure, "p")
     parameters = structure if values else symbolic
-    x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
-    state = PlantState(*ca.vertsplit(x))
-    torques = Torques(*ca.vertsplit(u))
-    environment = DisturbanceInputs(*ca.vertsplit(w))
+    state, x = symbols(PlantState(), "x")
+    torques, u = symbols(Torques(), "u")
+    environment, w = symbols(DisturbanceInputs(), "w")
     dx = derivative(state, shaft_torques(torques, state.theta_1, state.theta_2, parameters), environment, parameters)
     inputs = {"x": x, "u": u, "w": w} | ({} if values else {"p": p})
     outputs = [ca.vertcat(*leaves(dx).values()), ca.vertcat(*tensions(state, parameters))]

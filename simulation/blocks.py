@@ -146,7 +146,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     state = _new((*describe(PlantState), PHASE, SAMPLE, SLOW))
     torques, sea = _new(describe(Torques)), _new(describe(DisturbanceInputs))
     sample_time = symbols["simulation.sample_time"]
-    motion = with_leaves(Motion(PlantState(0, 0, 0, 0, 0, 0)), {f"plant.{name}": state[name] for name in state} | state)
+    motion = with_leaves(Motion(PlantState()), {f"plant.{name}": state[name] for name in state} | state)
     t, here = state[SAMPLE] * sample_time, motion.plant
     problem = Problem(
         t=t,

@@ -19,11 +19,10 @@ from dualwinch.model.plant import (
     derivative,
     plant_structure,
     shaft_torques,
-    symbolic_plant,
     tensions,
 )
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.tree import leaves, numbers
+from dualwinch.model.quantities.tree import leaves, numbers, symbols
 
 STATES = tuple(describe(PlantState))
 INPUTS = ("tau_1", "tau_2", "D", "current")
@@ -135,10 +134,11 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
 @built_once
 def _jacobians(structure: Plant) -> ca.Function:
     """``(state, torques, environment, parameters) -> (A, B, C, D)``."""
-    plant, p = symbolic_plant(structure)
-    x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", 2), ca.SX.sym("w", 3)
-    state, environment = PlantState(*ca.vertsplit(x)), DisturbanceInputs(*ca.vertsplit(w))
-    torques = shaft_torques(Torques(*ca.vertsplit(u)), state.theta_1, state.theta_2, plant)
+    plant, p = symbols(structure, "p")
+    state, x = symbols(PlantState(), "x")
+    asked, u = symbols(Torques(), "u")
+    environment, w = symbols(DisturbanceInputs(), "w")
+    torques = shaft_torques(asked, state.theta_1, state.theta_2, plant)
     dx = ca.vertcat(*leaves(derivative(state, torques, environment, plant)).values())
     force_1, force_2 = tensions(state, plant)
     y = ca.vertcat(state.x, state.v, force_1, force_2, state.omega_1, state.omega_2)

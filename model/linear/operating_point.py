@@ -27,11 +27,10 @@ from dualwinch.model.plant import (
     derivative,
     plant_structure,
     shaft_torques,
-    symbolic_plant,
     tensions,
 )
 from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.model.quantities.tree import leaves, numbers
+from dualwinch.model.quantities.tree import leaves, numbers, symbols
 from dualwinch.model.ropes import SHORTEST_ROPE, Track, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
 from dualwinch.model.vehicle import drag, friction
@@ -76,28 +75,16 @@ def steady_motion(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: 
     The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
     angle the motion is steady for that instant.
     """
-    length_1, length_2 = rope_lengths(x, plant.track)
-    stretch_1, slope_1 = plant.rope_1.steady_stretch(tensions[0], length_1, -v)
-    stretch_2, slope_2 = plant.rope_2.steady_stretch(tensions[1], length_2, v)
-    theta_1, theta_2 = angle_of(stretch_1 + x, plant.winch_1), angle_of(stretch_2 - x, plant.winch_2)
-    radius_1, radius_2 = winding(theta_1, plant.winch_1).radius, winding(theta_2, plant.winch_2).radius
-    omega_1 = v * (1 - slope_1) / radius_1
-    omega_2 = -v * (1 - slope_2) / radius_2
-    state = PlantState(
-        x=x,
-        v=v,
-        theta_1=theta_1,
-        omega_1=omega_1,
-        theta_2=theta_2,
-        omega_2=omega_2,
-    )
-    torque_1 = (radius_1 * tensions[0] + friction_torque(omega_1, plant.winch_1)) / plant.winch_1.gear_ratio
-    torque_2 = (radius_2 * tensions[1] + friction_torque(omega_2, plant.winch_2)) / plant.winch_2.gear_ratio
-    torques = Torques(
-        tau_1=torque_1 / shaft_torque(1.0, theta_1, plant.winch_1),
-        tau_2=torque_2 / shaft_torque(1.0, theta_2, plant.winch_2),
-    )
-    return SteadyMotion(state, torques, *tensions)
+    drums, torques = [], []
+    for side, tension, length in zip(plant.sides, tensions, rope_lengths(x, plant.track), strict=True):
+        stretch, slope = side.rope.steady_stretch(tension, length, -side.direction * v)
+        theta = angle_of(stretch + side.direction * x, side.winch)
+        radius = winding(theta, side.winch).radius
+        omega = side.direction * v * (1 - slope) / radius
+        drums += [theta, omega]
+        torque = (radius * tension + friction_torque(omega, side.winch)) / side.winch.gear_ratio
+        torques.append(torque / shaft_torque(1.0, theta, side.winch))
+    return SteadyMotion(PlantState(x, v, *drums), Torques(*torques), *tensions)
 
 
 FASTEST = 10.0
@@ -303,7 +290,7 @@ def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
 @built_once
 def operating_point_law(structure: Plant) -> ca.Function:
     """``(x, v, preload, force, current, tension_min, tension_max), p -> state, torques, tensions``."""
-    plant, p = symbolic_plant(structure)
+    plant, p = symbols(structure, "p")
     point = ca.SX.sym("point", 7)
     x, v, preload, force, current, tension_min, tension_max = ca.vertsplit(point)
     environment = DisturbanceInputs(force, current)
@@ -316,10 +303,9 @@ def operating_point_law(structure: Plant) -> ca.Function:
 @built_once
 def _left(structure: Plant) -> ca.Function:
     """``state, torques, (force, current), p -> what is left``: largest acceleration and rate of a tension."""
-    plant, p = symbolic_plant(structure)
-    x, u, w = ca.SX.sym("x", 6), ca.SX.sym("u", 2), ca.SX.sym("w", 2)
-    state = PlantState(*ca.vertsplit(x))
-    torques = shaft_torques(Torques(*ca.vertsplit(u)), state.theta_1, state.theta_2, plant)
+    plant, p = symbols(structure, "p")
+    (state, x), (asked, u), w = symbols(PlantState(), "x"), symbols(Torques(), "u"), ca.SX.sym("w", 2)
+    torques = shaft_torques(asked, state.theta_1, state.theta_2, plant)
     rate = derivative(state, torques, DisturbanceInputs(*ca.vertsplit(w)), plant)
     radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
     accelerations = ca.vertcat(rate.v, radius_1 * rate.omega_1, radius_2 * rate.omega_2)

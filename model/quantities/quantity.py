@@ -257,7 +257,7 @@ class Leaf:
         """Whether the value is a number at run time, and not a choice of structure."""
         if Mark.SHAPES_CODE in self.marks or not self.marks.isdisjoint(AHEAD):
             return False
-        return self.kind in {float, int} or Mark.SWITCH in self.marks
+        return self.kind in {float, int, Any} or Mark.SWITCH in self.marks
 
     @property
     def shapes_code(self) -> bool:

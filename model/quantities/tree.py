@@ -5,6 +5,8 @@ from dataclasses import replace
 from operator import is_
 from typing import Any, TypeVar
 
+import casadi as ca
+
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, own_prefix, slots
 from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoice
@@ -103,6 +105,13 @@ def numbers(group: Any, prefix: str = "") -> dict[str, Any]:
     """The scalars of a group that are numbers at run time: what a compiled function takes as parameters."""
     known = describe_parts(group, prefix)
     return {key: value for key, value in leaves(group, prefix).items() if known[key].is_number and value is not None}
+
+
+def symbols(group: Group, name: str) -> tuple[Group, ca.SX]:
+    """A group whose numbers are symbols, and the vector of these in the order of ``numbers(group)``."""
+    keys = list(numbers(group))
+    vector = ca.SX.sym(name, len(keys))
+    return with_leaves(group, dict(zip(keys, ca.vertsplit(vector), strict=True))), vector
 
 
 def alike(group: Group) -> Group:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
-from dualwinch.model.plant import DisturbanceInputs, Plant, symbolic_plant, vehicle_acceleration
-from dualwinch.model.quantities.tree import numbers, with_leaves
+from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
+from dualwinch.model.quantities.tree import numbers, symbols, with_leaves
 from dualwinch.model.reference import setpoint
 from dualwinch.model.ropes import Rope
 from dualwinch.model.scalar import Scalar
@@ -114,7 +114,7 @@ def force_law() -> ca.Function:
 
 def outside_symbols() -> tuple[ca.SX, ca.SX, Disturbance, Plant]:
     """What `force_law` receives, as symbols, and disturbance and plant that are made of its parameters."""
-    plant, p = symbolic_plant(Plant())
+    plant, p = symbols(Plant(), "p")
     vortices, outside = numbers(Disturbance()), ca.SX.sym("outside", 7)
     switches = ca.SX.sym("switches", len(vortices))
     disturbance = with_leaves(Disturbance(), dict(zip(vortices, ca.vertsplit(switches), strict=True)))

@@ -51,7 +51,7 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
     )
 
 
-MOTION_TEMPLATE = Motion(PlantState(*[0.0] * 6))
+MOTION_TEMPLATE = Motion(PlantState())
 """What names the elements of the plant's vector; its numbers mean nothing."""
 
 
