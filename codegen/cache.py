@@ -26,7 +26,9 @@ import warnings
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from platformdirs import user_cache_path
 
 from dualwinch.codegen.compiler import Compiler, fingerprint
@@ -218,9 +220,18 @@ def library(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = ()) 
     return found
 
 
-ARGUMENTS = {"p": ctypes.c_void_p, "n": ctypes.c_int64, "x": ctypes.c_double}
+class Array:
+    """An argument of a C function: the address of an array's data; or an address as it is, None for null."""
+
+    @classmethod
+    def from_param(cls, value: Any) -> Any:
+        """What ctypes passes on."""
+        return ctypes.c_void_p.from_param(value.ctypes.data if isinstance(value, np.ndarray) else value)
+
+
+ARGUMENTS = {"p": Array, "n": ctypes.c_int64, "x": ctypes.c_double}
 RETURNED = {"": None, "int": ctypes.c_int, "n": ctypes.c_int64}
-"""Letters of signatures: an address, a count, a number."""
+"""Letters of signatures: an array, a count, a number."""
 
 
 def loaded(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = (), **signatures: str) -> ctypes.CDLL:
@@ -231,6 +242,7 @@ def loaded(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = (), *
         compiler: what builds it.
         extra_flags: beside the compiler's own.
         signatures: of each function that is called, a letter an argument and what it returns, as in ``"ppn -> int"``.
+            Arrays must be C-contiguous; Python's lock is released during a call.
 
     Raises:
         CompileError, CacheError: as `library`.

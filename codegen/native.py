@@ -59,7 +59,10 @@ class CompiledFunction:
         ]
         results = [np.empty((*batch, rows * width)) for rows, width in self.outputs.values()]
         steps = (ctypes.c_int64 * len(columns))(*(0 if column.ndim == 1 else column.shape[-1] for column in columns))
-        self._call(_pointers(columns), steps, _pointers(results), count)
+        inputs, outputs = (
+            (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays)) for arrays in (columns, results)
+        )
+        self._call(inputs, steps, outputs, count)
         shaped = [_unshaped(result, shape) for result, shape in zip(results, self.outputs.values(), strict=True)]
         return shaped[0] if len(shaped) == 1 else tuple(shaped)
 
@@ -77,10 +80,6 @@ class CompiledFunction:
         if missing:
             raise TypeError(f"{self.name}() misses {', '.join(missing)}")
         return given
-
-
-def _pointers(arrays: list[Floats]) -> Any:
-    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
 
 
 def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Floats:

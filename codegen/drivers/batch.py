@@ -1,22 +1,20 @@
 """Many rollouts at once in compiled C: one set of parameters in each vector lane."""
 
 import ctypes
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.signals.fill import CompiledFill, compile_fill
-from dualwinch.codegen.drivers.signals.signals import Signals
-from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.drivers.signals.signals import CompiledFill, Signals, compile_fill
+from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
-from dualwinch.codegen.source.expressions import BUILDING, GRAPHS, elements_read
+from dualwinch.codegen.source.expressions import BUILDING, GRAPHS
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +26,7 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
     """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
     functions = hoisted_all(system.functions)
     often = [function for function in functions if function.name() in EVERY_SAMPLE]
-    read, used = _read(functions, "exogenous"), _read(often, "parameters")
+    read, used = all_read(functions, "exogenous"), all_read(often, "parameters")
     lanes = {
         function.name(): LaneLayout(
             paired=not compiler.is_clang,
@@ -38,14 +36,9 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
         for function in functions
     }
     sizes = system.sizes | lane_sizes(compiler) | {"READ": len(read)}
-    listed = f"#define USED_PARAMETERS {{{', '.join(map(str, used))}}}\n"
+    listed = macros_of_lists(USED_PARAMETERS=used)
     source = c_source(functions, lanes=lanes)
     return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "sampled_lanes.h", "batch.c")
-
-
-def _read(functions: Iterable[ca.Function], name: str) -> list[int]:
-    """The elements of an input that some functions read; at least one, as C has no empty arrays."""
-    return sorted(set().union(*(elements_read(function, name) for function in functions))) or [0]
 
 
 @dataclass(frozen=True)
@@ -88,28 +81,17 @@ class Batch:
         Returns:
             `Outcome` of each (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.
         """
-        kept = -(-samples // stride) if stride else 0
+        kept = kept_rows(samples, stride)
         rows = np.full((LANES, kept, self.columns), np.nan)
         outcome, done = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
         distinct = list(dict.fromkeys(signals))
         records = np.array([source.records[list(self.read)] for source in distinct])
         sources = self.fill.prepared(records, np.array([distinct.index(lane) for lane in signals]))
-        self._call(
-            parameters.ctypes.data,
-            self.fill.address,
-            ctypes.byref(sources),
-            state.ctypes.data,
-            samples,
-            max(stride, 1),
-            rows.ctypes.data if stride else None,
-            kept,
-            watched,
-            most,
-            outcome.ctypes.data,
-            done.ctypes.data,
-        )
+        receiving = self.fill.address, ctypes.byref(sources)
+        writing = max(stride, 1), rows if stride else None, kept
+        self._call(parameters, *receiving, state, samples, *writing, watched, most, outcome, done)
         for lane in np.flatnonzero(outcome != Outcome.COMPLETED):
-            rows[lane, -(-done[lane] // stride) if stride else 0 :] = np.nan
+            rows[lane, kept_rows(done[lane], stride) :] = np.nan
         return outcome, done, rows
 
 
@@ -118,6 +100,6 @@ def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""
     chosen = compiler or find_compiler()
     with BUILDING:
-        source, read = batch_source(system, chosen), tuple(_read(hoisted_all(system.functions), "exogenous"))
+        source, read = batch_source(system, chosen), tuple(all_read(hoisted_all(system.functions), "exogenous"))
     driver = loaded(source, chosen, lane_flags(chosen), batch="ppppnnpnnxpp")
     return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), driver.batch)

@@ -36,9 +36,10 @@ class FilterData:
     readings: Floats
     start: Floats
 
-    def pointers(self) -> tuple[int, int, int, int]:
-        """Addresses and length, as the C functions take them."""
-        return self.inputs.ctypes.data, self.readings.ctypes.data, len(self.inputs), self.start.ctypes.data
+    @property
+    def arguments(self) -> tuple[Floats, Floats, int, Floats]:
+        """As the C functions take them."""
+        return self.inputs, self.readings, len(self.inputs), self.start
 
 
 @dataclass(frozen=True)
@@ -142,31 +143,20 @@ class Predictor:
             into: an earlier pass over the same data that is no longer needed; its arrays of gains are overwritten.
         """
         samples, states, readings = len(data.inputs), self._sizes["STATES"], self._sizes["READINGS"]
-        kept_samples = samples if gains else 0
-        if into is not None and into.gains.shape == (kept_samples, readings, states):
+        kept = samples if gains else 0
+        if into is not None and into.gains.shape == (kept, readings, states):
             gain_rows, whitening = into.gains, into.whitening
         else:
-            gain_rows = np.zeros((kept_samples, readings, states))
-            whitening = np.zeros((kept_samples, readings, readings))
+            gain_rows, whitening = np.zeros((kept, readings, states)), np.zeros((kept, readings, readings))
         sums, done = np.empty((readings, 4)), ctypes.c_int64()
-        kept = [np.full((samples, states), np.nan) for _ in range(2)] if rows else []
+        means, deviations = (np.full((samples, states), np.nan) if rows else None for _ in range(2))
         covariance_rows = np.full((samples, watched, states), np.nan) if watched else None
-        inputs, read, length, start = data.pointers()
-        vectors = covariances.initial, covariances.process, covariances.measurement
         outcome = self._filter(
-            parameters.ctypes.data,
-            inputs,
-            read,
-            length,
-            start,
-            *(vector.ctypes.data for vector in vectors),
-            outlier,
-            *((array.ctypes.data if gains else None) for array in (gain_rows, whitening)),
-            sums.ctypes.data,
-            *((array.ctypes.data for array in kept) if rows else (None, None)),
-            watched,
-            None if covariance_rows is None else covariance_rows.ctypes.data,
-            ctypes.byref(done),
+            parameters,
+            *data.arguments,
+            *(covariances.initial, covariances.process, covariances.measurement, outlier),
+            *((gain_rows, whitening) if gains else (None, None)),
+            *(sums, means, deviations, watched, covariance_rows, ctypes.byref(done)),
         )
         counts, squares, logarithms, noise = sums.T
         with np.errstate(invalid="ignore"):
@@ -180,8 +170,8 @@ class Predictor:
             squares=squares,
             logarithms=logarithms,
             noise=noise,
-            states=kept[0] if rows else None,
-            deviations=kept[1] if rows else None,
+            states=means,
+            deviations=deviations,
             covariances=covariance_rows,
         )
 
@@ -203,18 +193,8 @@ class Predictor:
             raise ValueError("filtered: must have rows and covariances")
         samples, watched, _ = filtered.covariances.shape
         means, covariances = np.full((samples, watched), np.nan), np.full((samples, watched, watched), np.nan)
-        inputs, read, length, _ = data.pointers()
-        self._smooth(
-            parameters.ctypes.data,
-            inputs,
-            read,
-            length,
-            *(array.ctypes.data for array in (filtered.states, filtered.gains, filtered.whitening)),
-            watched,
-            filtered.covariances.ctypes.data,
-            means.ctypes.data,
-            covariances.ctypes.data,
-        )
+        passed = filtered.states, filtered.gains, filtered.whitening
+        self._smooth(parameters, *data.arguments[:3], *passed, watched, filtered.covariances, means, covariances)
         return means, covariances
 
     def predict(
@@ -231,19 +211,8 @@ class Predictor:
         width, readings = self._sizes["FITTED"] + 1, self._sizes["READINGS"]
         normal, done = np.empty((width, width)), ctypes.c_int64()
         innovations = np.full((len(data.inputs), readings), np.nan) if rows else None
-        inputs, read, length, start = data.pointers()
-        outcome = self._predict(
-            parameters.ctypes.data,
-            inputs,
-            read,
-            length,
-            start,
-            filtered.gains.ctypes.data,
-            filtered.whitening.ctypes.data,
-            normal.ctypes.data,
-            None if innovations is None else innovations.ctypes.data,
-            ctypes.byref(done),
-        )
+        gains = filtered.gains, filtered.whitening
+        outcome = self._predict(parameters, *data.arguments, *gains, normal, innovations, ctypes.byref(done))
         return FixedGainPrediction(outcome, done.value, normal, innovations)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.expressions import GRAPHS
@@ -62,20 +62,10 @@ class Rollout:
         Returns:
             Outcome, number of samples stepped, rows (kept rows, columns).
         """
-        samples = exogenous.shape[0]
-        kept = -(-samples // stride) if stride else 0
-        rows = np.empty((kept, self.columns))
-        done = ctypes.c_int64()
-        outcome = self._call(
-            parameters.ctypes.data,
-            exogenous.ctypes.data,
-            state.ctypes.data,
-            samples,
-            max(stride, 1),
-            rows.ctypes.data if stride else None,
-            ctypes.byref(done),
-        )
-        return Outcome(outcome), done.value, rows[: -(-done.value // stride) if stride else 0]
+        rows, done = np.empty((kept_rows(len(exogenous), stride), self.columns)), ctypes.c_int64()
+        kept = rows if stride else None
+        outcome = self._call(parameters, exogenous, state, len(exogenous), max(stride, 1), kept, ctypes.byref(done))
+        return Outcome(outcome), done.value, rows[: kept_rows(done.value, stride)]
 
 
 @GRAPHS.cached

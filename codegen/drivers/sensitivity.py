@@ -14,7 +14,7 @@ from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
-from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import GRAPHS, as_written
@@ -171,28 +171,19 @@ class Sensitivity:
             stride: every how many samples the first state, the columns and their tangents are kept; 0 keeps none.
             signals: (samples, varied signals, directions), the slopes of these signals; needed where there are any.
         """
-        samples, varied = exogenous.shape[0], self.varied
-        kept, (columns, width) = -(-samples // stride) if stride else 0, (len(varied.columns), varied.directions)
-        first, first_tangents = np.empty(kept), np.empty((kept, width))
-        rows, row_tangents = np.empty((kept, columns)), np.empty((kept, columns, width))
-        moved = np.empty((samples, len(varied.signals), width)) if signals is None else signals
+        samples, columns, width = len(exogenous), len(self.varied.columns), self.varied.directions
+        kept, done = kept_rows(samples, stride), ctypes.c_int64()
+        arrays = [np.empty((kept, *shape)) for shape in ((), (width,), (columns,), (columns, width))]
+        moved = np.empty((samples, len(self.varied.signals), width)) if signals is None else signals
         derived = {name: np.array(derive(parameters), order="C") for name, derive in self._derive.items()}
-        done = ctypes.c_int64()
         outcome = self._call(
-            parameters.ctypes.data,
-            *(derived[name].ctypes.data if name in derived else None for name in PRODUCTS),
-            directions.ctypes.data,
-            exogenous.ctypes.data,
-            moved.ctypes.data,
-            state.ctypes.data,
-            tangent.ctypes.data,
-            samples,
-            max(stride, 1),
-            *(array.ctypes.data if stride else None for array in (first, first_tangents, rows, row_tangents)),
+            parameters,
+            *(derived.get(name) for name in PRODUCTS),
+            *(directions, exogenous, moved, state, tangent, samples, max(stride, 1)),
+            *(array if stride else None for array in arrays),
             ctypes.byref(done),
         )
-        ends = slice(-(-done.value // stride) if stride else 0)
-        return Kept(Outcome(outcome), done.value, first[ends], first_tangents[ends], rows[ends], row_tangents[ends])
+        return Kept(Outcome(outcome), done.value, *(array[: kept_rows(done.value, stride)] for array in arrays))
 
 
 @GRAPHS.cached

@@ -1,7 +1,7 @@
 """Runs of a sampled system side by side, moved on a few samples a call under commands from outside."""
 
 import ctypes
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.drivers.unit import all_read, hoisted_all, macros_of_lists, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
-from dualwinch.codegen.source.expressions import GRAPHS, elements_read
+from dualwinch.codegen.source.expressions import GRAPHS
 
 DRIVER = ("sampled_lanes.h", "stepping.c")
 
@@ -36,30 +36,28 @@ class Commanded:
     sense: ca.Function
     commands: tuple[tuple[int, ...], ...]
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the vectors, by the names of their C macros."""
+        observed = {"OBSERVED": self.sense.numel_out("observation"), "COMMANDS": len(self.commands)}
+        return self.system.sizes | observed
+
 
 def stepping_source(commanded: Commanded, compiler: Compiler, *, exact: bool) -> str:
     """C99 translation unit that moves runs on; `exact`: one by one, with the operations of a single rollout."""
     functions = hoisted_all((*commanded.system.functions, commanded.sense))
-    read = sorted(set().union(*(elements_read(function, "exogenous") for function in functions))) or [0]
     pairs = [(of, state) for of, states in enumerate(commanded.commands) for state in states]
-    listed = "".join(
-        f"#define {name} {{{', '.join(map(str, numbers))}}}\n"
-        for name, numbers in (
-            ("READ_EXOGENOUS", read),
-            ("COMMAND_OF", [of for of, _ in pairs]),
-            ("COMMANDED_STATES", [state for _, state in pairs]),
-        )
+    listed = macros_of_lists(
+        READ_EXOGENOUS=all_read(functions, "exogenous"),
+        COMMAND_OF=[of for of, _ in pairs],
+        COMMANDED_STATES=[state for _, state in pairs],
     )
-    sizes = commanded.system.sizes | {
-        "OBSERVED": commanded.sense.numel_out("observation"),
-        "COMMANDS": len(commanded.commands),
-    }
     if exact:
-        sizes |= {"LANES": 1, "PAIRED": 0}
+        sizes = commanded.sizes | {"LANES": 1, "PAIRED": 0}
         return unit(sizes, functions, "lanes.h", c_source(functions), listed, *DRIVER)
     lanes = {function.name(): LaneLayout(paired=not compiler.is_clang, shared=("part",)) for function in functions}
-    source = c_source(functions, lanes=lanes)
-    return unit(sizes | lane_sizes(compiler), functions, "elementary.h", "lanes.h", source, listed, *DRIVER)
+    source, sizes = c_source(functions, lanes=lanes), commanded.sizes | lane_sizes(compiler)
+    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, *DRIVER)
 
 
 class Pointers(ctypes.Structure):
@@ -80,23 +78,18 @@ class Stepping:
 
     Attributes:
         lanes: runs in a block.
-        constants: numbers that a block takes of its parameters.
-        states, parameters, exogenous, columns, observed, commands: sizes of the vectors.
-        prepare, look, odd_command, step: functions of stepping.c.
+        sizes: of the vectors, by the names of their C macros.
+        library: functions of stepping.c.
     """
 
     lanes: int
-    constants: int
-    states: int
-    parameters: int
-    exogenous: int
-    columns: int
-    observed: int
-    commands: int
-    prepare: Callable[..., None]
-    look: Callable[..., None]
-    odd_command: Callable[..., int]
-    step: Callable[..., int]
+    sizes: Mapping[str, int]
+    library: ctypes.CDLL
+
+    @property
+    def constants(self) -> int:
+        """How many numbers a block takes of its parameters."""
+        return ctypes.c_int64.in_dll(self.library, "constants_size").value
 
 
 @GRAPHS.cached
@@ -113,21 +106,7 @@ def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | 
     flags = lane_flags(chosen) if not exact else () if chosen.is_clang else SCHEDULED
     signatures = {"prepare": "pp", "look": "pnn", "odd_command": "p -> n", "step": "pnnnp -> n"}
     driver = loaded(stepping_source(commanded, chosen, exact=exact), chosen, flags, **signatures)
-    sizes = commanded.system.sizes
-    return Stepping(
-        lanes=1 if exact else LANES,
-        constants=ctypes.c_int64.in_dll(driver, "constants_size").value,
-        states=sizes["STATES"],
-        parameters=sizes["PARAMETERS"],
-        exogenous=sizes["EXOGENOUS"],
-        columns=sizes["COLUMNS"],
-        observed=commanded.sense.numel_out("observation"),
-        commands=len(commanded.commands),
-        prepare=driver.prepare,
-        look=driver.look,
-        odd_command=driver.odd_command,
-        step=driver.step,
-    )
+    return Stepping(1 if exact else LANES, commanded.sizes, driver)
 
 
 Floats = NDArray[np.float64]
@@ -171,17 +150,17 @@ class SteppedRuns:
         """
         self._code, self._count, self._samples, self._shared = code, count, samples, shared
         self._blocks = blocks = -(-count // code.lanes)
-        room = blocks * code.lanes
-        self.columns = code.columns
-        self.commands = np.zeros((count, code.commands))
-        self.observation = np.zeros((code.observed, count))
-        self._state = _aligned(blocks, code.states, code.lanes)
+        room, sizes = blocks * code.lanes, code.sizes
+        self.columns = sizes["COLUMNS"]
+        self.commands = np.zeros((count, sizes["COMMANDS"]))
+        self.observation = np.zeros((sizes["OBSERVED"], count))
+        self._state = _aligned(blocks, sizes["STATES"], code.lanes)
         self._outcome, self._done = np.full(room, Outcome.COMPLETED, np.int64), np.zeros(room, np.int64)
-        self._nothing = np.zeros(code.exogenous)
+        self._nothing = np.zeros(sizes["EXOGENOUS"])
         self._lines = np.full(room, _address(self._nothing), np.uint64)
         # replaced, never written to, once runs have been started: a copy shares them
         self._constants = _aligned(1 if shared else blocks, code.constants)
-        self._parameters = np.zeros((1 if shared else blocks, code.lanes, code.parameters))
+        self._parameters = np.zeros((1 if shared else blocks, code.lanes, sizes["PARAMETERS"]))
         self._point()
 
     def _point(self) -> None:
@@ -219,7 +198,7 @@ class SteppedRuns:
         before, self._constants = self._constants, _aligned(*self._constants.shape)
         self._constants[:] = before
         for block in blocks:
-            self._code.prepare(_address(self._parameters[block]), _address(self._constants[block]))
+            self._code.library.prepare(self._parameters[block], self._constants[block])
 
     def read(self, runs: Indices | int, lines: NDArray[np.uint64] | int) -> None:
         """Let runs go on with the signals of other tables: (n,) addresses of the lines of their coming samples."""
@@ -227,12 +206,12 @@ class SteppedRuns:
 
     def look(self) -> None:
         """Observe all runs as they are."""
-        self._code.look(self._at, 0, self._blocks)
+        self._code.library.look(self._at, 0, self._blocks)
 
     def odd_command(self) -> tuple[int, int] | None:
         """Run and command of the first that is not finite, of the runs under way."""
-        odd = self._code.odd_command(self._at)
-        return None if odd < 0 else divmod(odd, self._code.commands)
+        odd = self._code.library.odd_command(self._at)
+        return None if odd < 0 else divmod(odd, self._code.sizes["COMMANDS"])
 
     def step(self, samples: int, threads: int = 1, row: int | None = None) -> int:
         """Move all runs under way on, and observe them; Python's lock is released meanwhile.
@@ -246,13 +225,13 @@ class SteppedRuns:
             How many runs are under way after it.
         """
         if threads == 1:
-            return self._code.step(self._at, 0, self._blocks, samples, row)
+            return self._code.library.step(self._at, 0, self._blocks, samples, row)
         ends = [round(self._blocks * share / threads) for share in range(threads + 1)]
         others = [
-            _pool(threads - 1).submit(self._code.step, self._at, first, last, samples, None)
+            _pool(threads - 1).submit(self._code.library.step, self._at, first, last, samples, None)
             for first, last in pairwise(ends[1:])
         ]
-        return self._code.step(self._at, 0, ends[1], samples, row) + sum(other.result() for other in others)
+        return self._code.library.step(self._at, 0, ends[1], samples, row) + sum(other.result() for other in others)
 
     def states(self, runs: Indices) -> Floats:
         """(n, states) of some runs."""

@@ -5,6 +5,7 @@ from importlib.resources import files
 
 import casadi as ca
 
+from dualwinch.codegen.source.expressions import elements_read
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.operations import Generator
 
@@ -38,3 +39,18 @@ def _text(part: str) -> str:
 def c_file(name: str) -> str:
     """The text of a C file beside this one."""
     return (files("dualwinch.codegen.drivers") / name).read_text(encoding="utf-8")
+
+
+def all_read(functions: Iterable[ca.Function], name: str) -> list[int]:
+    """The elements of an input that some functions read; at least one, as C has no empty arrays."""
+    return sorted(set().union(*(elements_read(function, name) for function in functions))) or [0]
+
+
+def macros_of_lists(**lists: Iterable[object]) -> str:
+    """C macros of lists in braces."""
+    return "".join(f"#define {name} {{{', '.join(map(str, values))}}}\n" for name, values in lists.items())
+
+
+def kept_rows(samples: int, stride: int) -> int:
+    """How many rows of a run are kept where every `stride`-th sample keeps one, the first included; 0: none."""
+    return -(-samples // stride) if stride else 0

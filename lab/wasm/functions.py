@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from dualwinch.codegen.drivers.signals.kinds import NORMAL, OUTAGES, UNIFORM
+from dualwinch.codegen.drivers.signals.signals import NORMAL, OUTAGES, UNIFORM
 from dualwinch.controllers.nominal import Nominal, nominal_plant
 from dualwinch.lab.wasm.settings import BELIEVED, SAMPLE_TIME, Settings
 from dualwinch.lab.wasm.wide import LAG, SHORTEST_LAG

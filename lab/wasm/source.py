@@ -2,8 +2,8 @@
 
 from importlib.resources import files
 
-from dualwinch.codegen.drivers.signals.fill import FILL_PARTS
-from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.drivers.signals.signals import FILL_PARTS
+from dualwinch.codegen.drivers.unit import hoisted_all, macros_of_lists, unit
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.operations import Style
@@ -39,11 +39,8 @@ def module_source(settings: Settings) -> str:
         "GIVEN": len(given),
         "METRICS": figures.numel_out("metrics"),
     }
-    lists = {
-        "STREAMS": [f"UINT64_C({stream_number(name)})" for name in exogenous],
-        "GIVEN_AT": [str(exogenous.index(name)) for name in given],
-    }
-    listed = "".join(f"#define {name} {{{', '.join(values)}}}\n" for name, values in lists.items())
+    streams = (f"UINT64_C({stream_number(name)})" for name in exogenous)
+    listed = macros_of_lists(STREAMS=streams, GIVEN_AT=map(exogenous.index, given))
     own = files("dualwinch.lab.wasm")
     delay, run = ((own / name).read_text(encoding="utf-8") for name in ("delay.h", "run.c"))
     # how fast random signals decay must be exact: what an error of 1e-9 does grows with the time that they last

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.unit import kept_rows
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity, nearest
@@ -182,7 +183,7 @@ def _rollout(
     engine = pairs.experiment(0).simulation.engine
     together = compile_batch(loop) if engine == "compiled" else None
     alone = None if together else engine_of(loop, engine)
-    shape, kept = pairs.shape, -(-samples // stride) if stride else 0
+    shape, kept = pairs.shape, kept_rows(samples, stride)
     found = not_run(shape, ())
     columns = {name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {}
     kept_states = final_states(pairs.structure.metrics)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, compile_sensitivity
+from dualwinch.codegen.drivers.unit import kept_rows
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Setpoint, later
 from dualwinch.model.quantities.description import describe_parts
@@ -283,7 +284,7 @@ def _sensitivities(
             raise ConfigurationError(f"columns: unknown column '{column}'; did you mean '{near}'?")
     run = _compiled(seeds, columns)
     shape, p = pairs.shape, len(seeds.names)
-    kept = -(-pairs.samples // stride) if stride else 0
+    kept = kept_rows(pairs.samples, stride)
     merits = metric_quantities(pairs.structure.metrics)
     result = Sensitivities(
         names=seeds.names,

@@ -14,9 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from dualwinch.codegen.drivers.signals.kinds import NO_LIMIT, Drawn, OutageSignal, RandomSignal, UniformSignal
-from dualwinch.codegen.drivers.signals.philox import Words, philox
-from dualwinch.codegen.drivers.signals.signals import Signals
+from dualwinch.codegen.drivers.signals.draws import Words, philox
+from dualwinch.codegen.drivers.signals.signals import (
+    NO_LIMIT,
+    Drawn,
+    OutageSignal,
+    RandomSignal,
+    Signals,
+    UniformSignal,
+)
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.disturbance import Disturbance, given_signals
 from dualwinch.model.errors import ConfigurationError

@@ -3,7 +3,7 @@
    the erfinv function", GPU Computing Gems, 2011): where x in (-1, 1) is uniform and w = -log(1 - x^2), the normal is x
    times a polynomial in w, in the tails one in sqrt(w). In single precision, to 4e-7 of a value: more lanes at a time.
    Additions, multiplications and square roots in a fixed order, none contracted: the same bits everywhere. Comes after
-   philox.h and the polynomials of codegen/drivers/signals/normal.py. */
+   philox.h and the polynomials of codegen/drivers/signals/draws.py. */
 
 #include <math.h>
 

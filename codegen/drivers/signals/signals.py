@@ -1,19 +1,87 @@
-"""Signals of a run sample by sample, given or random: filled by compiled C, or by NumPy to the same bits."""
+"""Signals of a run sample by sample, given or random: filled by compiled C (fill.c), or by NumPy to the same bits."""
 
+import ctypes
+import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from copy import copy
+from dataclasses import dataclass
+from functools import cache
+from itertools import accumulate
+from math import sqrt
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.drivers.signals.fill import compile_fill
-from dualwinch.codegen.drivers.signals.in_numpy import fill
-from dualwinch.codegen.drivers.signals.kinds import KINDS, Drawn
+from dualwinch.codegen.cache import loaded
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.signals.draws import blocks, normal_source, normals, uniforms, words
+from dualwinch.codegen.drivers.unit import unit
 from dualwinch.codegen.errors import DualwinchError
 
 Floats: TypeAlias = NDArray[np.float64]
+
+NO_LIMIT = sys.float_info.max
+"""Limit of a signal without one."""
+
+
+@dataclass(frozen=True)
+class RandomSignal:
+    """A first-order Gauss–Markov signal, stationary from its first sample, or from zero before it.
+
+    Attributes:
+        seed: a whole number below 2^64.
+        stream: its number, below 2^64: signals of one seed with different numbers are independent.
+        sigma: standard deviation.
+        decay: of the autocorrelation from sample to sample; 0 is white noise.
+        limit: largest magnitude.
+        from_zero: whether it is zero before its first sample.
+    """
+
+    seed: int
+    stream: int
+    sigma: float
+    decay: float = 0.0
+    limit: float = NO_LIMIT
+    from_zero: bool = False
+
+
+@dataclass(frozen=True)
+class UniformSignal:
+    """White noise, uniform in [-1, 1].
+
+    Attributes:
+        seed, stream: as of a `RandomSignal`.
+    """
+
+    seed: int
+    stream: int
+
+
+@dataclass(frozen=True)
+class OutageSignal:
+    """1 in an outage, else 0; each window of time has one outage, somewhere within it.
+
+    Attributes:
+        seed, stream: as of a `RandomSignal`.
+        period: samples of a window, from 1 to 2^32 - 1.
+        length: of an outage in samples, on average, below 2^31: all lengths from half as long to half as long again are
+            as likely, but none is longer than its window. Where it begins is as likely anywhere that it ends in time.
+    """
+
+    seed: int
+    stream: int
+    period: int
+    length: int
+
+
+Drawn: TypeAlias = RandomSignal | UniformSignal | OutageSignal
+
+NORMAL, UNIFORM, OUTAGES = 1, 2, 3
+"""Kinds of random parts in sources.h; 0 is nothing random."""
+
+KINDS: dict[type[Drawn], int] = {RandomSignal: NORMAL, UniformSignal: UNIFORM, OutageSignal: OUTAGES}
 
 SIGNAL = np.dtype(
     [
@@ -26,8 +94,8 @@ SIGNAL = np.dtype(
 )
 """``Signal`` of sources.h."""
 
-Fill: TypeAlias = Callable[[NDArray[np.void], int, Floats], None]
-"""``(signals, first, table)``: fills a table (samples, signals) from the sample `first` on and moves the states on."""
+Records: TypeAlias = NDArray[np.void]
+"""Signals as numbers, of the type `SIGNAL`."""
 
 
 class Signals:
@@ -43,8 +111,8 @@ class Signals:
         Args:
             random: the random part of each signal; ``None`` where there is none.
         """
-        (self.records,) = records_of(random, 1)
-        self._held: list[Floats | None] = []
+        (self.records,) = _records(random, 1)
+        self._given: list[Floats | None] = []
 
     def of_many(self, random: Sequence[Drawn | None], count: int) -> "list[Signals]":
         """Signals of many runs, of which the same is given as of these.
@@ -53,14 +121,12 @@ class Signals:
             random: the random part of each signal, whose numbers may be arrays (count,).
             count: number of the runs.
         """
-        records = records_of(random, count)
+        records = _records(random, count)
         records["given"], records["given_from"] = self.records["given"], self.records["given_from"]
-        return [self._with(row) for row in records]
-
-    def _with(self, records: NDArray[np.void]) -> "Signals":
-        other = copy(self)
-        other.records = records
-        return other
+        runs: list[Signals] = [copy(self) for _ in records]
+        for run, row in zip(runs, records, strict=True):
+            run.records = row
+        return runs
 
     def give(self, given: Sequence[Floats | None], first: int = 0) -> None:
         """Say what is given.
@@ -69,24 +135,29 @@ class Signals:
             given: of each signal, (samples,), or ``None`` for zero.
             first: number of the first of these samples.
         """
-        self._held = [None if values is None else np.ascontiguousarray(values, float) for values in given]
-        self.records["given"] = [0 if values is None else values.ctypes.data for values in self._held]
+        self._given = [None if values is None else np.ascontiguousarray(values, float) for values in given]
+        self.records["given"] = [0 if values is None else values.ctypes.data for values in self._given]
         self.records["given_from"] = first
 
     def fill(self, table: Floats, first: int) -> None:
         """Fill a table with samples; pieces follow each other. Python's lock is released meanwhile.
 
-        The bits are the same however the samples are divided into pieces, in C and without a compiler.
+        The bits are the same however the samples are divided into pieces, in C and, where there is no compiler or
+        nothing is random, in NumPy.
 
         Args:
             table: (samples, signals), overwritten.
             first: number of its first sample.
         """
-        _filler(self.records)(self.records, first, table)
+        filler: Callable[[Records, int, Floats], None] = fill
+        if self.records["kind"].any():
+            with suppress(DualwinchError):
+                filler = compile_fill(find_compiler())
+        filler(self.records, first, table)
 
 
-def records_of(random: Sequence[Drawn | None], count: int) -> NDArray[np.void]:
-    """What `SIGNAL` says of random parts, whose numbers may be arrays (count,); (count, signals).
+def _records(random: Sequence[Drawn | None], count: int) -> Records:
+    """Random parts, whose numbers may be arrays (count,), as (count, signals) of `SIGNAL`.
 
     Where a standard deviation is zero there is none.
     """
@@ -99,11 +170,124 @@ def records_of(random: Sequence[Drawn | None], count: int) -> NDArray[np.void]:
     return records
 
 
-def _filler(signals: NDArray[np.void]) -> Fill:
-    """C where something is drawn and there is a compiler that works, else NumPy."""
-    if not signals["kind"].any():
-        return fill
-    try:
-        return compile_fill(find_compiler())
-    except DualwinchError:
-        return fill
+WIDE = ("-mprefer-vector-width=512",)
+"""Beside the flags of every build, none of which lets a compiler round otherwise: the same bits from every one."""
+
+FILL_PARTS = (
+    *("elementary.h", "signals/philox.h", normal_source(), "signals/normal.h"),
+    *(f"signals/{name}" for name in ("sources.h", "outages.h", "bundle.h", "fill.c")),
+)
+"""Texts of fill.c and of what comes before it, as `unit` takes them."""
+
+ALONE = np.zeros(1, np.int64)
+"""The source of a single lane."""
+
+
+class Sources(ctypes.Structure):
+    """What runs in lanes receive; ``Sources`` of sources.h."""
+
+    _fields_ = (
+        ("signals", ctypes.c_void_p),
+        ("source", ctypes.c_void_p),
+        *((name, ctypes.c_int64) for name in ("sources", "count", "lanes")),
+        ("bundles", ctypes.c_void_p),
+        ("drawn", ctypes.c_int64),
+    )
+
+
+@dataclass(frozen=True)
+class CompiledFill:
+    """fill.c for one run, as `fill`, or for runs in vector lanes."""
+
+    _library: ctypes.CDLL
+
+    def __call__(self, signals: Records, first: int, table: Floats) -> None:
+        """Fill a table; Python's lock is released meanwhile."""
+        self._library.fill(ctypes.byref(self.prepared(signals[np.newaxis])), first, len(table), table)
+
+    def prepared(self, records: Records, source: NDArray[np.int64] = ALONE) -> Sources:
+        """What lanes receive, for ``fill`` to fill tables (samples, signals, lanes) of it, piece after piece.
+
+        Args:
+            records: (sources, signals) of `SIGNAL`, C-contiguous; their states move on as samples are filled.
+            source: (lanes,) which of the sources each lane has; 16 lanes at most.
+        """
+        room = records.shape[1], ctypes.c_int64.in_dll(self._library, "bundle_size").value
+        bundles = np.empty(room, np.uint8)
+        sources = Sources(records.ctypes.data, source.ctypes.data, *records.shape, len(source), bundles.ctypes.data)
+        sources.alive = records, source, bundles
+        self._library.prepare(ctypes.byref(sources))
+        return sources
+
+    @property
+    def address(self) -> int | None:
+        """Of ``fill``, for other compiled code to call it."""
+        return ctypes.cast(self._library.fill, ctypes.c_void_p).value
+
+
+@cache
+def compile_fill(compiler: Compiler) -> CompiledFill:
+    """Compile (or find in the cache) and load fill.c.
+
+    Raises:
+        CompileError: the compiler fails.
+        CacheError: the cache folder cannot be used.
+    """
+    return CompiledFill(loaded(unit({}, [], *FILL_PARTS), compiler, WIDE, prepare="p", fill="pnnp"))
+
+
+def fill(signals: Records, first: int, table: Floats) -> None:
+    """Fill a table with samples from the sample `first` on in NumPy, and move the signals' states on.
+
+    Args:
+        signals: (signals,) of `SIGNAL`.
+        first: number of a sample.
+        table: (samples, signals), overwritten.
+    """
+    drawn = {NORMAL: _gauss_markov, UNIFORM: _uniform, OUTAGES: _outages}
+    for column, signal in zip(table.T, signals, strict=True):
+        column[:] = 0.0
+        if signal["given"]:
+            shift = 8 * (first - int(signal["given_from"]))
+            address = ctypes.cast(int(signal["given"]) + shift, ctypes.POINTER(ctypes.c_double))
+            column[:] = np.ctypeslib.as_array(address, (len(column),))
+        if signal["kind"] and len(column):
+            column[:] += drawn[int(signal["kind"])](signal, first, len(column))
+
+
+def _gauss_markov(signal: np.void, first: int, samples: int) -> Floats:
+    drawn = normals(words(int(signal["seed"]), int(signal["stream"]), first, samples))
+    sigma, decay, limit = (float(signal[name]) for name in ("sigma", "decay", "limit"))
+    fresh = sqrt(1.0 - decay * decay)
+    if first == 0 and signal["from_zero"]:
+        drawn[0] *= fresh
+    if decay:
+        fed = drawn.tolist()
+        start = fed.pop(0) if first == 0 else float(signal["state"])
+        states = accumulate(fed, lambda state, draw: decay * state + fresh * draw, initial=start)
+        drawn = np.array(list(states)[-samples:])
+    signal["state"] = drawn[-1]
+    return (sigma * drawn).clip(-limit, limit)
+
+
+def _uniform(signal: np.void, first: int, samples: int) -> Floats:
+    drawn = uniforms(words(int(signal["seed"]), int(signal["stream"]), first, samples))
+    signal["state"] = drawn[-1]
+    return drawn
+
+
+def _outages(signal: np.void, first: int, samples: int) -> Floats:
+    period, mean = int(signal["period"]), int(signal["length"])
+    window, since_start = np.divmod(np.arange(first, first + samples), period)
+    start, end = first // period, -(-(first + samples) // period)
+    for_length, for_begin, *_ = blocks(int(signal["seed"]), int(signal["stream"]), start, end - start).T
+    half = mean // 2
+    length = np.minimum(mean - half + _below(np.array(2 * half + 1), for_length), period)
+    begin = _below(period + 1 - length, for_begin)
+    since = since_start - begin[window - start]
+    return ((since >= 0) & (since < length[window - start])).astype(float)
+
+
+def _below(count: NDArray[np.int64], drawn: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """Whole numbers from 0 to below a count, of words."""
+    return (count.astype(np.uint64) * drawn >> np.uint64(32)).astype(np.int64)

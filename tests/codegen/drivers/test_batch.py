@@ -6,8 +6,7 @@ import pytest
 
 from dualwinch.codegen.drivers.batch import LANES, Batch, compile_batch
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.signals.kinds import OutageSignal, RandomSignal, UniformSignal
-from dualwinch.codegen.drivers.signals.signals import Signals
+from dualwinch.codegen.drivers.signals.signals import OutageSignal, RandomSignal, Signals, UniformSignal
 from dualwinch.codegen.sampled import Sampled
 
 SAMPLES = 64 * 3 + 17

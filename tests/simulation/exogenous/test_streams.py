@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.codegen.drivers.signals.philox import blocks
+from dualwinch.codegen.drivers.signals.draws import blocks
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.exogenous.signals import LARGEST, named_seed, named_words, stream_number
 

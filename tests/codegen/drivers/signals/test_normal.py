@@ -6,8 +6,7 @@ from scipy import stats
 from scipy.signal import welch
 from scipy.special import ndtri
 
-from dualwinch.codegen.drivers.signals.normal import IN_TAIL, normals
-from dualwinch.codegen.drivers.signals.philox import words
+from dualwinch.codegen.drivers.signals.draws import IN_TAIL, normals, words
 
 COUNT = 2_000_000
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.drivers.signals.philox import blocks, philox, words
+from dualwinch.codegen.drivers.signals.draws import blocks, philox, words
 from dualwinch.codegen.drivers.unit import c_file
 
 KNOWN = [  # counter, key, block; lowest word first

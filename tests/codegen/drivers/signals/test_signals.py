@@ -13,12 +13,18 @@ from scipy import stats
 from scipy.signal import lfilter, welch
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.signals.fill import compile_fill, fill_source
-from dualwinch.codegen.drivers.signals.in_numpy import fill
-from dualwinch.codegen.drivers.signals.kinds import Drawn, OutageSignal, RandomSignal, UniformSignal
-from dualwinch.codegen.drivers.signals.normal import normals, uniforms
-from dualwinch.codegen.drivers.signals.philox import words
-from dualwinch.codegen.drivers.signals.signals import Signals
+from dualwinch.codegen.drivers.signals.draws import normals, uniforms, words
+from dualwinch.codegen.drivers.signals.signals import (
+    FILL_PARTS,
+    Drawn,
+    OutageSignal,
+    RandomSignal,
+    Signals,
+    UniformSignal,
+    compile_fill,
+    fill,
+)
+from dualwinch.codegen.drivers.unit import unit
 from dualwinch.codegen.errors import CompilerNotFoundError
 from tests.codegen.drivers.test_rollout import SANITISERS
 
@@ -157,7 +163,7 @@ def test_uniform_noise_stays_within_one() -> None:
 
 @pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc")
 def test_sanitisers_find_nothing(tmp_path: Path) -> None:
-    source = fill_source() + Path(__file__).with_name("sanitised.c").read_text()
+    source = unit({}, [], *FILL_PARTS) + Path(__file__).with_name("sanitised.c").read_text()
     (tmp_path / "unit.c").write_text(source)
     command = ["gcc", "-std=c99", "-O1", "-g", *SANITISERS, "unit.c", "-o", "unit", "-lm"]
     built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -1,20 +1,67 @@
-"""Standard normals of random words, as in normal.h: its polynomials, and the same bits in NumPy."""
+"""Random words by Philox, and standard normals of them, in NumPy: the bits of philox.h and normal.h."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.signals.philox import Words
-
+Words = NDArray[np.uint64]
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
-LOG = (
-    *(1.0, -0.50000365, 0.33335059, -0.24969909, 0.19900164, -0.17250833, 0.16222596),
-    *(-0.10106905,),
-)
+BLOCK = 4
+"""Words of a block."""
+
+WORD = np.uint64(0xFFFFFFFF)
+MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
+KEY_STEPS = 0x9E3779B9, 0xBB67AE85
+ROUNDS = 10
+
+
+def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:
+    """Blocks of Philox4x32-10, four words for each counter.
+
+    Args:
+        counter: its four words of 32 bits, arrays of one shape; lowest first.
+        key: its two words of 32 bits, lowest first.
+
+    Source: Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
+    """
+    a, b, c, d = counter
+    half = np.uint64(32)
+    for turn in range(ROUNDS):
+        keys = [np.uint64((word + turn * step) % 2**32) for word, step in zip(key, KEY_STEPS, strict=True)]
+        p, q = a * MULTIPLIERS[0], c * MULTIPLIERS[1]
+        a, b, c, d = (q >> half) ^ b ^ keys[0], q & WORD, (p >> half) ^ d ^ keys[1], p & WORD
+    return a, b, c, d
+
+
+def blocks(seed: int, stream: int, first: int, count: int) -> Words:
+    """Blocks of a stream, (count, 4): those from block `first` on.
+
+    Args:
+        seed: the key, below 2^64.
+        stream: higher half of the counter, below 2^64; the lower one is the number of the block.
+        first: number of a block.
+        count: how many.
+    """
+    numbers = np.arange(first, first + count, dtype=np.uint64)
+    low, high = (np.full_like(numbers, part) for part in (stream % 2**32, stream >> 32))
+    drawn = philox((numbers & WORD, numbers >> np.uint64(32), low, high), (seed % 2**32, seed >> 32))
+    return np.stack(drawn, axis=-1)
+
+
+def words(seed: int, stream: int, first: int, samples: int) -> Words:
+    """Words of 32 bits, one a sample, (samples,): those of a stream from the sample `first` on.
+
+    Sample k is word k % 4 of block k // 4.
+    """
+    start, end = first // BLOCK, -(-(first + samples) // BLOCK)
+    return blocks(seed, stream, start, end - start).ravel()[first - start * BLOCK :][:samples]
+
+
+LOG = 1.0, -0.50000365, 0.33335059, -0.24969909, 0.19900164, -0.17250833, 0.16222596, -0.10106905
 """log(1 + f)/f, for arguments of the logarithm between sqrt(1/2) and sqrt(2)."""
 
 CENTRE = (
@@ -88,14 +135,8 @@ def _polynomial(coefficients: Sequence[float], x: Singles) -> Singles:
 def normal_source() -> str:
     """The polynomials in C, for normal.h."""
     numbers = {"LN_2F": LN_2, "CENTRE_MIDDLE": CENTRE_MIDDLE, "TAIL_MIDDLE": TAIL_MIDDLE}
-    lines = [f"#define {name} {number!r}f" for name, number in numbers.items()]
-    lines.append(f"#define IN_TAIL {IN_TAIL:#x}\n")
-    return "\n".join(lines) + _polynomial_source({"log": LOG, "centre": CENTRE, "tail": TAIL})
-
-
-def _polynomial_source(polynomials: Mapping[str, Sequence[float]]) -> str:
-    lines = []
-    for name, coefficients in polynomials.items():
+    lines = [*(f"#define {name} {number!r}f" for name, number in numbers.items()), f"#define IN_TAIL {IN_TAIL:#x}\n"]
+    for name, coefficients in (("log", LOG), ("centre", CENTRE), ("tail", TAIL)):
         lines += [f"static inline float {name}_polynomial(float x) {{", "  const float q = x * x;"]
         for part, terms in (("even", coefficients[::2]), ("odd", coefficients[1::2])):
             lines.append(f"  float {part} = {terms[-1]!r}f;")
