@@ -27,17 +27,17 @@ from dualwinch.identification.predictor import (
     INPUTS,
     READINGS,
     NoiseCovariances,
-    measurement,
     predictor_structure,
     state_template,
 )
 from dualwinch.identification.resample import LogSection
-from dualwinch.model.plant import Torques
+from dualwinch.model.plant import Torques, tensions
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import rk4
 from dualwinch.simulation.loop.zero_order_hold import MOTION_TEMPLATE, ZeroOrderHold, problem_of
+from dualwinch.simulation.sensors import measurement
 
 Floats = NDArray[np.float64]
 
@@ -189,8 +189,9 @@ class _Segments:
         motion = with_leaves(MOTION_TEMPLATE, dict(zip(MOVING, ca.vertsplit(z * SCALES), strict=True)))
         current, load = ca.vertsplit(q[p:] * self._acting)
         hold = ZeroOrderHold(t, Torques(tau_1, tau_2), current, load, ca.SX(0))
-        every = list(leaves(measurement(motion.plant, t, plant, experiment.sensors)).values())
-        off = ca.vertcat(*(every[column] for column in used)) - ca.vertcat(*rest[: len(used)])
+        pulls = tensions(motion.plant, plant, t)
+        every = measurement(motion.plant, pulls, plant, experiment.sensors)
+        off = ca.vertcat(*(getattr(every, READINGS[column]) for column in used)) - ca.vertcat(*rest[: len(used)])
         off *= ca.vertcat(*rest[len(used) :])
         step = experiment.simulation.sample_time / PARTS
         moved = rk4(problem_of(hold, step, plant, experiment.disturbance), motion, t, step)

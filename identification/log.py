@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.identification.predictor import READINGS, SensorReadings
+from dualwinch.controllers.parts import Measurement
+from dualwinch.identification.predictor import READINGS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import nearest
@@ -32,7 +33,7 @@ POSITIONS = ("x", "theta_1", "theta_2")
 UNIT_OF = {
     "t": "s",
     **dict.fromkeys(TORQUES, "N m"),
-    **{leaf.key: leaf.quantity.unit for leaf in describe(SensorReadings).values()},
+    **{name: describe(Measurement)[name].quantity.unit for name in READINGS},
 }
 """Name → SI unit."""
 

@@ -20,7 +20,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.identification.options import InitialStateOptions, NoiseOptions
 from dualwinch.model.actuators import drive
-from dualwinch.model.plant import Plant, PlantState, Torques, holding_torques, tensions, torques_amid
+from dualwinch.model.plant import Torques, holding_torques, tensions, torques_amid
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import crept, rope_lengths
@@ -37,7 +37,7 @@ from dualwinch.simulation.loop.zero_order_hold import (
     problem_of,
     zero_order_hold,
 )
-from dualwinch.simulation.sensors import Sensors
+from dualwinch.simulation.sensors import measurement
 
 Floats = NDArray[np.float64]
 
@@ -50,21 +50,8 @@ GROUPS = ("plant", "sensors", "actuator", "disturbance")
 SAMPLE_TIME = "simulation.sample_time"
 
 
-@dataclass(frozen=True)
-class SensorReadings:
-    """Readings that a log may have, in the order of their columns."""
-
-    x: Annotated[Scalar, Quantity("m", "position of the vehicle")]
-    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle")]
-    F1: Annotated[Scalar, Quantity("N", "load cell of rope 1")]
-    F2: Annotated[Scalar, Quantity("N", "load cell of rope 2")]
-    theta_1: Annotated[Scalar, Quantity("rad", "encoder of drum 1, angle")]
-    theta_2: Annotated[Scalar, Quantity("rad", "encoder of drum 2, angle")]
-    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1")]
-    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2")]
-
-
-READINGS = tuple(each.name for each in fields(SensorReadings))
+READINGS: tuple[str, ...] = ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_1", "omega_2")
+"""Readings that a log may have, in the order of their columns."""
 
 
 @dataclass(frozen=True)
@@ -159,31 +146,6 @@ def parameter_names(structure: Structure) -> tuple[str, ...]:
     return (*own, SAMPLE_TIME, *CORRELATION_TIMES)
 
 
-def measurement(
-    state: PlantState, t: Scalar, plant: Plant, sensors: Sensors, position_drift: Scalar = 0.0
-) -> SensorReadings:
-    """The measurement equation: readings without noise and quantisation.
-
-    Args:
-        state: the plant's.
-        t: time in s.
-        plant: gives tensions and drum radii.
-        sensors: their zeros and scales.
-        position_drift: of the position sensor in m.
-    """
-    F1, F2 = tensions(state, plant, t)
-    return SensorReadings(
-        x=state.x + sensors.position_bias + position_drift,
-        v=state.v,
-        F1=(1 + sensors.load_cell_error_1) * F1 + sensors.load_cell_zero_1,
-        F2=(1 + sensors.load_cell_error_2) * F2 + sensors.load_cell_zero_2,
-        theta_1=state.theta_1 + sensors.encoder_zero_1 / plant.winch_1.drum_radius,
-        theta_2=state.theta_2 + sensors.encoder_zero_2 / plant.winch_2.drum_radius,
-        omega_1=state.omega_1,
-        omega_2=state.omega_2,
-    )
-
-
 @built_once
 def predicted_system(
     structure: Structure, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset(), slack_substeps: int = 8
@@ -206,7 +168,9 @@ def predicted_system(
     values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
     groups = {group: with_leaves(getattr(template, group), values, f"{group}.") for group in GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
-    readings = measurement(now.motion.plant, given["t"], plant, groups["sensors"], now.unrecorded.position_drift)
+    pulls = tensions(now.motion.plant, plant, given["t"])
+    exact = measurement(now.motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)
+    reading = ca.vertcat(*(getattr(exact, name) for name in READINGS))
 
     commands = Torques(given["tau_1"], given["tau_2"])
     actuators = now.actuator_1, now.actuator_2
@@ -233,7 +197,7 @@ def predicted_system(
     in_parts = replace(structure, integrator="rk4", substeps=slack_substeps) if one_step else structure
     move, _ = between_samples(in_parts, problem, symbols["parameters"])
     return PredictedSystem(
-        sense=named_function("sense", symbols, {"reading": ca.vertcat(*leaves(readings).values())}),
+        sense=named_function("sense", symbols, {"reading": reading}),
         prepare=named_function("prepare", symbols, {"rest": rest, "hold": ca.vertcat(*leaves(hold).values())}),
         move=move,
         parts=in_parts.substeps,
@@ -266,54 +230,32 @@ def initial_state(
         process: the disturbances.
         options: standard deviations.
     """
-    plant, sensors = experiment.plant, experiment.sensors
+    plant, sensors, names = experiment.plant, experiment.sensors, list(leaves(state_template(structure)))
     read = dict(zip(READINGS, first.tolist(), strict=True))
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    angle_1 = read["theta_1"] - sensors.encoder_zero_1 / radius_1
-    angle_2 = read["theta_2"] - sensors.encoder_zero_2 / radius_2
-    held = holding_torques(2.0, plant)  # 1 N in each rope
-    load_cells = (
-        (read["F1"] - sensors.load_cell_zero_1) / (1 + sensors.load_cell_error_1),
-        (read["F2"] - sensors.load_cell_zero_2) / (1 + sensors.load_cell_error_2),
-    )
-    F1, F2 = (
-        tension if math.isfinite(tension) else max(torque / each, 1.0)
-        for tension, torque, each in zip(load_cells, torques, (held.tau_1, held.tau_2), strict=True)
-    )
-    x = read["x"] - sensors.position_bias
-    if not math.isfinite(x):
-        x = float(winding(angle_1, plant.winch_1).rope) if math.isfinite(angle_1) else 0.0
-        x = -float(winding(angle_2, plant.winch_2).rope) if not math.isfinite(angle_1) and math.isfinite(angle_2) else x
-    length_1, length_2 = rope_lengths(x, plant.track)
-    stretch_1 = float(plant.rope_1.resting_stretch(max(F1, 1.0), length_1))
-    stretch_2 = float(plant.rope_2.resting_stretch(max(F2, 1.0), length_2))
-    v = read["v"] if math.isfinite(read["v"]) else 0.0
-    longer_1, longer_2 = crept(t, plant.creep_1)[0], crept(t, plant.creep_2)[0]
-    turned = 1 / winding(0.0, plant.winch_1).radius, 1 / winding(0.0, plant.winch_2).radius
-    names = list(leaves(state_template(structure)))
-    expected = dict.fromkeys(names, 0.0) | {
-        "motion.plant.x": x,
-        "motion.plant.v": v,
-        "motion.plant.theta_1": float(angle_of(stretch_1 + x + longer_1, plant.winch_1)),
-        "motion.plant.theta_2": float(angle_of(stretch_2 - x + longer_2, plant.winch_2)),
-        "motion.plant.omega_1": v * float(turned[0]),
-        "motion.plant.omega_2": -v * float(turned[1]),
-    }
-    for number, torque in enumerate(torques, start=1):
+    x, v = read["x"] - sensors.position_bias, read["v"] if math.isfinite(read["v"]) else 0.0
+    for side in plant.sides if not math.isfinite(x) else ():
+        zero = getattr(sensors, f"encoder_zero_{side.number}") / side.winch.drum_radius
+        x = side.direction * float(winding(read[f"theta_{side.number}"] - zero, side.winch).rope)
+        if math.isfinite(x):
+            break
+    x = x if math.isfinite(x) else 0.0
+
+    expected = dict.fromkeys(names, 0.0) | {"motion.plant.x": x, "motion.plant.v": v}
+    together = {"motion.plant.x": options.position}
+    speeds, own = {"motion.plant.v": options.speed}, list[dict[str, float]]()
+    held, lengths = vars(holding_torques(2.0, plant)).values(), rope_lengths(x, plant.track)  # held: 1 N in each rope
+    for side, torque, newton, length in zip(plant.sides, torques, held, lengths, strict=True):
+        number, theta, omega = side.number, f"motion.plant.theta_{side.number}", f"motion.plant.omega_{side.number}"
+        zero, error = (getattr(sensors, f"load_cell_{name}_{number}") for name in ("zero", "error"))
+        tension = (read[f"F{number}"] - zero) / (1 + error)
+        tension = tension if math.isfinite(tension) else torque / newton
+        stretch = float(side.rope.resting_stretch(max(tension, 1.0), length))
+        wound = stretch + side.direction * x + crept(t, side.creep)[0]
+        turn = 1 / float(winding(0.0, side.winch).radius)
+        expected |= {theta: float(angle_of(wound, side.winch)), omega: side.direction * v * turn}
         expected |= leaves(experiment.actuator.holding_state(torque), f"actuator_{number}.")
-    together = {"x": 1.0, "theta_1": turned[0], "theta_2": -turned[1]}
-    directions: list[dict[str, float]] = [
-        {f"motion.plant.{name}": options.position * share for name, share in together.items()},
-        {"motion.plant.theta_1": options.stretch * stretch_1 * turned[0]},
-        {"motion.plant.theta_2": options.stretch * stretch_2 * turned[1]},
-        {
-            "motion.plant.v": options.speed,
-            "motion.plant.omega_1": options.speed * turned[0],
-            "motion.plant.omega_2": -options.speed * turned[1],
-        },
-        {"motion.plant.omega_1": options.speed * turned[0]},
-        {"motion.plant.omega_2": options.speed * turned[1]},
-        *({f"unrecorded.{name}": each.deviation} for name, each in process.items()),
-    ]
+        together[theta], speeds[omega] = side.direction * options.position * turn, side.direction * options.speed * turn
+        own += [{theta: options.stretch * stretch * turn}, {omega: options.speed * turn}]
+    directions = [together, speeds, *own, *({f"unrecorded.{name}": each.deviation} for name, each in process.items())]
     root = np.array([[direction.get(name, 0.0) for name in names] for direction in directions], float)
     return np.array([expected[name] for name in names], float), root.T @ root

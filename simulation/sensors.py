@@ -159,22 +159,43 @@ def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:
     return where(counts > 0, 2 * math.pi / (gear_ratio * maximum(counts, 1)), 0.0)
 
 
-def read_encoders(state: PlantState, plant: Plant, sensors: Sensors) -> Readings:
-    """Drum angles in rad as the encoders give them."""
-    winch_1, winch_2 = plant.winch_1, plant.winch_2
-    zero_1, zero_2 = sensors.encoder_zero_1 / winch_1.drum_radius, sensors.encoder_zero_2 / winch_2.drum_radius
+def measurement(
+    state: PlantState, tensions: tuple[Scalar, Scalar], plant: Plant, sensors: Sensors, drift: Scalar = 0.0
+) -> Measurement:
+    """The measurement equation: what the sensors read without noise and rounding.
+
+    Args:
+        state: the plant's.
+        tensions: true ones in N.
+        plant: gives drum radii.
+        sensors: their zeros and scales.
+        drift: of the position sensor in m.
+    """
+    return Measurement(
+        x=state.x + (sensors.position_bias + drift),
+        v=state.v,
+        F1=(1 + sensors.load_cell_error_1) * tensions[0] + sensors.load_cell_zero_1,
+        F2=(1 + sensors.load_cell_error_2) * tensions[1] + sensors.load_cell_zero_2,
+        omega_1=state.omega_1,
+        omega_2=state.omega_2,
+        theta_1=state.theta_1 + sensors.encoder_zero_1 / plant.winch_1.drum_radius,
+        theta_2=state.theta_2 + sensors.encoder_zero_2 / plant.winch_2.drum_radius,
+    )
+
+
+def read_encoders(exact: Measurement, plant: Plant, sensors: Sensors) -> Readings:
+    """Drum angles in rad as the encoders count them."""
     return Readings(
-        theta_1=quantise(state.theta_1 + zero_1, encoder_step(winch_1.gear_ratio, sensors)),
-        theta_2=quantise(state.theta_2 + zero_2, encoder_step(winch_2.gear_ratio, sensors)),
+        theta_1=quantise(exact.theta_1, encoder_step(plant.winch_1.gear_ratio, sensors)),
+        theta_2=quantise(exact.theta_2, encoder_step(plant.winch_2.gear_ratio, sensors)),
     )
 
 
 def first_readings(state: PlantState, plant: Plant, sensors: Sensors, silence: Silence | None) -> Any:
     """Readings before the first sample; of the position only where it may be held."""
-    encoders = read_encoders(state, plant, sensors)
-    if silence != "held":
-        return encoders
-    return HeldReadings(**vars(encoders), x=state.x + sensors.position_bias)
+    exact = measurement(state, (0.0, 0.0), plant, sensors)
+    encoders = read_encoders(exact, plant, sensors)
+    return HeldReadings(**vars(encoders), x=exact.x) if silence == "held" else encoders
 
 
 def measure(
@@ -202,27 +223,21 @@ def measure(
     Returns:
         The readings, to be kept for the next sample, and the measurement.
     """
-    now = read_encoders(state, plant, sensors)
-    counting = sensors.encoder_counts > 0
-    off = sensors.position_bias + sensors.position_drift * noise.drift
-    x = quantise(state.x + off + sensors.position_noise * noise.position, sensors.position_resolution)
+    exact = measurement(state, tensions, plant, sensors, sensors.position_drift * noise.drift)
+    now, counting = read_encoders(exact, plant, sensors), sensors.encoder_counts > 0
+    x = quantise(exact.x + sensors.position_noise * noise.position, sensors.position_resolution)
     if silence and isinstance(last, HeldReadings):
         x = where(noise.silent > 0, last.x, x)
         now = HeldReadings(**vars(now), x=x)
     elif silence:
         x = where(noise.silent > 0, math.nan, x)
-    measured = Measurement(
+    return now, Measurement(
         x=x,
-        v=state.v + sensors.speed_noise * noise.speed,
-        F1=(1 + sensors.load_cell_error_1) * tensions[0]
-        + sensors.load_cell_zero_1
-        + sensors.tension_noise * noise.tension_1,
-        F2=(1 + sensors.load_cell_error_2) * tensions[1]
-        + sensors.load_cell_zero_2
-        + sensors.tension_noise * noise.tension_2,
-        omega_1=where(counting, (now.theta_1 - last.theta_1) / sample_time, state.omega_1),
-        omega_2=where(counting, (now.theta_2 - last.theta_2) / sample_time, state.omega_2),
+        v=exact.v + sensors.speed_noise * noise.speed,
+        F1=exact.F1 + sensors.tension_noise * noise.tension_1,
+        F2=exact.F2 + sensors.tension_noise * noise.tension_2,
+        omega_1=where(counting, (now.theta_1 - last.theta_1) / sample_time, exact.omega_1),
+        omega_2=where(counting, (now.theta_2 - last.theta_2) / sample_time, exact.omega_2),
         theta_1=now.theta_1,
         theta_2=now.theta_2,
     )
-    return now, measured

@@ -38,27 +38,14 @@ def follow_tensions(
     context: Context,
 ) -> tuple[TensionLoops, CoordinationOutput]:
     """One sample of both tension controllers (paper Section 3.3), from tension commands and tensions in N."""
-    nominal = context.nominal
-    winch_1, torque_1 = winch_step(
-        state.winch_1,
-        commands[0],
-        tensions[0],
-        setpoint.a / nominal.winch_1.drum_radius,
-        nominal.winch_1,
-        gains[0],
-        context,
-    )
-    winch_2, torque_2 = winch_step(
-        state.winch_2,
-        commands[1],
-        tensions[1],
-        -setpoint.a / nominal.winch_2.drum_radius,
-        nominal.winch_2,
-        gains[1],
-        context,
-    )
-    saturated = either(torque_1.saturated, torque_2.saturated)
-    return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, torque_1.torque, torque_2.torque, saturated)
+    found = []
+    for side, loop, command, tension, pid in zip(
+        context.nominal.sides, (state.winch_1, state.winch_2), commands, tensions, gains, strict=True
+    ):
+        alpha_d = side.direction * setpoint.a / side.winch.drum_radius
+        found.append(winch_step(loop, command, tension, alpha_d, side.winch, pid, context))
+    (winch_1, tau_1, saturated_1), (winch_2, tau_2, saturated_2) = found
+    return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, tau_1, tau_2, either(saturated_1, saturated_2))
 
 
 @dataclass(frozen=True)

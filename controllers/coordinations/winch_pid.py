@@ -35,14 +35,6 @@ class WinchState:
     primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
 
 
-@dataclass(frozen=True)
-class WinchOutput:
-    """What a winch controller gives in one sample."""
-
-    torque: Scalar
-    saturated: Scalar
-
-
 def winch_step(
     state: WinchState,
     command: Scalar,
@@ -51,8 +43,10 @@ def winch_step(
     winch: Winch,
     gains: WinchGains,
     context: Context,
-) -> tuple[WinchState, WinchOutput]:
-    """One sample of a winch controller (paper Section 3.3).
+) -> tuple[WinchState, Scalar, Scalar]:
+    """One sample of a winch controller (paper Section 3.3): next state, motor torque in N m, 1 where it is saturated.
+
+    The torque's limits follow from those of the tension; while it is at one, the integral is held.
 
     Args:
         state: the controller's state.
@@ -61,11 +55,7 @@ def winch_step(
         alpha_d: reference drum acceleration in rad/s² (E9: the measured one would close an algebraic loop).
         winch: nominal winch.
         gains: PID gains.
-        context: sample time, and the tension limits, which the torque limits follow from.
-
-    Returns:
-        The next state and the motor torque in N m with its saturation flag. The integral of this sample is kept
-        only where the torque is not clipped.
+        context: sample time and limits.
     """
     limits, sample_time = context.limits, context.sample_time
     to_torque = winch.drum_radius / winch.gear_ratio
@@ -77,4 +67,4 @@ def winch_step(
     torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
     saturated = torque != wanted
     kept = state.integral + sample_time * where(saturated, 0.0, error)
-    return WinchState(kept, error, 1.0), WinchOutput(torque, saturated)
+    return WinchState(kept, error, 1.0), torque, saturated

@@ -18,7 +18,7 @@ from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, Kalman
 from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.ropes import Rope, kelvin_voigt, rope_lengths, stiffness
+from dualwinch.model.ropes import Rope, RopeLaw, kelvin_voigt, rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar, clip, exp, where
 
 
@@ -74,15 +74,15 @@ def learn(
         known: what was known.
         stretch: nominal stretch in m at the measured tension.
         seen: stretch in m that encoder and position sensor show.
-        taut: whether the rope pulls; a slack one teaches nothing.
+        taut: whether the rope is; a slack one teaches nothing.
         position_noise: standard deviation of the position sensor in m.
         gains: prior and memory.
         sample_time: in s.
     """
     weight = where(taut, stretch / position_noise**2, 0.0)
     information = exp(-sample_time / gains.memory) * known.information + weight * stretch
-    surprise = seen - (1 + known.excess) * stretch
-    excess = known.excess + weight * surprise / (information + 1 / gains.deviation**2)
+    innovation = seen - (1 + known.excess) * stretch
+    excess = known.excess + weight * innovation / (information + 1 / gains.deviation**2)
     return RopeKnowledge(clip(excess, -LARGEST, LARGEST), information)
 
 
@@ -116,36 +116,24 @@ class CalibratingKalman(Estimator):
         context: Context,
     ) -> tuple[CalibratingState, CalibratingEstimate]:
         """One sample: learn of the ropes, then filter the motion with what is known of them."""
-        nominal, sample_time = context.nominal, context.sample_time
-        believed_1, believed_2 = kelvin_voigt(nominal.rope_1), kelvin_voigt(nominal.rope_2)
-        length_1, length_2 = rope_lengths(state.motion.x, nominal.track)
-        taut = TAUT * context.limits.tension_min
-        noise, gains = self.kalman.position_noise, self.calibration
-        F1, F2 = measurement.F1, measurement.F2
-        rope_1 = learn(
-            state.rope_1,
-            F1 / stiffness(length_1, believed_1),
-            nominal.winch_1.drum_radius * measurement.theta_1 - measurement.x,
-            taut < F1,
-            noise,
-            gains,
-            sample_time,
-        )
-        rope_2 = learn(
-            state.rope_2,
-            F2 / stiffness(length_2, believed_2),
-            nominal.winch_2.drum_radius * measurement.theta_2 + measurement.x,
-            taut < F2,
-            noise,
-            gains,
-            sample_time,
-        )
-        calibrated = replace(nominal, rope_1=_calibrated(believed_1, rope_1), rope_2=_calibrated(believed_2, rope_2))
-        motion, estimate = filter_motion(state.motion, measurement, self.kalman, calibrated, context)
+        nominal, taut, found = context.nominal, TAUT * context.limits.tension_min, []
+        lengths = rope_lengths(state.motion.x, nominal.track)
+        measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
+        for side, known, length, (F, theta) in zip(
+            nominal.sides, (state.rope_1, state.rope_2), lengths, measured, strict=True
+        ):
+            stretch = F / stiffness(length, kelvin_voigt(side.rope))
+            seen = side.winch.drum_radius * theta - side.direction * measurement.x
+            noise = self.kalman.position_noise
+            found.append(learn(known, stretch, seen, taut < F, noise, self.calibration, context.sample_time))
+        rope_1, rope_2 = found
+        ropes = {"rope_1": _calibrated(nominal.rope_1, rope_1), "rope_2": _calibrated(nominal.rope_2, rope_2)}
+        motion, estimate = filter_motion(state.motion, measurement, self.kalman, replace(nominal, **ropes), context)
         learnt = {"excess_1": rope_1.excess, "excess_2": rope_2.excess}
         return CalibratingState(motion, rope_1, rope_2), CalibratingEstimate(**vars(estimate) | learnt)
 
 
-def _calibrated(rope: Rope, known: RopeKnowledge) -> Rope:
+def _calibrated(rope: RopeLaw, known: RopeKnowledge) -> Rope:
     """The nominal rope, as elastic as it is known to be."""
-    return replace(rope, modulus=rope.modulus / (1 + known.excess))
+    believed = kelvin_voigt(rope)
+    return replace(believed, modulus=believed.modulus / (1 + known.excess))

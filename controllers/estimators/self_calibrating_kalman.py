@@ -251,12 +251,10 @@ class SelfCalibratingKalman(Estimator):
 
 def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum, Drum]:
     """Both drums as this sample's measurement and nominal values show them, with the vehicle at about x in m."""
-    nominal, taut = context.nominal, TAUT * context.limits.tension_min
-    length_1, length_2 = rope_lengths(x, nominal.track)
-    F1, F2, theta_1, theta_2 = measurement.F1, measurement.F2, measurement.theta_1, measurement.theta_2
-    stretch_1 = F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
-    stretch_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2))
-    return (
-        Drum(1.0, winding(theta_1, nominal.winch_1).rope, theta_1, stretch_1, taut < F1),
-        Drum(-1.0, winding(theta_2, nominal.winch_2).rope, theta_2, stretch_2, taut < F2),
-    )
+    found, taut = [], TAUT * context.limits.tension_min
+    measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
+    lengths = rope_lengths(x, context.nominal.track)
+    for side, length, (F, theta) in zip(context.nominal.sides, lengths, measured, strict=True):
+        stretch = F * compliance(length, kelvin_voigt(side.rope))
+        found.append(Drum(side.direction, winding(theta, side.winch).rope, theta, stretch, taut < F))
+    return found[0], found[1]
