@@ -23,3 +23,18 @@ def atomic(path: Path) -> Iterator[Path]:
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, text: str, errors: str = "strict") -> None:
+    """Write a text as UTF-8; the file appears whole or not at all.
+
+    Args:
+        path: the file.
+        text: its content.
+        errors: what becomes of a character that has no UTF-8, as `str.encode` says.
+
+    Raises:
+        OSError: as by `atomic`.
+    """
+    with atomic(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8", errors=errors)

@@ -4,7 +4,6 @@ Every distribution can be written by its kind and its numbers, ``{ kind = "unifo
 built-in ones are shorter as ``{ uniform = [0.9, 1.1] }``.
 """
 
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
@@ -14,7 +13,7 @@ import annotated_types as at
 
 from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, numbers_of
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, numbers_of, unknown
 from dualwinch.model.quantities.tree import leaves, shown, validated, with_leaves
 from dualwinch.simulation.ensembles.distributions import (
     DISTRIBUTIONS,
@@ -84,9 +83,7 @@ def _check_words(key: str, entry: Any) -> None:
     allowed = (*_names(key, entry["kind"]), *OPTIONS) if "kind" in entry else (*SHAPES, "within", *OPTIONS)
     for word in entry:
         if word not in (*allowed, "kind"):
-            near = difflib.get_close_matches(word, allowed, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"must be one of {', '.join(allowed)}"
-            raise ConfigurationError(f"{key}: unknown word '{word}'; {hint}")
+            raise ConfigurationError(f"{key}: {unknown('word', word, allowed)}")
     if "of" in entry and entry["of"] != "nominal":
         raise ConfigurationError(f'{key}: of = {entry["of"]!r}: must be "nominal"')
     if not isinstance(entry.get("together", ""), str):

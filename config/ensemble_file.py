@@ -1,6 +1,5 @@
 """Ensemble files: an experiment with a table of distributions, read with errors that name key, file and line."""
 
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib.resources import as_file, files
@@ -13,6 +12,7 @@ from dualwinch.config.experiment_file import from_table, to_toml
 from dualwinch.config.plugins import load_entry_points
 from dualwinch.config.toml_text import Source, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import current, from_folder, known_keys, override
@@ -39,9 +39,7 @@ def find_ensemble(name: str | PathLike[str]) -> Path:
     path = Path(name)
     if path.suffix or path.exists():
         return path
-    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.4)
-    hint = f"did you mean '{near[0]}'?" if near else f"must be {', '.join(known)}"
-    raise ConfigurationError(f"unknown ensemble '{name}'; {hint} (or the path of a TOML file)")
+    raise ConfigurationError(unknown("ensemble", name, known, " (or the path of a TOML file)"))
 
 
 def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> Ensemble:
@@ -133,8 +131,8 @@ def ensemble_to_toml(ensemble: Ensemble) -> str:
 
 
 def _check_heading(key: str, value: Any) -> None:
-    if key not in {"name", "description"}:
-        raise ConfigurationError(f"unknown key 'ensemble.{key}'; must be name or description")
+    if key not in ("name", "description"):
+        raise ConfigurationError(unknown("key", f"ensemble.{key}", ("ensemble.name", "ensemble.description")))
     if not isinstance(value, str):
         raise ConfigurationError(f"ensemble.{key} = {value}: must be a text")
 

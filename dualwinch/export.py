@@ -31,6 +31,7 @@ from dualwinch.codegen.fmu import host_platform as host
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.folders import check_folder, make_folder
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.blocks import BLOCKS, BlockName, block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
@@ -176,9 +177,7 @@ def platforms_of(text: str | None) -> tuple[Platform, ...]:
     for name in filter(None, map(str.strip, text.split(","))):
         platform = find_platform(name)
         if platform is None:
-            raise ConfigurationError(
-                f"--platforms: unknown platform '{name}'; must be all or some of {', '.join(PLATFORMS)}"
-            )
+            raise ConfigurationError(f"--platforms: {unknown('platform', name, PLATFORMS, ', or all')}")
         found[platform.name] = platform
     return tuple(found.values())
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from time import perf_counter
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -310,6 +310,35 @@ class ExcitationDesign:
                 behind_number(unknown.unit).strip(),
             ])  # fmt: skip
         return ["", "start", "± 1 s.d. so far", "± 1 s.d. now", "", "times smaller", ""], rows
+
+    def to_record(self) -> dict[str, Any]:
+        """All results, as JSON takes them; standard deviations in the unit of their parameter."""
+        reference = self.experiment.reference
+        return {
+            "criterion": self.criterion,
+            "duration": self.duration,
+            "tried": self.tried,
+            "seed": self.seed,
+            "seconds": self.seconds,
+            "parameters": [
+                {
+                    "key": unknown.key,
+                    "unit": unknown.unit,
+                    "start": unknown.start,
+                    "present_deviation": float(before),
+                    "deviation": float(after),
+                    "relative_deviation": float(after / abs(unknown.start)) if unknown.start else None,
+                    "times_smaller": float(before / after),
+                }
+                for unknown, before, after in zip(self.unknowns, self.present_deviations, self.deviations, strict=True)
+            ],
+            "motion": {
+                "points": list(reference.points),
+                "speed": reference.speed,
+                "acceleration": reference.acceleration,
+            },
+            "units": {"duration": "s", "seconds": "s", "points": "m", "speed": "m/s", "acceleration": "m/s^2"},
+        }
 
     def __repr__(self) -> str:
         return "\n".join([f"Excited: {self.headline}", "", markdown(*self.table), "", self.motion])

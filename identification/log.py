@@ -16,7 +16,7 @@ from dualwinch.controllers.parts import Measurement
 from dualwinch.identification.predictor import READINGS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.model.recordings import csv_units, factor
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.rows import READ
@@ -108,10 +108,7 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
     """
     for column in columns:
         if column not in UNIT_OF:
-            raise ConfigurationError(
-                f"{name}: unknown column '{column}'; did you mean '{nearest(column, UNIT_OF)}'? Must be "
-                f"{', '.join(UNIT_OF)}"
-            )
+            raise ConfigurationError(f"{name}: {unknown('column', column, UNIT_OF)}")
     if "t" not in columns:
         raise ConfigurationError(f"{name}: t: no such column; it has {', '.join(columns)}")
     arrays = {column: np.array(values, float) for column, values in columns.items()}
@@ -159,10 +156,7 @@ def column_map(texts: Sequence[str]) -> dict[str, LogColumn]:
             raise ConfigurationError(f"--column {text}: must be READING=COLUMN or READING=COLUMN:UNIT, e.g. F1=left:kN")
         reading, name, unit = parts.groups()
         if reading not in UNIT_OF:
-            raise ConfigurationError(
-                f"--column {text}: unknown reading '{reading}'; did you mean '{nearest(reading, UNIT_OF)}'? Must be "
-                f"{', '.join(UNIT_OF)}"
-            )
+            raise ConfigurationError(f"--column {text}: {unknown('reading', reading, UNIT_OF)}")
         if unit is not None:
             try:
                 factor(unit, UNIT_OF[reading])

@@ -13,7 +13,7 @@ from dualwinch.identification.options import DEFAULTS, SearchOptions
 from dualwinch.identification.predictor import GROUPS, parameter_names, predictor_structure
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import suggestion
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -84,8 +84,8 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment) -> tuple[str
     for pattern in (part.strip() for text in patterns for part in text.split(",")):
         matching = [key for key in known if fnmatchcase(key, pattern)]
         if not matching:
-            hint = nearest(pattern, known)
-            raise ConfigurationError(f"--fit {pattern}: no parameter that a log determines; did you mean '{hint}'?")
+            hint = suggestion(pattern, known)
+            raise ConfigurationError(f"--fit {pattern}: no parameter that a log determines; {hint}")
         found |= dict.fromkeys(matching)
     return tuple(found)
 
@@ -103,8 +103,7 @@ def unknown_parameters(
     """
     for key in priors:
         if key not in keys:
-            hint = f"; did you mean '{nearest(key, keys)}'?" if keys else ""
-            raise ConfigurationError(f"--prior {key}: is not fitted; add it to --fit{hint}")
+            raise ConfigurationError(f"--prior {key}: is not fitted; add it to --fit; {suggestion(key, keys)}")
     values, described, factor = leaves(experiment), describe_parts(experiment), options.range_factor
     typical = {each.name: getattr(options.typical, each.name) for each in fields(options.typical)}
     found = []

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import NONE, Numbers, nearest
+from dualwinch.model.quantities.quantity import NONE, Numbers, unknown
 
 UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
@@ -117,8 +117,7 @@ def chosen(file: Path, names: Sequence[str | None], header: Sequence[str]) -> li
             raise ConfigurationError(f"{file}: column: must be named; there is {listed or 'none but the times'}")
         if name is not None and name not in header:
             alike = [column for column in header if column.lower() == name.lower()]
-            hint = f"; did you mean '{nearest(name, alike or header)}'?" if any(header) else "; it has none"
-            raise ConfigurationError(f"{file}: unknown column '{name}'{hint}")
+            raise ConfigurationError(f"{file}: {unknown('column', name, alike or filter(None, header))}")
         column = others[0] if name is None else name
         if list(header).count(column) > 1:
             raise ConfigurationError(f"{file}: has more than one column '{column}'")

@@ -27,7 +27,7 @@ from dualwinch.model.plant import (
     torques_amid,
 )
 from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Quantity, nearest
+from dualwinch.model.quantities.quantity import Leaf, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import rope_lengths
@@ -269,9 +269,7 @@ def block(name: str, experiment: Experiment | None = None, nominal: Plant | None
         ConfigurationError: an unknown `name`, or values that do not fit together.
     """
     if name not in BLOCKS:
-        raise ConfigurationError(
-            f"unknown block '{name}': must be {', '.join(BLOCKS)}; did you mean '{nearest(name, BLOCKS)}'?"
-        )
+        raise ConfigurationError(unknown("block", name, BLOCKS))
     experiment = experiment or Experiment()
     values = prepare(experiment, nominal).parameters
     symbols = {name: ca.SX.sym(name) for name in values}

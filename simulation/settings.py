@@ -12,7 +12,7 @@ from typing import Any
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.part import Part, registries
-from dualwinch.model.quantities.quantity import Leaf, Mark, nearest
+from dualwinch.model.quantities.quantity import Leaf, Mark, unknown
 from dualwinch.model.quantities.tree import leaves, validated, with_leaves
 from dualwinch.simulation.experiment import Experiment
 
@@ -146,4 +146,4 @@ def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
     if below:
         first = ", ".join(name.removeprefix(key + ".") for name in below[:6])
         raise ConfigurationError(f"{key} is a table; its keys are {first}" + (", ..." if len(below) > 6 else ""))
-    raise ConfigurationError(f"unknown key '{key}'; did you mean '{nearest(key, known)}'?")
+    raise ConfigurationError(unknown("key", key, known))

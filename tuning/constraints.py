@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import Quantity, behind_number, nearest
+from dualwinch.model.quantities.quantity import Quantity, behind_number, suggestion, unknown
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.recordings import UNITS, factor
 from dualwinch.simulation.analysis.margin_survey import WorstMargin
@@ -94,7 +94,7 @@ def margin_statistic(text: str, own: Sequence[Metric] = ()) -> MarginStatistic |
             raise ConfigurationError(f"'{text.strip()}': a margin is the worst one, {MarginStatistic(metric).name}")
         return MarginStatistic(metric)
     if metric.endswith("_margin"):
-        raise ConfigurationError(f"'{text.strip()}': unknown margin '{metric}'; must be {', '.join(MARGINS)}")
+        raise ConfigurationError(f"'{text.strip()}': {unknown('margin', metric, MARGINS)}")
     return None
 
 
@@ -256,8 +256,8 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
         values = leaves(experiment)
         value = values.get(term)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            hint = nearest(term, ["paper", *(key for key, known in values.items() if isinstance(known, float))])
-            raise ConfigurationError(f"--constraint {text}: '{term}' names no number; did you mean '{hint}'?")
+            known = ["paper", *(key for key, known in values.items() if isinstance(known, float))]
+            raise ConfigurationError(f"--constraint {text}: '{term}' names no number; {suggestion(term, known)}")
         return Constraint(text, statistic, sign == ">=", scale * float(value))
     return Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic))
 

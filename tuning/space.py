@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Tunable, behind_number, nearest
+from dualwinch.model.quantities.quantity import Leaf, Tunable, behind_number, suggestion, unknown
 from dualwinch.model.quantities.tree import leaves, shown
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
@@ -227,7 +227,7 @@ def _scale(gain: str, followed: str, values: Mapping[str, float], known: Mapping
             numbers = [key for key, leaf in known.items() if leaf.is_number and leaf.default]
             raise ConfigurationError(
                 f"space: {gain}: its bounds follow '{key}', which is no number with a default; "
-                f"did you mean '{nearest(key, numbers)}'?"
+                f"{suggestion(key, numbers)}"
             )
         share = values[key] / default
         scale = scale / share if sign == "/" else scale * share
@@ -339,7 +339,7 @@ class _Gains:
             return tuple(self.tied[name])
         if name not in self.leaves or not self.leaves[name].is_number:
             known = [*(key for key, leaf in self.leaves.items() if leaf.tunable), *self.tied, *self.ratios]
-            raise ConfigurationError(f"space: unknown gain '{name}'; did you mean '{nearest(name, known)}'?")
+            raise ConfigurationError(f"space: {unknown('gain', name, known)}")
         return (name,)
 
 

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
-from rich import box
-from rich.table import Table
 from rich.text import Text
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import Assignments, Case, Config, Plugins, use_parts
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, styled, terminal, write_figure, write_json
+from dualwinch.cli.options import CONTROLLER, ControllerOptions
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    FigureColumn,
+    FigureTable,
+    check_file,
+    styled,
+    terminal,
+    versions,
+    write_figure,
+    write_json,
+)
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -35,27 +41,20 @@ app = App(
 @app.default
 def certify(
     *,
-    case: Case = None,
-    config: Config = None,
-    controller: Annotated[
-        Literal["fando-nftsm", "nftsm"] | None, Parameter(help="Position law that the theorem covers.")
-    ] = None,
-    set_: Assignments = None,
-    plugin: Plugins = None,
+    given: ControllerOptions = CONTROLLER,
     out: Annotated[Path | None, Parameter(help="File for the report: .json.")] = None,
     plot: Annotated[Path | None, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
 ) -> None:
     """Check the paper's stability theorem for given gains and a scenario.
 
-    Prints every condition with both sides and a verdict, the share of the run in which the theorem's Lyapunov function
-    decreases, nearby gains that satisfy the conditions (or why there are none), and what the proof assumes.
+    The theorem covers the position laws fando-nftsm and nftsm. Prints every condition with both sides and a verdict,
+    the share of the run in which the theorem's Lyapunov function decreases, nearby gains that satisfy the conditions
+    (or why there are none), and what the proof assumes.
     """
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.simulation.analysis.stability import certify as judge
     from dualwinch.simulation.analysis.stability import nearby_gains
 
-    use_parts(plugin)
-    asked = experiment_from(case, config, controller, set_ or [])
+    asked = given.experiment()
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress:
@@ -63,12 +62,8 @@ def certify(
         progress(0.0, "searching nearby gains")
         near = nearby_gains(certificate, progress=progress)
     print_certificate(certificate, near)
-    if out:
-        write_json(out, as_json(certificate, near))
-    if plot:
-        from dualwinch.simulation.plots import lyapunov
-
-        write_figure(plot, lyapunov(certificate))
+    write_json(out, lambda: to_record(certificate, near))
+    write_figure(plot, "lyapunov", certificate)
 
 
 POINTS = 2000
@@ -83,17 +78,7 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
     result = certificate.result
     kind = result.experiment.controller.law.kind
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s"))
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for heading in ("condition", "disturbance"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("left", "right"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("", no_wrap=True)
-    for condition in certificate.conditions:
-        verdict = styled("green", "holds") if condition.holds else styled("red", "fails")
-        sides = (f"{condition.left:.4g}", f"{condition.right:.4g}")
-        table.add_row(condition.name, condition.basis, *sides, verdict)
-    console.print(table)
+    console.print(conditions_table(certificate.conditions).render())
     console.print("As the paper prints them:", style="dim")
     for statement in dict.fromkeys(condition.statement for condition in certificate.conditions):
         console.print(f"  {statement}", style="dim", highlight=False)
@@ -108,6 +93,20 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
     console.print("\nAssumptions of the proof, whatever the gains:")
     for gap in GAPS:
         console.print(f"  - {gap}", highlight=False)
+
+
+def conditions_table(conditions: Sequence[Condition]) -> FigureTable:
+    """Every condition with both of its sides."""
+    verdicts = {True: styled("green", "holds"), False: styled("red", "fails")}
+    columns = (
+        FigureColumn("condition", ""),
+        FigureColumn("disturbance", ""),
+        FigureColumn("left"),
+        FigureColumn("right"),
+        FigureColumn("holds", "", "", words=verdicts),
+    )
+    rows = [(each.name, each.basis, each.left, each.right, bool(each.holds)) for each in conditions]
+    return FigureTable("conditions", columns, rows)
 
 
 def _verdict(certificate: Certificate) -> Text:
@@ -149,8 +148,8 @@ def _search(near: NearbyGains) -> str:
     return f"Nearby gains that satisfy every condition: none found, {near.reason}.\nTried:\n{attempts}"
 
 
-def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
-    """The report as plain values; what is not finite becomes null."""
+def to_record(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
+    """The report as plain values."""
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.simulation.analysis.stability import GAPS
 
@@ -158,7 +157,7 @@ def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
     stride = max(1, -(-len(result["t"]) // POINTS))
     names = ("surface", "auxiliary", "estimate", "adaptation")
     curves = {"t": result["t"], "V": terms.total} | {name: getattr(terms, name) for name in names}
-    report = {
+    return {
         "outcome": result.outcome,
         "end_time": result.end_time,
         "certified": certificate.certified,
@@ -172,7 +171,7 @@ def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
         "failing_conditions": {"printed": _failing(printed), "with_ropes": _failing(certificate.conditions)},
         "judged_conditions": {"printed": len(printed), "with_ropes": len(certificate.conditions)},
         "units": {"end_time": "s", "t": "s", "decreasing_share": "1", "within_claim_share": "1"},
-        "curves": {name: values[::stride].tolist() for name, values in curves.items()}
+        "curves": {name: values[::stride] for name, values in curves.items()}
         | {"dV_dt": certificate.rate[::stride].tolist()},
         "nearby_gains": {
             "found": near.found,
@@ -185,12 +184,3 @@ def as_json(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
         "configuration": to_toml(result.experiment),
         "versions": versions(),
     }
-    return _plain(report)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

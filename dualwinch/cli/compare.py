@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
-from rich import box
-from rich.table import Table
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import WHOLE, Figure, Plugins, use_parts
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, terminal, write_figure, write_json
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Figure
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    FigureColumn,
+    FigureTable,
+    check_file,
+    measured,
+    terminal,
+    version_notes,
+    write_figure,
+    write_json,
+)
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from dualwinch.controllers.controller import Controller
-    from dualwinch.simulation.ensembles.comparison import Comparison
-    from dualwinch.simulation.ensembles.ensemble import Ensemble
+    from dualwinch.simulation.ensembles.comparison import Comparison, Interval
 
 app = App(
     name="compare",
@@ -38,14 +44,7 @@ def compare(
     ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, `rig`, or a TOML file.")] = "sea",
     scenarios: Annotated[int, WHOLE, Parameter(help="Scenarios, the same for every file.")] = 200,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of the draws and of the intervals.")] = 0,
-    config: Annotated[
-        Path | None, Parameter(help="Experiment that supplies the values missing from the ensemble's file.")
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        Parameter(name="--set", help="key=value of the ensemble's nominal values; may be repeated.", negative=""),
-    ] = None,
-    plugin: Plugins = None,
+    given: ExperimentOptions = EXPERIMENT,
     out: Annotated[Path | None, Parameter(help="File for the statistics: .json.")] = None,
     plot: Figure = None,
 ) -> None:
@@ -53,25 +52,25 @@ def compare(
 
     A file is an experiment as `dualwinch config` prints one, or a part of it. Its [controller] tables are compared:
     position law, gains, estimator, coordination and preload; missing keys keep their defaults. Plant, sea and sensors
-    come from the ensemble alone.
+    come from the ensemble alone, --case or --config supply the values missing from its file.
     """
+    from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.ensembles.comparison import compare as run
 
-    use_parts(plugin)
-    wanted, drawn = controllers(files), ensemble_of(ensemble, config, set_ or [])
+    for key in given.values:
+        if key.startswith("controller."):
+            raise ConfigurationError(f"{key}: the controller comes from the files of gains; set it there")
+    given.use_parts()
+    wanted, drawn = controllers(files), given.ensemble(ensemble)
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress:
         result = run(wanted, drawn, scenarios, seed, progress=progress)
         progress(0.0, "finding infeasible scenarios")
-        facts = as_json(result)
-    print_comparison(result, facts)
-    if out:
-        write_json(out, facts)
-    if plot:
-        from dualwinch.simulation.plots import comparison
-
-        write_figure(plot, comparison(result))
+        facts = to_record(result)
+    print_comparison(result)
+    write_json(out, lambda: facts)
+    write_figure(plot, "comparison", result)
     if result.partial:
         raise KeyboardInterrupt
 
@@ -81,20 +80,6 @@ PAPER = "paper"
 
 METHOD = "percentile bootstrap, scenarios resampled in pairs"
 """How the intervals are made, in words."""
-
-ROWS = {
-    "mean_mse": ("MSE, mean", "mm²", 1e6),
-    "mean_mse_within_authority": ("mean within authority", "mm²", 1e6),
-    "median_mse": ("median", "mm²", 1e6),
-    "p95_mse": ("95 %", "mm²", 1e6),
-    "mean_chatter": ("chatter, mean", "N", 1.0),
-    "max_tension": ("largest tension", "N", 1.0),
-    "min_tension": ("smallest tension", "N", 1.0),
-    "slack_share": ("slack, of the samples", "%", 100.0),
-    "slack_scenarios": ("scenarios with slack", "", 1.0),
-    "saturated_share": ("saturated, of the samples", "%", 100.0),
-}
-"""Statistic → name, unit and factor in the printed table."""
 
 
 def controllers(names: Sequence[str]) -> dict[str, Controller]:
@@ -115,27 +100,35 @@ def controllers(names: Sequence[str]) -> dict[str, Controller]:
     return {name: paper_controller() if name == PAPER else load(Path(name)).controller for name in names}
 
 
-def ensemble_of(name: str, config: str | Path | None, assignments: Sequence[str]) -> Ensemble:
-    """The ensemble a command line asks for.
+def statistics_table(result: Comparison) -> FigureTable:
+    """A row for every file: statistics of the figures of merit, scenarios with slack, and outcomes."""
+    from dualwinch.simulation.ensembles.result import SUMMARY
+    from dualwinch.simulation.metrics.metrics import metric_quantities
 
-    Raises:
-        ConfigurationError: anything wrong with the ensemble, a key or a value, or a key of the controller.
-    """
-    from dualwinch.config.ensemble_file import load_ensemble, reset
-    from dualwinch.config.experiment_file import load
-    from dualwinch.config.toml_text import parse_assignment
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.experiment import Experiment
+    merits = metric_quantities(result.ensemble.experiment.metrics)
+    statistics = SUMMARY | {f"mean_{name}": f"mean.{name}" for name in result.first.own}
+    words = {"p95": "95 %"}
+    columns = [FigureColumn("name", "")]
+    for name, statistic in statistics.items():
+        kind, _, metric = statistic.partition(".")
+        merit = merits[metric]
+        columns.append(FigureColumn.of_metric(name, merit, f"{merit.label}, {words.get(kind, kind)}", ".4g"))
+        if name == "mean_mse":
+            heading = f"{merit.label}, feasible scenarios"
+            columns.append(FigureColumn.of_metric("mean_mse_within_authority", merit, heading, ".4g"))
+    columns.append(FigureColumn("slack_scenarios", heading="scenarios with slack"))
+    outcomes = dict.fromkeys(word for contender in result.contenders.values() for word in contender.outcome_counts)
+    columns += [FigureColumn(word, heading=word.replace("_", " ")) for word in outcomes]
+    rows = []
+    for name, contender in result.contenders.items():
+        values = {"name": name, "mean_mse_within_authority": result.mean_mse_within_authority(name)}
+        values |= contender.summary() | dict.fromkeys(outcomes, 0) | contender.outcome_counts
+        rows.append([values[column.name] for column in columns])
+    return FigureTable("statistics", columns, rows)
 
-    values = dict(map(parse_assignment, assignments))
-    for key in values:
-        if key.startswith("controller."):
-            raise ConfigurationError(f"{key}: the controller comes from the files of gains; set it there")
-    return reset(load_ensemble(name, load(Path(config)) if config else Experiment()), values)
 
-
-def as_json(result: Comparison) -> dict[str, Any]:
-    """Everything the comparison says, JSON-ready: NaN becomes null."""
+def to_record(result: Comparison) -> dict[str, Any]:
+    """Everything the comparison says as plain data."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.simulation.ensembles.comparison import CONFIDENCE, RESAMPLES
@@ -151,103 +144,57 @@ def as_json(result: Comparison) -> dict[str, Any]:
         }
         for name, contender in result.contenders.items()
     ]
-    return _finite(
-        {
-            "ensemble": result.ensemble.name,
-            "seed": result.seed,
-            "scenarios": len(result),
-            "scenarios_asked": result.asked,
-            "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": result.seed},
-            "beyond_authority": {
-                "scenarios": int((result.least_mse > 0).sum()),
-                "least_mean_mse": float(result.least_mse.mean()),
-                "least_mean_mse_foreseeing": float(result.least_mse_foreseeing.mean()),
-            },
-            "files": files,
-            "configuration": ensemble_to_toml(result.ensemble),
-            **{f"version_{name}": version for name, version in versions().items()},
-        }
-    )
+    return {
+        "ensemble": result.ensemble.name,
+        "seed": result.seed,
+        "scenarios": len(result),
+        "scenarios_asked": result.asked,
+        "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": result.seed},
+        "beyond_authority": {
+            "scenarios": int((result.least_mse > 0).sum()),
+            "least_mean_mse": float(result.least_mse.mean()),
+            "least_mean_mse_foreseeing": float(result.least_mse_foreseeing.mean()),
+        },
+        "units": statistics_table(result).record()["units"] | {"least_mean_mse": "m^2", "over_first": "1"},
+        "files": files,
+        "configuration": ensemble_to_toml(result.ensemble),
+        **version_notes(),
+    }
 
 
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_finite(inner) for inner in value]
-    return None if isinstance(value, float) and not abs(value) < float("inf") else value
-
-
-def print_comparison(result: Comparison, facts: Mapping[str, Any]) -> None:
-    """Print statistics and ratios.
-
-    Args:
-        result: the comparison.
-        facts: the same as `as_json` gives it.
-    """
-    from dualwinch.model.quantities.tables import readable_unit
+def print_comparison(result: Comparison) -> None:
+    """Print statistics and ratios."""
     from dualwinch.simulation.ensembles.comparison import CONFIDENCE
 
     console = terminal()
-    ensemble = result.ensemble
-    console.print(f"{len(result)} scenarios of '{ensemble.name}', seed {result.seed}, the same for all")
+    console.print(f"{len(result)} scenarios of '{result.ensemble.name}', seed {result.seed}, the same for all")
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
-    files = facts["files"]
-    table = _table(files)
-    own = {
-        f"mean_{metric.table()}": (
-            f"{metric.table()}, mean".replace("_", " "),
-            readable_unit(metric.quantity.unit),
-            1.0,
-        )
-        for metric in ensemble.experiment.metrics
-    }
-    for key, (words, unit, factor) in (ROWS | own).items():
-        table.add_row(words, *(_number(file[key], factor) for file in files), unit)
-    for outcome in dict.fromkeys(outcome for file in files for outcome in file["outcomes"]):
-        table.add_row(outcome.replace("_", " "), *(str(file["outcomes"].get(outcome, 0)) for file in files), "")
-    console.print(table)
-    if beyond := facts["beyond_authority"]["scenarios"]:
-        least, foreseeing = (
-            1e6 * facts["beyond_authority"][key] for key in ("least_mean_mse", "least_mean_mse_foreseeing")
-        )
+    console.print(statistics_table(result).render_down())
+    if beyond := int((result.least_mse > 0).sum()):
+        least, foreseeing = (1e6 * values.mean() for values in (result.least_mse, result.least_mse_foreseeing))
         console.print(
             f"{beyond} scenarios are infeasible: they need more force than the motors can "
             f"deliver. Lower bound on their mean MSE: {least:.3g} mm² for a non-anticipating optimal controller, "
             f"{foreseeing:.3g} mm² with full foresight.",
             soft_wrap=True,
         )
-    if any(set(file["outcomes"]) != {"completed"} for file in files):
+    if any(set(contender.outcome_counts) != {"completed"} for contender in result.contenders.values()):
         console.print("Statistics are those of the completed scenarios, ratios those of scenarios completed by both.")
-    if len(files) == 1:
+    first, *others = result.contenders
+    if not others:
         return
-    console.print(f"Means over those of {files[0]['name']}, with {100 * CONFIDENCE:g} % intervals:")
-    ratios = _table(files[1:])
-    pairs = [file["over_first"] for file in files[1:]]
-    for metric in pairs[0]:
-        ratios.add_row(metric.replace("_", " "), *(_interval(pair[metric]["ratio_of_means"]) for pair in pairs), "")
-        ratios.add_row("  smaller in", *(_number(pair[metric]["better"], 100) for pair in pairs), "% of scenarios")
-    console.print(ratios)
+    console.print(f"Means over those of {first}, with {100 * CONFIDENCE:g} % intervals:")
+    pairs = {name: result.paired(name) for name in others}
+    columns, rows = [FigureColumn("name", "")], [[name] for name in others]
+    for metric in pairs[others[0]]:
+        columns.append(FigureColumn(metric, heading=metric.replace("_", " ")))
+        columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="% of scenarios"))
+        for row, found in zip(rows, pairs.values(), strict=True):
+            row += [_interval(found[metric].ratio_of_means), found[metric].better]
+    console.print(FigureTable("ratios", columns, rows).render_down())
 
 
-def _table(files: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", style="bold", no_wrap=True)
-    for file in files:
-        table.add_column(file["name"], justify="right")
-    table.add_column("")
-    return table
-
-
-def _number(value: float | None, factor: float) -> str:
-    return "–" if value is None else f"{factor * value:.4g}"
-
-
-def _interval(interval: Mapping[str, float | None]) -> str:
-    if interval["estimate"] is None:
-        return "–"
-    estimate, low, high = (
-        "–" if value is None else f"{value:.3g}" for value in (interval[key] for key in ("estimate", "low", "high"))
-    )
-    return f"{estimate} ({low}–{high})"
+def _interval(interval: Interval) -> str:
+    estimate, low, high = (measured(value, ".3g") for value in asdict(interval).values())
+    return "–" if estimate == "–" else f"{estimate} ({low}–{high})"

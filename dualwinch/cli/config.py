@@ -1,11 +1,13 @@
 """The command ``config``."""
 
+from __future__ import annotations
+
 import sys
 from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import AssignmentsInBrief, Case, Plugins, use_parts
+from dualwinch.cli.options import EXPERIMENT, ExperimentOptions
 
 app = App(
     name="config",
@@ -22,26 +24,23 @@ app = App(
 @app.default
 def config(
     *,
-    case: Case = None,
-    set_: AssignmentsInBrief = None,
-    plugin: Plugins = None,
+    given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[str | None, Parameter(help="Print the file of an ensemble, such as `sea`, instead.")] = None,
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
     With --plugin, the numbers of its parts follow, including those of parts that are not in use.
     """
-    use_parts(plugin)
-    if ensemble is not None:
-        from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
-        from dualwinch.model.errors import ConfigurationError
+    from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
+    from dualwinch.config.experiment_file import own_parts_to_toml, to_toml
+    from dualwinch.model.errors import ConfigurationError
 
-        if case is not None or set_:
-            raise ConfigurationError("--ensemble: prints a file as it is; give --case or --set to 'simulate'")
-        load_ensemble(ensemble)
-        sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
+    if ensemble is None:
+        asked = given.experiment()
+        sys.stdout.write(to_toml(asked) + (own_parts_to_toml(asked) if given.plugin else ""))
         return
-    from dualwinch.config.experiment_file import experiment_from, own_parts_to_toml, to_toml
-
-    asked = experiment_from(case, None, None, set_ or [])
-    sys.stdout.write(to_toml(asked) + (own_parts_to_toml(asked) if plugin else ""))
+    if given.case is not None or given.config or given.assignments:
+        raise ConfigurationError("--ensemble: prints a file as it is; give --case, --config or --set to 'simulate'")
+    given.use_parts()
+    load_ensemble(ensemble)
+    sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))

@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 import os
-import platform
 import sys
-from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 from cyclopts import App
 from rich.table import Table
 
-from dualwinch import __version__
-from dualwinch.cli.output import terminal
+from dualwinch.cli.options import Json
+from dualwinch.cli.output import print_json, terminal, versions
 
 app = App(name="doctor")
 
 
 @app.default
-def doctor() -> None:
+def doctor(*, json: Json = False) -> None:
     """Show which compiler, cache folder, processor features and optional parts are in use."""
+    found = findings()
+    if json:
+        print_json({"units": {"size": "MB", "most": "MB", "unused": "d"}, **found})
+        return
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
-    for part, text in findings().items():
-        table.add_row(part, text)
+    for part, what in found.items():
+        table.add_row(part, what["text"] if isinstance(what, dict) else what)
     terminal().print(table)
 
-
-REQUIRED = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")
 
 OPTIONAL = {
     "control": "python-control, for linear systems as its StateSpace (extra: control)",
@@ -35,19 +36,16 @@ OPTIONAL = {
 }
 
 
-def versions() -> dict[str, str]:
-    """Versions of this product, of Python and of what results depend on."""
-    return {"dualwinch": __version__, "python": platform.python_version()} | {name: version(name) for name in REQUIRED}
+def findings() -> dict[str, str | dict[str, Any]]:
+    """Each part → what was found, in words; a missing part says what would help. Of the cache the figures, too."""
+    from importlib.metadata import PackageNotFoundError, version
 
-
-def findings() -> dict[str, str]:
-    """Each part → what was found, in words; a missing part says what would help."""
     from dualwinch.codegen.cache import cache_folder, cache_limits, libraries
     from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
     from dualwinch.codegen.errors import DualwinchError
 
-    found = {"dualwinch": __version__, "python": f"{platform.python_version()} ({sys.executable})"}
-    found |= {name: version(name) for name in REQUIRED}
+    found: dict[str, str | dict[str, Any]] = {**versions()}
+    found["python"] = f"{found['python']} ({sys.executable})"
     for name, purpose in OPTIONAL.items():
         try:
             found[name] = version(name)
@@ -60,12 +58,13 @@ def findings() -> dict[str, str]:
     except DualwinchError as error:
         found["C compiler"] = str(error)
     try:
-        folder = cache_folder()
+        folder, limits = cache_folder(), cache_limits()
         kept = libraries(folder)
         size = sum(file.stat().st_size for file in kept) / 1e6
-        limits = cache_limits()
         most = f"at most {limits.megabytes:g} MB, unused for {limits.days:g} days"
-        found["cache"] = f"{folder} ({len(kept)} libraries, {size:.1f} MB; {most})"
+        text = f"{folder} ({len(kept)} libraries, {size:.1f} MB; {most})"
+        found["cache"] = {"text": text, "folder": str(folder), "libraries": len(kept), "size": size}
+        found["cache"] |= {"most": limits.megabytes, "unused": limits.days}
     except DualwinchError as error:
         found["cache"] = str(error)
     found["processor"] = f"{processor_name()}, {os.cpu_count()} cores"

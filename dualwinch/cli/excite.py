@@ -7,19 +7,17 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.identify import prior_from, prior_model
-from dualwinch.cli.options import (
-    WHOLE,
-    AssignmentsInBrief,
-    Case,
-    Config,
-    Figure,
-    Plugins,
-    Priors,
-    seconds_from,
-    use_parts,
+from dualwinch.cli.identify import prior_from
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Figure, Json, Priors, seconds_from
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    check_file,
+    print_json,
+    terminal,
+    version_notes,
+    write_figure,
+    write_text,
 )
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, terminal, write_figure, write_text
 from dualwinch.cli.progress import ProgressLine
 
 app = App(
@@ -41,13 +39,11 @@ def excite(
         list[str],
         Parameter(help="Keys to estimate, separated by commas; * stands for anything.", negative=""),
     ],
-    case: Case = None,
-    config: Config = None,
+    given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[
         str | None,
         Parameter(help="Ensemble, such as `rig`: identifiable parameters that it draws are estimated, too."),
     ] = None,
-    set_: AssignmentsInBrief = None,
     prior: Priors = None,
     duration: Annotated[str, Parameter(help="Length of the run, e.g. 60s, 2min.")] = "60s",
     criterion: Annotated[
@@ -64,9 +60,9 @@ def excite(
     trials: Annotated[int | None, WHOLE, Parameter(help="Motions to simulate (default 200 without --time).")] = None,
     time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min.")] = None,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of the search.")] = 0,
-    plugin: Plugins = None,
     out: Annotated[Path | None, Parameter(help="File for the experiment with that motion, .toml.")] = None,
     plot: Figure = None,
+    json: Json = False,
 ) -> None:
     """Design an experiment that identifies parameters of a machine best (D- or A-optimal).
 
@@ -76,22 +72,17 @@ def excite(
     """
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.identification.excitation import excite
-    from dualwinch.model.errors import ConfigurationError
 
-    use_parts(plugin)
     length, known = seconds_from(duration, "--duration"), dict(map(prior_from, prior or []))
     limit = None if time is None else seconds_from(time)
-    if out and out.suffix.lower() != ".toml":
-        raise ConfigurationError(f"--out {out}: must end in .toml")
     check_file(out, ".toml")
     check_file(plot, *FIGURE_SUFFIXES)
-    experiment, drawn = prior_model(case, config, ensemble, set_ or [])
     with ProgressLine("searching") as progress:
         found = excite(
             fit,
-            experiment,
+            None if ensemble else given.experiment(),
             duration=length,
-            ensemble=drawn,
+            ensemble=given.ensemble(ensemble) if ensemble else None,
             priors=known,
             criterion=criterion,
             track=track,
@@ -103,8 +94,9 @@ def excite(
             seed=seed,
             progress=progress,
         )
-    terminal(soft_wrap=True).print(repr(found), highlight=False)
-    if out:
-        write_text(out, to_toml(found.experiment))
-    if plot:
-        write_figure(plot, found.plot())
+    if json:
+        print_json(found.to_record() | version_notes())
+    else:
+        terminal(soft_wrap=True).print(repr(found), highlight=False)
+    write_text(out, lambda: to_toml(found.experiment))
+    write_figure(plot, found.plot)

@@ -1,12 +1,15 @@
 """The command ``export`` and the commands below it."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import Assignments, Case, Config, Plugins, use_parts
+from dualwinch.cli.options import EXPERIMENT, ExperimentOptions
+from dualwinch.cli.output import wrote
 
 app = App(
     name="export",
@@ -22,11 +25,9 @@ What = Literal["controller", "plant", "closed-loop"]
 Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
 
 
-def wrote(folder: Path, files: list[Path]) -> None:
+def wrote_to(folder: Path, files: list[Path]) -> None:
     """Say which files were written to a folder."""
-    from dualwinch.cli.output import terminal
-
-    terminal(stderr=True).print(f"wrote {folder}: {', '.join(path.name for path in files)}", soft_wrap=True)
+    wrote(f"{folder}: {', '.join(path.name for path in files)}")
 
 
 @app.command(
@@ -56,30 +57,25 @@ def export_c(
     header: Annotated[bool, Parameter(help="CasADi's option: write a header file, too.")] = True,
     main: Annotated[bool, Parameter(help="CasADi's option: write a `main` function, too.", negative="")] = False,
     mex: Annotated[bool, Parameter(help="CasADi's option: write a gateway for MATLAB, too.", negative="")] = False,
-    case: Case = None,
-    config: Config = None,
-    set_: Assignments = None,
-    plugin: Plugins = None,
+    given: ExperimentOptions = EXPERIMENT,
 ) -> None:
     """Write a self-contained C99 package: source, header, CMake file, README and an example.
 
     No heap, no globals, no recursion; several instances may run at once.
     """
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_c as run
     from dualwinch.export import generate_c
     from dualwinch.model.errors import ConfigurationError
 
-    use_parts(plugin)
-    asked = experiment_from(case, config, None, set_ or [])
+    asked = given.experiment()
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
-        wrote(out, run(asked, out, what=what, precision=precision, freeze=freeze))
+        wrote_to(out, run(asked, out, what=what, precision=precision, freeze=freeze))
         return
     if freeze or precision != "double":
         raise ConfigurationError("--generator casadi: writes double precision with parameters as an argument")
-    wrote(out, generate_c(asked, out, blocks=[what], header=header, main=main, mex=mex))
+    wrote_to(out, generate_c(asked, out, blocks=[what], header=header, main=main, mex=mex))
 
 
 @app.command(
@@ -107,25 +103,19 @@ def export_fmu(
             "or all (default: this machine's)."
         ),
     ] = None,
-    case: Case = None,
-    config: Config = None,
-    set_: Assignments = None,
-    plugin: Plugins = None,
+    given: ExperimentOptions = EXPERIMENT,
 ) -> None:
     """Write a Functional Mock-up Unit: model description, C sources and binaries.
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
     """
-    from dualwinch.cli.output import terminal
     from dualwinch.cli.progress import ProgressLine
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_fmu as run
 
-    use_parts(plugin)
-    chosen, console = experiment_from(case, config, None, set_ or []), terminal(stderr=True)
+    chosen = given.experiment()
     with ProgressLine("generating") as progress:
         words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=progress)
-    console.print(f"wrote {words}", soft_wrap=True)
+    wrote(words)
 
 
 @app.command(
@@ -135,15 +125,11 @@ def export_fmu(
     dualwinch export mex --case 4 --out mex
 """,
 )
-def export_mex(
-    *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
-) -> None:
+def export_mex(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_mex as run
 
-    use_parts(plugin)
-    wrote(out, run(experiment_from(case, config, None, set_ or []), out))
+    wrote_to(out, run(given.experiment(), out))
 
 
 @app.command(
@@ -153,12 +139,8 @@ def export_mex(
     dualwinch export casadi --case 4 --out functions
 """,
 )
-def export_casadi(
-    *, out: Out, case: Case = None, config: Config = None, set_: Assignments = None, plugin: Plugins = None
-) -> None:
+def export_casadi(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.export import export_casadi as run
 
-    use_parts(plugin)
-    wrote(out, run(experiment_from(case, config, None, set_ or []), out))
+    wrote_to(out, run(given.experiment(), out))

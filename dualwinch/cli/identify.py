@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Config, Figure, Plugins, Priors, use_parts
-from dualwinch.cli.output import terminal, write_figure, wrote
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Figure, Json, Priors
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    check_file,
+    print_json,
+    terminal,
+    version_notes,
+    write_figure,
+    write_json,
+    write_text,
+    wrote,
+)
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from dualwinch.identification.result import IdentificationResult
-    from dualwinch.simulation.ensembles.ensemble import Ensemble
-    from dualwinch.simulation.experiment import Experiment
 
 app = App(
     name="identify",
@@ -44,8 +49,7 @@ def identify(
         list[str],
         Parameter(help="Keys to estimate, separated by commas; * stands for anything; may be repeated.", negative=""),
     ],
-    case: Case = None,
-    config: Config = None,
+    given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[
         str | None,
         Parameter(
@@ -53,7 +57,6 @@ def identify(
             "priors, where logs can identify them."
         ),
     ] = None,
-    set_: AssignmentsInBrief = None,
     prior: Priors = None,
     column: Annotated[
         list[str] | None,
@@ -77,12 +80,12 @@ def identify(
             "one of another machine."
         ),
     ] = "10%",
-    plugin: Plugins = None,
     out: Annotated[
         Path | None,
         Parameter(help="File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json."),
     ] = None,
     plot: Figure = None,
+    json: Json = False,
 ) -> None:
     """Estimate parameters of a machine from its logs, by maximum likelihood.
 
@@ -90,26 +93,25 @@ def identify(
     parameters maximise the likelihood of its innovations. Prints estimates with standard deviations, unidentifiable
     directions, and whiteness tests of the innovations.
     """
+    from dualwinch.config.ensemble_file import ensemble_to_toml
+    from dualwinch.config.experiment_file import to_toml
     from dualwinch.config.folders import check_folder
     from dualwinch.identification.identify import identify
-    from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import format_of
 
-    use_parts(plugin)
     share, most = _share("--hold-out", hold_out), _share("--unrecorded", unrecorded)
     known = dict(map(prior_from, prior or []))
-    if out and out.suffix.lower() != ".toml":
-        raise ConfigurationError(f"--out {out}: must end in .toml")
+    check_file(out, ".toml")
+    check_file(plot, *FIGURE_SUFFIXES)
     if disturbance:
         format_of(disturbance)
         check_folder(disturbance.parent)
-    experiment, drawn = prior_model(case, config, ensemble, set_ or [])
     with ProgressLine("fitting") as progress:
         found = identify(
             list(logs),
             fit,
-            experiment,
-            ensemble=drawn,
+            None if ensemble else given.experiment(),
+            ensemble=given.ensemble(ensemble) if ensemble else None,
             priors=known,
             columns=column or [],
             hold_out=share,
@@ -120,33 +122,20 @@ def identify(
             unrecorded=most,
             progress=progress,
         )
-    terminal(soft_wrap=True).print(repr(found), highlight=False)
-    written = [*(write_identified(out, found, seed) if out else [])]
-    written += write_forces(disturbance, found) if disturbance else []
-    if plot:
-        write_figure(plot, found.plot())
-    for file in written:
-        wrote(file)
-
-
-def prior_model(
-    case: int | None, config: Path | None, ensemble: str | None, assignments: Sequence[str]
-) -> tuple[Experiment | None, Ensemble | None]:
-    """The prior model that options describe: an experiment or an ensemble.
-
-    Raises:
-        ConfigurationError: both, or anything wrong with one.
-    """
-    from dualwinch.config.ensemble_file import load_ensemble, reset
-    from dualwinch.config.experiment_file import experiment_from
-    from dualwinch.config.toml_text import parse_assignment
-    from dualwinch.model.errors import ConfigurationError
-
-    if not ensemble:
-        return experiment_from(case, config, None, assignments), None
-    if case is not None or config:
-        raise ConfigurationError("give --ensemble, which has an experiment of its own, or --case or --config")
-    return None, reset(load_ensemble(ensemble), dict(map(parse_assignment, assignments)))
+    facts = found.to_record() | version_notes()
+    if json:
+        print_json(facts)
+    else:
+        terminal(soft_wrap=True).print(repr(found), highlight=False)
+    if out:
+        write_text(out, lambda: to_toml(found.experiment))
+        drawn = out.with_name(f"{out.stem}-ensemble.toml")
+        write_text(drawn, lambda: ensemble_to_toml(found.ensemble(out.stem, seed)))
+        write_json(out.with_suffix(".json"), lambda: facts)
+    if disturbance:
+        for file in write_forces(disturbance, found):
+            wrote(file)
+    write_figure(plot, found.plot)
 
 
 def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
@@ -161,30 +150,6 @@ def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     files = [file.with_stem(f"{file.stem}-{k}") if many else file for k in range(1, len(found.forces) + 1)]
     for path, force in zip(files, found.forces, strict=True):
         format_of(path).write(force.content, path)
-    return files
-
-
-def write_identified(out: Path, found: IdentificationResult, seed: int) -> list[Path]:
-    """Write the machine, the ensemble of machines that the logs allow for, and all numbers as JSON.
-
-    Returns:
-        The files.
-    """
-    from dualwinch.codegen.files import atomic
-    from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.config.experiment_file import to_toml
-
-    beside = out.with_name(f"{out.stem}-ensemble.toml"), out.with_suffix(".json")
-    record = found.to_record() | {f"version_{name}": version for name, version in versions().items()}
-    texts = (
-        to_toml(found.experiment),
-        ensemble_to_toml(found.ensemble(out.stem, seed)),
-        json.dumps(record, indent=1, allow_nan=False) + "\n",
-    )
-    files = [out, *beside]
-    for file, text in zip(files, texts, strict=True):
-        with atomic(file) as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
     return files
 
 

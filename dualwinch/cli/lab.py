@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import webbrowser
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
@@ -13,6 +11,9 @@ from dualwinch import __version__
 from dualwinch.cli.options import WHOLE
 from dualwinch.cli.output import check_file, terminal, wrote
 from dualwinch.cli.progress import ProgressLine
+
+if TYPE_CHECKING:
+    from http.server import ThreadingHTTPServer
 
 app = App(
     name="lab",
@@ -37,6 +38,8 @@ def lab(
     The page is one file and needs no server; it runs what `simulate` runs, compiled to WebAssembly. The first
     call builds it, which takes about a minute and needs zig (`pip install ziglang`); it is kept for the next.
     """
+    import webbrowser
+
     from dualwinch.model.errors import ConfigurationError
 
     if not 0 <= port <= 65535:
@@ -76,10 +79,9 @@ def page_of(own: dict[str, Any] | None = None) -> str:
 
 def write_page(page: str, out: Path) -> None:
     """Write the page, and say how large it is."""
-    from dualwinch.codegen.files import atomic
+    from dualwinch.codegen.files import write_whole
 
-    with atomic(out) as unfinished:
-        unfinished.write_text(page, encoding="utf-8")
+    write_whole(out, page)
     wrote(f"{out} ({len(page.encode()) / 1e6:.2f} MB)")
 
 
@@ -89,6 +91,8 @@ def server_of(page: str, port: int) -> ThreadingHTTPServer:
     Raises:
         ConfigurationError: the port is taken.
     """
+    from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
     from dualwinch.model.errors import ConfigurationError
 
     text = page.encode()

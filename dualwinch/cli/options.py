@@ -1,27 +1,19 @@
-"""Options that several commands share."""
+"""Options that several commands share, each of them once."""
+
+from __future__ import annotations
 
 import re
-import sys
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
-LAWS = "fando-nftsm, nftsm, pid-cascade, super-twisting, adrc, lqi, eid, rbf-sliding-mode, mpc"
-ESTIMATORS = "none, lowpass, kalman, calibrating-kalman, self-calibrating-kalman"
-COORDINATIONS = "differential-tension, scheduled-preload, master-slave, force-position"
-OWN = "or the kind of a part of your own (see --plugin)"
-
-Law = Annotated[str | None, Parameter(name="--controller", help=f"Position law: {LAWS}, {OWN}.")]
-
-Estimator = Annotated[str | None, Parameter(help=f"Estimator: {ESTIMATORS}, {OWN}.")]
-
-Plugins = Annotated[
-    list[str] | None,
-    Parameter(name="--plugin", help="Python file, or module, with parts of your own; may be repeated.", negative=""),
-]
+if TYPE_CHECKING:
+    from dualwinch.simulation.ensembles.ensemble import Ensemble
+    from dualwinch.simulation.experiment import Experiment
 
 MOST_DIGITS = 18
 """Digits of a whole number on the command line."""
@@ -39,31 +31,121 @@ def whole(kind: Any, tokens: Sequence[Token]) -> int:  # noqa: ARG001
 WHOLE = Parameter(converter=whole)
 """Beside the type of every option that is a whole number."""
 
-Case = Annotated[int | None, WHOLE, Parameter(help="Case 1 to 4 of the paper.")]
-
-Config = Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")]
+Priors = Annotated[
+    list[str] | None,
+    Parameter(name="--prior", help="Prior, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
+]
 
 Assignments = Annotated[
     list[str] | None,
     Parameter(name="--set", help="key=value, any key of `dualwinch config`; may be repeated.", negative=""),
 ]
 
-AssignmentsInBrief = Annotated[
-    list[str] | None, Parameter(name="--set", help="key=value; may be repeated.", negative="")
-]
-
-Priors = Annotated[
+Plugins = Annotated[
     list[str] | None,
-    Parameter(name="--prior", help="Prior, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
+    Parameter(name="--plugin", help="Python file, or module, with parts of your own; may be repeated.", negative=""),
 ]
 
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
 
+Json = Annotated[bool, Parameter(help="Print JSON instead of tables.", negative="")]
 
-def with_estimator(estimator: str | None, assignments: list[str] | None) -> list[str]:
-    """Assignments with that of an estimator before them."""
-    return [*([] if estimator is None else [f"controller.estimator={estimator}"]), *(assignments or [])]
 
+def choice(what: str, more: str = "") -> str:
+    """Help for an option that takes the kind of a part: the registered kinds.
+
+    Commands are read with postponed annotations, so the registries are imported for a command's own options and help,
+    not for the list of commands.
+
+    Args:
+        what: the parts, as their registry names them.
+        more: what else the option takes.
+    """
+    from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
+
+    registry = next(each for each in (POSITION_LAWS, ESTIMATORS, COORDINATIONS) if each.what == what)
+    return f"{what.capitalize()}: {', '.join(registry)}, or the kind of a part of your own (see --plugin){more}."
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ExperimentOptions:
+    """The experiment of a command: a case, a file or the defaults, with values set on it."""
+
+    case: Annotated[int | None, WHOLE, Parameter(help="Case 1 to 4 of the paper.")] = None
+    config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None
+    set_: Assignments = None
+    plugin: Plugins = None
+
+    @property
+    def assignments(self) -> list[str]:
+        """Values to set, such as ``plant.vehicle.mass=12000``."""
+        return self.set_ or []
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Key → value to set.
+
+        Raises:
+            ConfigurationError: an assignment without a key or a value.
+        """
+        from dualwinch.config.toml_text import parse_assignment
+
+        return dict(map(parse_assignment, self.assignments))
+
+    def use_parts(self) -> None:
+        """Register the parts of installed packages, and those of ``--plugin``.
+
+        Raises:
+            ConfigurationError: a file or module cannot be imported, or a part not be registered.
+        """
+        use_parts(self.plugin)
+
+    def experiment(self, *defaults: str) -> Experiment:
+        """The experiment.
+
+        Args:
+            defaults: of the command, as assignments; those of the user come after them.
+
+        Raises:
+            ConfigurationError: a plugin, both a case and a file, or anything wrong with a key or value.
+        """
+        from dualwinch.config.experiment_file import experiment_from
+
+        self.use_parts()
+        return experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
+
+    def ensemble(self, name: str) -> Ensemble:
+        """An ensemble: the case or file gives the values that its file lacks, and relative distributions follow.
+
+        Raises:
+            ConfigurationError: anything wrong with a plugin, the ensemble, a key or a value.
+        """
+        from dualwinch.config.ensemble_file import load_ensemble, reset
+        from dualwinch.config.experiment_file import experiment_from
+
+        self.use_parts()
+        return reset(load_ensemble(name, experiment_from(self.case, self.config)), self.values)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ControllerOptions(ExperimentOptions):
+    """The same, with the parts of the controller as options of their own."""
+
+    controller: Annotated[str | None, Parameter(help=choice("position law"))] = None
+    estimator: Annotated[str | None, Parameter(help=choice("estimator"))] = None
+    coordination: Annotated[str | None, Parameter(help=choice("coordination"))] = None
+
+    @property
+    def assignments(self) -> list[str]:
+        """Values to set, those of ``--set`` after the parts of the controller."""
+        parts = {"kind": self.controller, "estimator": self.estimator, "coordination.kind": self.coordination}
+        return [f"controller.{key}={kind}" for key, kind in parts.items() if kind is not None] + super().assignments
+
+
+EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
+"""Where no option is given."""
 
 LONGEST_TIME = 1e7
 """Largest number of a time."""
@@ -84,18 +166,15 @@ def seconds_from(text: str, option: str = "--time") -> float:
 
 
 def use_parts(plugins: list[str] | None) -> None:
-    """Make parts known that are not built in: those of installed packages, and those of given files and modules.
+    """Register parts that are not built in: those of installed packages, and those of given files and modules.
 
     Raises:
         ConfigurationError: a file or module cannot be imported, or a part not be registered.
     """
     from dualwinch.config.plugins import EntryPointWarning, load_entry_points, load_plugin
 
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings():
         warnings.simplefilter("always", EntryPointWarning)
         load_entry_points()
-    for warning in caught:
-        if issubclass(warning.category, EntryPointWarning):
-            sys.stderr.write(f"dualwinch: warning: {warning.message}\n")
     for plugin in plugins or []:
         load_plugin(plugin)

@@ -2,15 +2,21 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+if TYPE_CHECKING:
+    from dualwinch.model.quantities.quantity import Quantity
+    from dualwinch.simulation.metrics.metric import MetricQuantity
 
 
 def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
@@ -28,19 +34,6 @@ def measured(value: float, form: str = ".4g") -> str:
     return "–" if math.isnan(value) else f"{value:{form}}".replace("inf", "∞")
 
 
-def json_value(value: Any) -> Any:
-    """A value as JSON holds it: NaN is null, infinity the text ``inf``, arrays are lists."""
-    if isinstance(value, Mapping):
-        return {str(key): json_value(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [json_value(inner) for inner in value]
-    if hasattr(value, "tolist"):
-        return json_value(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else f"{value}"
-    return value
-
-
 @dataclass(frozen=True)
 class FigureColumn:
     """One column of a table of figures.
@@ -50,8 +43,10 @@ class FigureColumn:
         unit: of the value in files; "1": a pure number, "": words.
         heading: on the terminal; default: the name.
         factor: from the file's value to the printed one, e.g. 1e3 where seconds are printed in ms.
-        form: format of the printed number.
+        form: format of the printed number; empty: the column is in files alone.
         words: what is printed instead of some values.
+        shown_unit: of the printed number, below the heading; default: that of the value, which is not printed.
+        meaning: of the figure.
     """
 
     name: str
@@ -59,14 +54,39 @@ class FigureColumn:
     heading: str | None = None
     factor: float = 1.0
     form: str = ".4g"
-    words: Mapping[Any, str] = field(default_factory=dict)
+    words: Mapping[Any, str | Text] = field(default_factory=dict)
+    shown_unit: str = ""
+    meaning: str = ""
 
-    def shown(self, value: Any) -> str:
+    @classmethod
+    def of(cls, name: str, quantity: "Quantity", form: str = ".4g", heading: str | None = None) -> "FigureColumn":
+        """The column of a field, from its metadata, printed in its own unit."""
+        return cls(name, quantity.unit, heading, form=form, meaning=quantity.meaning)
+
+    @classmethod
+    def of_metric(cls, name: str, quantity: "MetricQuantity", heading: str = "", form: str = "") -> "FigureColumn":
+        """The column of a figure of merit, from its metadata, printed in the unit in which people read it.
+
+        Args:
+            name: of the figure of merit.
+            quantity: its metadata.
+            heading: default: its label.
+            form: default: that of the metadata.
+        """
+        unit, factor, own_form = quantity.shown
+        words, shown = heading or quantity.label, unit or quantity.shown_unit
+        return cls(name, quantity.unit, words, factor, form or own_form, shown_unit=shown, meaning=quantity.meaning)
+
+    def shown(self, value: Any) -> str | Text:
         """A value as the terminal shows it."""
         if value in self.words:
             return self.words[value]
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         return measured(self.factor * value, self.form) if number else str(value)
+
+
+HEADING_WIDTH = 10
+"""Letters of a line of a heading that has a unit below it."""
 
 
 @dataclass(frozen=True)
@@ -77,28 +97,57 @@ class FigureTable:
         name: of the table, in files.
         columns: of the table.
         rows: a value for every column.
+        title: on the terminal.
     """
 
     name: str
     columns: Sequence[FigureColumn]
     rows: Sequence[Sequence[Any]]
+    title: str | None = None
 
     def render(self) -> Table:
         """The table on a terminal; words stand left, numbers right."""
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-        for column in self.columns:
+        table = Table(title=self.title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        printed = [(index, column) for index, column in enumerate(self.columns) if column.form]
+        for _, column in printed:
             heading = column.name if column.heading is None else column.heading
+            if column.shown_unit:
+                heading = f"{fill(heading, HEADING_WIDTH, break_long_words=False)}\n{column.shown_unit}"
             table.add_column(heading, justify="right" if column.unit else "left", no_wrap=bool(column.unit))
         for row in self.rows:
-            table.add_row(*(column.shown(value) for column, value in zip(self.columns, row, strict=True)))
+            table.add_row(*(column.shown(row[index]) for index, column in printed))
+        return table
+
+    def render_down(self) -> Table:
+        """The same with a line for every figure: name, the value in each row, unit and meaning.
+
+        A first column of words heads the values.
+        """
+        from dualwinch.model.quantities.tables import readable_unit
+
+        headed = not self.columns[0].unit
+        figures = list(zip(self.columns, zip(*self.rows, strict=True), strict=True))
+        table = Table(box=box.SIMPLE_HEAD if headed else None, show_header=headed, pad_edge=False)
+        table.add_column("", style="bold", no_wrap=True)
+        for heading in figures[0][1]:
+            table.add_column(self.columns[0].shown(heading) if headed else "", justify="right", no_wrap=headed)
+        table.add_column("")
+        if not headed:
+            table.add_column("", style="dim")
+        for column, values in figures[headed:]:
+            name = column.name if column.heading is None else column.heading
+            unit = column.shown_unit or readable_unit(column.unit)
+            table.add_row(name, *map(column.shown, values), unit, *([] if headed else [column.meaning]))
         return table
 
     def record(self) -> dict[str, Any]:
         """The table as plain data: units by name, and a mapping from name to value for every row."""
+        from dualwinch.simulation.results.file_formats import plain
+
         names = [column.name for column in self.columns]
         return {
             "units": {column.name: column.unit for column in self.columns},
-            "rows": [dict(zip(names, map(json_value, row), strict=True)) for row in self.rows],
+            "rows": [plain(dict(zip(names, row, strict=True))) for row in self.rows],
         }
 
 
@@ -128,31 +177,70 @@ def check_file(file: Path | None, *suffixes: str) -> None:
     check_folder(file.parent)
 
 
+LIBRARIES = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")
+"""What results depend on."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of this product, of Python and of what results depend on."""
+    import platform
+    from importlib.metadata import version
+
+    from dualwinch import __version__
+
+    return {"dualwinch": __version__, "python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
+
+
+def version_notes() -> dict[str, str]:
+    """The same as notes of a file, ``version_numpy`` and so on."""
+    return {f"version_{name}": version for name, version in versions().items()}
+
+
 def wrote(file: object) -> None:
     """Say on standard error that a file was written."""
     terminal(stderr=True, soft_wrap=True).print(f"wrote {file}", highlight=False)
 
 
-def write_text(file: Path, text: str) -> None:
-    """Write a file, whole or not at all, and say so."""
-    from dualwinch.codegen.files import atomic
+def json_text(facts: Mapping[str, Any]) -> str:
+    """A mapping as JSON."""
+    from dualwinch.simulation.results.file_formats import plain
 
-    with atomic(file) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
-    wrote(file)
+    return json.dumps(plain(facts), indent=1, allow_nan=False) + "\n"
 
 
-def write_json(file: Path, facts: Mapping[str, Any]) -> None:
-    """Write a mapping as JSON, and say so."""
-    write_text(file, json.dumps(facts, indent=1, allow_nan=False) + "\n")
+def print_json(facts: Mapping[str, Any]) -> None:
+    """Print a mapping as JSON."""
+    sys.stdout.write(json_text(facts))
 
 
-def write_figure(file: Path, figure: Any) -> None:
-    """Write a figure, and say so."""
-    from dualwinch.simulation.plots import save
+def write_text(file: Path | None, text: Callable[[], str]) -> None:
+    """Write a file that is asked for, whole or not at all, and say so."""
+    from dualwinch.codegen.files import write_whole
 
-    save(figure, file)
-    wrote(file)
+    if file:
+        write_whole(file, text())
+        wrote(file)
+
+
+def write_json(file: Path | None, facts: Callable[[], Mapping[str, Any]]) -> None:
+    """Write a file of JSON that is asked for, and say so."""
+    write_text(file, lambda: json_text(facts()))
+
+
+def write_figure(file: Path | None, figure: str | Callable[[], Any], *of: Any) -> None:
+    """Draw and write a figure that is asked for, and say so.
+
+    Args:
+        file: for the figure; None: nothing is drawn.
+        figure: what draws it, or the name of a function of `simulation.plots`.
+        of: arguments of that function.
+    """
+    if file:
+        from dualwinch.simulation import plots
+
+        with terminal(stderr=True).status(f"drawing {file}"):
+            plots.save(getattr(plots, figure)(*of) if isinstance(figure, str) else figure(), file)
+        wrote(file)
 
 
 MOST = 10_000
@@ -172,12 +260,16 @@ def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
     from dualwinch.model.errors import ConfigurationError
 
     words = text.split(":")
-    if len(words) == 4 and words[3].strip() == "log":
-        return _by_factors(words, wrong)
+    by_factors = len(words) == 4 and words[3].strip() == "log"
     try:
-        first, last, step = (float(word) for word in words)
+        first, last, step = (float(word) for word in (words[:3] if by_factors else words))
     except ValueError:
         raise ConfigurationError(wrong) from None
+    if by_factors:
+        if not (0 < first < math.inf and 0 < last < math.inf and 2 <= step <= MOST and step == int(step)):
+            raise ConfigurationError(f"{wrong}; first and last must be > 0, and the count 2 to {MOST}")
+        inner = [float(f"{first * (last / first) ** (k / (step - 1)):.12g}") for k in range(1, int(step) - 1)]
+        return [first, *inner, last]
     if not all(map(math.isfinite, (first, last, step))) or step == 0 or (last - first) / step < 0:
         raise ConfigurationError(f"{wrong}; the step must be finite, not 0, and lead from first to last")
     if not math.isfinite((last - first) / step):
@@ -188,16 +280,3 @@ def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
     if all(word.strip().lstrip("+-").isdecimal() for word in words):
         return [int(first) + k * int(step) for k in range(count)]
     return [round(first + k * step, 12) for k in range(count)]
-
-
-def _by_factors(words: list[str], wrong: str) -> list[float]:
-    from dualwinch.model.errors import ConfigurationError
-
-    try:
-        first, last, count = float(words[0]), float(words[1]), int(words[2])
-    except ValueError:
-        raise ConfigurationError(wrong) from None
-    if not (0 < first < math.inf and 0 < last < math.inf and 2 <= count <= MOST):
-        raise ConfigurationError(f"{wrong}; first and last must be > 0, and the count 2 to {MOST}")
-    inner = [float(f"{first * (last / first) ** (k / (count - 1)):.12g}") for k in range(1, count - 1)]
-    return [first, *inner, last]

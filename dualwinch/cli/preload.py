@@ -7,12 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
-from rich import box
-from rich.table import Table
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import Assignments, Case, Config, Figure, Law, Plugins, use_parts
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, measured, styled, terminal, write_figure, write_json
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    FigureColumn,
+    FigureTable,
+    check_file,
+    styled,
+    terminal,
+    versions,
+    write_figure,
+    write_json,
+)
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -34,10 +41,7 @@ app = App(
 @app.default
 def preload(
     *,
-    case: Case = None,
-    config: Config = None,
-    controller: Law = None,
-    set_: Assignments = None,
+    given: ControllerOptions = CONTROLLER,
     least: Annotated[
         Literal["load", "peak", "energy"],
         Parameter(help="What to minimise: continuous load, largest tension, or work of the motors."),
@@ -46,7 +50,6 @@ def preload(
     torque_rate: Annotated[
         float | None, Parameter(help="Optimum: largest rate of each motor torque in N m/s (default: any).")
     ] = None,
-    plugin: Plugins = None,
     out: Annotated[Path | None, Parameter(help="File for all numbers: .json.")] = None,
     plot: Figure = None,
 ) -> None:
@@ -56,35 +59,21 @@ def preload(
     tensions, with the preload scheduled, and solves for the tensions over time that load the motors least. Prints for
     each of them load, tensions, work and error.
     """
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
     from dualwinch.simulation.analysis.preload import preloads
 
-    use_parts(plugin)
-    scheduled = f"controller.coordination.kind={ScheduledPreload.kind}"
-    asked = experiment_from(case, config, controller, [scheduled, *(set_ or [])])
+    asked = given.experiment(f"controller.coordination.kind={ScheduledPreload.kind}")
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("solving and simulating") as progress:
         found = preloads(asked, least, error=error, torque_rate=torque_rate, progress=progress)
     print_preloads(found)
-    if out:
-        write_json(out, as_json(found))
-    if plot:
-        from dualwinch.simulation.plots import preloads as figure
-
-        write_figure(plot, figure(found))
+    write_json(out, lambda: to_record(found))
+    write_figure(plot, "preloads", found)
 
 
-COLUMNS = {
-    "continuous_load": ("load\nN m", 1.0, ".3g"),
-    "peak_tension": ("largest\nN", 1.0, ".0f"),
-    "min_tension": ("smallest\nN", 1.0, ".0f"),
-    "energy": ("work\nkJ", 1e-3, ".0f"),
-    "chatter": ("chatter\nN", 1.0, ".2g"),
-    "mse": ("MSE\nmm²", 1e6, ".3g"),
-}
-"""Figure of merit → heading, factor and format."""
+SHOWN = {"continuous_load": "", "peak_tension": "", "min_tension": "", "energy": ".3g", "chatter": ".2g", "mse": ""}
+"""Figures of merit that are printed, and formats other than their own."""
 
 POINTS = 1000
 """Points over time a file keeps of every run."""
@@ -96,22 +85,24 @@ def runs(found: Preloads) -> dict[str, Result]:
     return {name: run for name, run in named.items() if run is not None}
 
 
+def preloads_table(found: Preloads) -> FigureTable:
+    """A row for every preload: its smallest and largest value, and the figures of merit of the run with it."""
+    merits = found.scheduled.metrics.quantities
+    columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
+    columns += [FigureColumn.of_metric(name, merits[name], form=form) for name, form in SHOWN.items()]
+    rows = []
+    for name, run in runs(found).items():
+        ended = "" if run.outcome == "completed" else f" ({run.outcome})"
+        rows.append([name + ended, _sums(_extremes(run)), *(run.metrics[column.name] for column in columns[2:])])
+    reached = _least_metrics(found.least)
+    least = [reached.get(column.name, math.nan) for column in columns[2:]]
+    return FigureTable("preloads", columns, [*rows, ["least", _sums(_ends(found.least.preload)), *least]])
+
+
 def print_preloads(found: Preloads) -> None:
     """Print a row for every preload, and what the schedule saves."""
     console = terminal()
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("preload", style="bold", no_wrap=True)
-    table.add_column("N", justify="right", no_wrap=True)
-    for heading, _, _ in COLUMNS.values():
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, run in runs(found).items():
-        ended = "" if run.outcome == "completed" else f" ({run.outcome})"
-        values = (measured(factor * run.metrics[column], form) for column, (_, factor, form) in COLUMNS.items())
-        table.add_row(name + ended, _sums(name, run), *values)
-    least, reached = found.least, _least_metrics(found.least)
-    values = (measured(factor * reached.get(name, math.nan), form) for name, (_, factor, form) in COLUMNS.items())
-    table.add_row("least", f"{least.preload.min():.0f}–{least.preload.max():.0f}", *values)
-    console.print(table)
+    console.print(preloads_table(found).render())
     if found.best is None:
         console.print("No constant preload has an error as small and keeps both ropes as taut as the schedule.")
         return
@@ -140,7 +131,7 @@ def _least_metrics(least: LeastPreload) -> dict[str, float]:
 
 
 def _over_best(found: Preloads) -> dict[str, float]:
-    """What schedule and least preload take of the measure, over what the best constant preload takes."""
+    """The measure of schedule and least preload, over that of the best constant preload."""
     if found.best is None:
         return {}
     theirs = found.best.metrics[found.measure]
@@ -148,20 +139,21 @@ def _over_best(found: Preloads) -> dict[str, float]:
     return {"scheduled": ours / theirs, "least": bound / theirs}
 
 
-def _extremes(name: str, run: Result) -> list[float]:
+def _ends(preload: Any) -> list[float]:
+    return [float(preload.min()), float(preload.max())]
+
+
+def _extremes(run: Result) -> list[float]:
     """Smallest and largest sum of tensions that a run asks for, in N."""
-    if name != "scheduled":
-        return [run.experiment.controller.limits.preload] * 2
-    return [float(run["preload"].min()), float(run["preload"].max())]
+    return _ends(run["preload"]) if "preload" in run.columns else [run.experiment.controller.limits.preload] * 2
 
 
-def _sums(name: str, run: Result) -> str:
-    first, last = _extremes(name, run)
-    return f"{first:.0f}" if name != "scheduled" else f"{first:.0f}–{last:.0f}"
+def _sums(extremes: list[float]) -> str:
+    return "–".join(dict.fromkeys(f"{end:.0f}" for end in extremes))
 
 
-def as_json(found: Preloads) -> dict[str, Any]:
-    """Everything as plain values; what is not finite becomes null."""
+def to_record(found: Preloads) -> dict[str, Any]:
+    """Everything as plain data."""
     from dualwinch.config.experiment_file import to_toml
 
     report: dict[str, Any] = {}
@@ -170,35 +162,23 @@ def as_json(found: Preloads) -> dict[str, Any]:
         report[name.replace(" ", "_")] = {
             "outcome": str(run.outcome),
             "preload": run.experiment.controller.limits.preload,
-            "preload_extremes": _extremes(name, run),
-            "metrics": {key: _plain(run.metrics[key]) for key in run.metrics},
-            "curves": {key: [_plain(value) for value in run[key][::stride]] for key in ("t", "F1", "F2", "e")},
+            "preload_extremes": _extremes(run),
+            "metrics": dict(run.metrics),
+            "curves": {key: run[key][::stride] for key in ("t", "F1", "F2", "e")},
         }
     least = found.least
     report["least"] = {
         "metrics": _least_metrics(least),
-        "preload_extremes": [float(least.preload.min()), float(least.preload.max())],
-        "curves": {key: getattr(least, key).tolist() for key in ("t", "F1", "F2", "e")},
+        "preload_extremes": _ends(least.preload),
+        "curves": {key: getattr(least, key) for key in ("t", "F1", "F2", "e")},
     }
+    units = {"t": "s", "F1": "N", "F2": "N", "e": "m", "preload": "N", "preload_extremes": "N"}
+    units |= dict.fromkeys(("saved_share", "measure_over_best_constant"), "1")
     return report | {
         "measure": found.measure,
-        "saved_share": _plain(found.saved),
+        "saved_share": found.saved,
         "measure_over_best_constant": _over_best(found),
-        "units": {
-            "t": "s",
-            "F1": "N",
-            "F2": "N",
-            "e": "m",
-            "preload": "N",
-            "preload_extremes": "N",
-            "saved_share": "1",
-            "measure_over_best_constant": "1",
-        }
-        | {name: quantity.unit for name, quantity in found.scheduled.metrics.quantities.items()},
+        "units": units | {name: quantity.unit for name, quantity in found.scheduled.metrics.quantities.items()},
         "configuration": to_toml(found.scheduled.experiment),
         "versions": versions(),
     }
-
-
-def _plain(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None

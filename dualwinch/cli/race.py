@@ -5,17 +5,15 @@ The module does not bear the command's name: that is the function ``dualwinch.ra
 
 from __future__ import annotations
 
-import json
-import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import COORDINATIONS, ESTIMATORS, LAWS, OWN, WHOLE, AssignmentsInBrief, Plugins, use_parts
-from dualwinch.cli.output import terminal
-from dualwinch.cli.progress import StatusLine
+from dualwinch.cli.options import WHOLE, Assignments, Plugins, choice, use_parts
+from dualwinch.cli.output import json_text, terminal, version_notes, versions
+from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from dualwinch.tuning.benchmark.found import BenchmarkFindings
@@ -35,28 +33,37 @@ app = App(
 )
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkEntries:
+    """The entries of a race."""
+
+    law: Annotated[
+        list[str] | None,
+        Parameter(help=choice("position law", "; may be repeated. Default: all"), negative=""),
+    ] = (None,)
+    estimator: Annotated[
+        list[str] | None,
+        Parameter(
+            help=choice("estimator", ", or all; may be repeated. Default: the ensemble's, as of `dualwinch tune`"),
+            negative="",
+        ),
+    ] = (None,)
+    coordination: Annotated[
+        list[str] | None,
+        Parameter(help=choice("coordination", ", or all; may be repeated. Default: the paper's"), negative=""),
+    ] = (None,)
+
+
+ENTRIES = BenchmarkEntries()
+"""Where no option is given."""
+
+
 @app.default
 def race(
     *,
     ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `rig`, `sea`, or a TOML file.")] = "rig",
-    law: Annotated[
-        list[str] | None,
-        Parameter(help=f"Position law: {LAWS}, {OWN}; may be repeated. Default: all.", negative=""),
-    ] = None,
-    estimator: Annotated[
-        list[str] | None,
-        Parameter(
-            help=f"Estimator: {ESTIMATORS}, {OWN}, or all; may be repeated. Default: the ensemble's, as of "
-            "`dualwinch tune`.",
-            negative="",
-        ),
-    ] = None,
-    coordination: Annotated[
-        list[str] | None,
-        Parameter(
-            help=f"Coordination: {COORDINATIONS}, {OWN}, or all; may be repeated. Default: the paper's.", negative=""
-        ),
-    ] = None,
+    entries: BenchmarkEntries = ENTRIES,
     ablations: Annotated[
         bool, Parameter(help="Include the paper's law without each of its parts.", negative="")
     ] = False,
@@ -69,7 +76,7 @@ def race(
     ] = 1,
     scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios a candidate is tuned on (default 12).")] = None,
     held_out: Annotated[int, WHOLE, Parameter(help="Held-out scenarios for the score.")] = 200,
-    set_: AssignmentsInBrief = None,
+    set_: Assignments = None,
     constraint: Annotated[
         list[str] | None,
         Parameter(help="As of `dualwinch tune`, for all; may be repeated; none: no constraint.", negative=""),
@@ -93,13 +100,12 @@ def race(
     from dualwinch.tuning.benchmark.race import race
 
     use_parts(plugin)
-    with made_folder(out), StatusLine("race") as status:
-        status.phase("reading the problem")
+    with made_folder(out), ProgressLine("reading the problem", command="race") as progress:
         found = race(
             ensemble=ensemble,
-            laws=law,
-            estimators=estimator,
-            coordinations=coordination,
+            laws=entries.law,
+            estimators=entries.estimator,
+            coordinations=entries.coordination,
             ablations=ablations,
             rollouts=rollouts,
             searches=searches,
@@ -111,12 +117,12 @@ def race(
             method=method,
             stress=stress,
             out=out,
-            progress=Clock(status),
+            progress=progress,
         )
-        status.phase("writing the report")
+        progress(1.0, "writing the report")
         written = write_race(out, found)
     terminal(soft_wrap=True).print(repr(found), highlight=False)
-    status.say(f"wrote {', '.join(written)} in {out}")
+    progress.say(f"wrote {', '.join(written)} in {out}")
     if found.left:
         raise KeyboardInterrupt
 
@@ -125,51 +131,26 @@ GAINS = "gains"
 """Folder of the configurations."""
 
 
-class Clock:
-    """Says what is done and how long it will take, from the share that is done."""
-
-    def __init__(self, status: StatusLine) -> None:
-        self._status, self._began, self._entry = status, time.monotonic(), ""
-
-    def __call__(self, share: float, words: str) -> None:
-        """On a terminal at once; in a log where it is the next entry's turn."""
-        entry = words.partition(":")[0]
-        if self._status.console.is_terminal or entry != self._entry:
-            self._entry = entry
-            self._status.phase(f"{words}{self._left(share)}")
-
-    def _left(self, share: float) -> str:
-        """The time left, once enough is done to estimate it."""
-        if share < 0.01:
-            return ""
-        left = (time.monotonic() - self._began) * (1 / share - 1)
-        return f" · {left / 60:.0f} min left" if left >= 90 else f" · {left:.0f} s left"
-
-
 def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     """Write ``race.json``, ``race.svg``, ``fronts.svg``, ``report.html``, and the gains of each entry.
 
     Returns:
         Names of the files that were written.
     """
-    from dualwinch.codegen.files import atomic
+    from dualwinch.codegen.files import write_whole
     from dualwinch.config.folders import make_folder
     from dualwinch.reports.race import write_race_report
     from dualwinch.simulation.plots import save
     from dualwinch.tuning.benchmark.summary import to_record
 
-    facts = to_record(found) | {f"version_{name}": version for name, version in versions().items()}
-    with atomic(out / "race.json") as unfinished:
-        unfinished.write_text(json.dumps(facts, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_whole(out / "race.json", json_text(to_record(found) | version_notes()))
     save(found.plot(), out / "race.svg")
     save(found.plot_fronts(), out / "fronts.svg")
     write_race_report(out / "report.html", found, versions())
     make_folder(out / GAINS)
     for scored in found.entries:
-        text = configuration(found, scored)
-        if text:
-            with atomic(out / GAINS / f"{scored.entry.stem}.toml") as unfinished:
-                unfinished.write_text(text, encoding="utf-8")
+        if text := configuration(found, scored):
+            write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 

@@ -15,8 +15,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.output import measured, styled, terminal
+from dualwinch.cli.output import measured, styled, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import engine_here
 
@@ -88,8 +87,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
             runs[number, kind] = simulate(case(number, kind), engine=engine)
         for (number, kind), result in runs.items():
             step(f"case {number}, {kind}: write data")
-            notes = {f"version_{name}": version for name, version in versions().items()}
-            save(result, out / "data" / f"case{number}-{kind}.parquet", notes)
+            save(result, out / "data" / f"case{number}-{kind}.parquet", version_notes())
         variants = run_variants(numbers, step, engine) if extended else {}
         _write_metrics(out / "metrics.json", runs, variants)
         images: dict[int, bytes] = {}
@@ -116,25 +114,24 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
 
 def _chosen_cases(words: list[str]) -> list[int]:
     from dualwinch.model.errors import ConfigurationError
+    from dualwinch.model.quantities.quantity import unknown
     from dualwinch.simulation.paper import CASES
 
     allowed = {str(number): number for number in CASES}
-    wrong = [word for word in words if word.strip() not in allowed]
-    if wrong:
-        raise ConfigurationError(f"--cases = {','.join(words)}: {wrong[0]!r} must be one of {', '.join(allowed)}")
+    for word in map(str.strip, words):
+        if word not in allowed:
+            raise ConfigurationError(f"--cases = {','.join(words)}: {unknown('case', word, allowed)}")
     return sorted({allowed[word.strip()] for word in words})
 
 
 def _chosen_controllers(words: list[str]) -> list[str]:
     from dualwinch.model.errors import ConfigurationError
+    from dualwinch.model.quantities.quantity import unknown
     from dualwinch.simulation.paper import CONTROLLERS
 
     chosen = {word.strip() for word in words}
-    wrong = sorted(chosen - set(CONTROLLERS))
-    if wrong:
-        raise ConfigurationError(
-            f"--controllers = {','.join(words)}: {wrong[0]!r} must be one of {', '.join(CONTROLLERS)}"
-        )
+    for word in sorted(chosen - set(CONTROLLERS)):
+        raise ConfigurationError(f"--controllers = {','.join(words)}: {unknown('controller', word, CONTROLLERS)}")
     return [kind for kind in CONTROLLERS if kind in chosen]
 
 

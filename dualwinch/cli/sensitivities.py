@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
-from rich import box
-from rich.table import Table
 
-from dualwinch.cli.options import (
-    AssignmentsInBrief,
-    Case,
-    Config,
-    Estimator,
-    Figure,
-    Law,
-    Plugins,
-    use_parts,
-    with_estimator,
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, Json
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    FigureColumn,
+    FigureTable,
+    check_file,
+    print_json,
+    styled,
+    terminal,
+    write_figure,
+    wrote,
 )
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, styled, terminal, write_figure, wrote
-from dualwinch.cli.sweep import writer
+from dualwinch.cli.sweep import SUFFIXES, checked_metrics
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,12 +52,7 @@ def sensitivities(
     *keys: Annotated[
         str, Parameter(help="Keys of continuous numbers, also separated by commas; * stands for anything.")
     ],
-    case: Case = None,
-    config: Config = None,
-    controller: Law = None,
-    estimator: Estimator = None,
-    set_: AssignmentsInBrief = None,
-    plugin: Plugins = None,
+    given: ControllerOptions = CONTROLLER,
     metric: Annotated[
         list[str] | None,
         Parameter(help="Figure of merit to show (default mse); may be repeated.", negative=""),
@@ -75,7 +66,7 @@ def sensitivities(
         Parameter(help="File for the columns and their derivatives: .csv, .parquet, .npz."),
     ] = None,
     plot: Figure = None,
-    json: Annotated[bool, Parameter(help="Print JSON instead of tables.", negative="")] = False,
+    json: Json = False,
 ) -> None:
     """Differentiate a run by parameters of plant, sensors, disturbance and controller, exactly.
 
@@ -84,24 +75,15 @@ def sensitivities(
     sensors that read in steps are taken to read without them. Tables and figure show the changes to first order, for
     one more percent of each number.
     """
-    from dualwinch.config.experiment_file import experiment_from
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.model.quantities.quantity import nearest
     from dualwinch.simulation.batch.sensitivities import sensitivities
-    from dualwinch.simulation.metrics.metrics import BUILT_IN
     from dualwinch.simulation.prepare import check_memory
+    from dualwinch.simulation.results.file_formats import FORMATS
 
-    use_parts(plugin)
-    base = experiment_from(case, config, controller, with_estimator(estimator, set_))
-    metrics = metric or ["mse"]
-    columns = column or ["e"]
+    base = given.experiment()
+    metrics, columns = checked_metrics(metric or ["mse"], base), column or ["e"]
     values = values_of(keys, base)
-    known = (*BUILT_IN, *(own.table() for own in base.metrics))
-    for name in metrics:
-        if name not in known:
-            raise ConfigurationError(f"--metric {name}: unknown metric; did you mean '{nearest(name, known)}'?")
     check_memory(base.samples, 1, (len(columns) + 1) * (len(values) + 1))
-    write = writer(out) if out else None
+    check_file(out, *SUFFIXES)
     check_file(plot, *FIGURE_SUFFIXES)
     with terminal(stderr=True).status("differentiating"):
         found = sensitivities(list(values), [list(values.values())], [base], columns=columns)
@@ -109,16 +91,16 @@ def sensitivities(
         raise KeyboardInterrupt
     effects = Effects(base, values, found)
     if json:
-        sys.stdout.write(as_json(effects) + "\n")
+        print_json(to_record(effects))
     else:
         print_effects(effects, metrics)
-    if out and write:
-        write(content_of(effects), out)
+    if out:
+        FORMATS[out.suffix.lower()].write(content_of(effects), out)
         wrote(out)
     if plot:
         from dualwinch.simulation.plots.analyses import effects_figure
 
-        write_figure(plot, effects_figure(base, effects.changes(), effects.found.quantities))
+        write_figure(plot, lambda: effects_figure(base, effects.changes(), found.quantities))
 
 
 def values_of(words: Sequence[str], experiment: Experiment) -> dict[str, float]:
@@ -235,13 +217,12 @@ def content_of(effects: Effects) -> FileContent:
     )
 
 
-def as_json(effects: Effects) -> str:
-    """Outcome, numbers, figures of merit with their gradients, and the largest slopes of columns, as JSON."""
+def to_record(effects: Effects) -> dict[str, Any]:
+    """Outcome, numbers, figures of merit with their gradients, and the largest slopes of columns."""
     from dualwinch.simulation.metrics.metrics import metric_quantities
-    from dualwinch.simulation.results.file_formats import plain
 
     found, merits = effects.found, metric_quantities(effects.experiment.metrics)
-    content = {
+    return {
         "outcome": str(found.outcomes[0, 0]),
         "units": {"relative_change_by_step": "1", "time_of_largest_slope": "s"},
         "keys": {
@@ -268,7 +249,6 @@ def as_json(effects: Effects) -> str:
             for name, quantity in found.quantities.items()
         },
     }
-    return json.dumps(plain(content), indent=1, allow_nan=False)
 
 
 def print_effects(effects: Effects, metrics: Sequence[str]) -> None:
@@ -280,25 +260,34 @@ def print_effects(effects: Effects, metrics: Sequence[str]) -> None:
     law, outcome = effects.experiment.controller.law.kind, str(found.outcomes[0, 0]).replace("_", " ")
     console.print(styled("bold", law, f": {outcome}"))
     merits = metric_quantities(effects.experiment.metrics)
+
+    def show(name: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+        columns = [FigureColumn("key", "", ""), *map(FigureColumn, ("with", *headings))]
+        table = FigureTable(
+            name, columns, [(*effects.asked(key), *row) for key, row in zip(effects.values, rows, strict=True)]
+        )
+        console.print(table.render())
+
     for metric in metrics:
         value, unit = float(found.metrics[metric][0, 0]), merits[metric].unit
         console.print(styled("bold", metric, f" = {_cell(value, unit)}: {readable(merits[metric].meaning)}"))
-        table = _table("derivative", "changes by")
-        for number, key in enumerate(effects.values):
-            slope = float(found.gradients[metric][0, 0, number])
+        rows = []
+        for key, slope in zip(effects.values, found.gradients[metric][0, 0].tolist(), strict=True):
             change = slope * effects.steps[key]
             share = (100 * change / value, "%") if value else (change, unit)
-            table.add_row(*effects.asked(key), _cell(slope, per(unit, effects.units[key])), _cell(*share, sign="+"))
-        console.print(table)
+            rows.append((_cell(slope, per(unit, effects.units[key])), _cell(*share, sign="+")))
+        show(metric, ("derivative", "changes by"), rows)
     for column, quantity in found.quantities.items():
         console.print(styled("bold", column, f": {readable(quantity.meaning)}"))
-        table = _table("largest slope", "changes by", "at")
-        for key, slope, t in effects.largest(column):
-            change = _cell(slope * effects.steps[key], quantity.unit, sign="+")
-            table.add_row(
-                *effects.asked(key), _cell(slope, per(quantity.unit, effects.units[key])), change, _cell(t, "s")
+        rows = [
+            (
+                _cell(slope, per(quantity.unit, effects.units[key])),
+                _cell(slope * effects.steps[key], quantity.unit, sign="+"),
+                _cell(t, "s"),
             )
-        console.print(table)
+            for key, slope, t in effects.largest(column)
+        ]
+        show(column, ("largest slope", "changes by", "at"), rows)
 
 
 def per(unit: str, other: str) -> str:
@@ -315,11 +304,3 @@ def _cell(value: float, unit: str, *, sign: str = "") -> str:
 
     number = f"{value:{sign}.3g}" if np.isfinite(value) else "–"
     return f"{number} {readable_unit(unit)}".rstrip()
-
-
-def _table(*headings: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", style="bold", no_wrap=True)
-    for heading in ("with", *headings):
-        table.add_column(heading, justify="right")
-    return table

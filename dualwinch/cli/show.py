@@ -1,6 +1,5 @@
 """The command ``show``: the lab's page with a run of one's own."""
 
-import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -42,4 +41,6 @@ def show(
         raise ConfigurationError(f"{run}: holds no rows to draw")
     write_page(page_of(own_run(run.name, result)), file)
     if browser:
+        import webbrowser
+
         webbrowser.open(file.absolute().as_uri())

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
-from rich import box
-from rich.table import Table
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import (
-    WHOLE,
-    Assignments,
-    Case,
-    Config,
-    Estimator,
-    Figure,
-    Law,
-    Plugins,
-    use_parts,
-    with_estimator,
+from dualwinch.cli.options import CONTROLLER, WHOLE, ControllerOptions, Figure, Json
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    FigureColumn,
+    FigureTable,
+    check_file,
+    print_json,
+    styled,
+    terminal,
+    version_notes,
+    write_figure,
+    wrote,
 )
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, measured, styled, terminal, write_figure, wrote
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -31,6 +29,9 @@ if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.result import EnsembleResult
     from dualwinch.simulation.experiment import EngineName, Experiment
     from dualwinch.simulation.results.result import Result
+
+SCENARIOS, SEED = 100, 0
+"""Of an ensemble."""
 
 app = App(
     name="simulate",
@@ -51,18 +52,13 @@ app = App(
 @app.default
 def simulate(
     *,
-    case: Case = None,
-    config: Config = None,
-    controller: Law = None,
-    estimator: Estimator = None,
-    set_: Assignments = None,
-    plugin: Plugins = None,
+    given: ControllerOptions = CONTROLLER,
     ensemble: Annotated[
         str | None,
         Parameter(help="Run an ensemble of scenarios: `sea`, `rig`, or a TOML file (see `config --ensemble`)."),
     ] = None,
-    scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios of the ensemble (default 100).")] = None,
-    seed: Annotated[int | None, WHOLE, Parameter(help="Seed of the ensemble's draws (default 0).")] = None,
+    scenarios: Annotated[int | None, WHOLE, Parameter(help=f"Scenarios of the ensemble (default {SCENARIOS}).")] = None,
+    seed: Annotated[int | None, WHOLE, Parameter(help=f"Seed of the ensemble's draws (default {SEED}).")] = None,
     out: Annotated[
         Path | None,
         Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
@@ -77,6 +73,7 @@ def simulate(
             "interpreter (slow; by itself only where there is no compiler)."
         ),
     ] = None,
+    json: Json = False,
 ) -> None:
     """Simulate one experiment and print its figures of merit.
 
@@ -86,35 +83,33 @@ def simulate(
     the ensemble's file; --controller and --set change its nominal values, and relative distributions follow. The data
     hold one row per scenario, the figure is a fan chart.
     """
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.model.errors import ConfigurationError
 
-    use_parts(plugin)
-    assignments = with_estimator(estimator, set_)
-    if ensemble is not None:
-        _check_alone("--ensemble", stride=stride != 1, animate=animate)
-        if engine is not None:
-            assignments = [*assignments, f"simulation.engine={engine}"]
-        simulate_ensemble(ensemble_of(ensemble, case, config, controller, assignments), scenarios, seed, out, plot)
+    check_file(plot, *FIGURE_SUFFIXES)
+    if ensemble is None:
+        for name, value in (("scenarios", scenarios), ("seed", seed)):
+            if value is not None:
+                hint = "; the seed of one run is --set simulation.seed=N" if name == "seed" else ""
+                raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
+        simulate_one(given.experiment(), stride, engine, out, plot, animate, json=json)
         return
-    if scenarios is not None:
-        raise ConfigurationError("--scenarios: needs --ensemble")
-    if seed is not None:
-        raise ConfigurationError("--seed: needs --ensemble; the seed of one run is --set simulation.seed=N")
-    simulate_one(experiment_from(case, config, controller, assignments), stride, engine, out, plot, animate)
-
-
-def _check_alone(option: str, **others: object) -> None:
-    """Raise `ConfigurationError` where an option is given beside one that it does not go with."""
-    from dualwinch.model.errors import ConfigurationError
-
-    for word, given in others.items():
-        if given:
-            raise ConfigurationError(f"--{word} and {option}: give one of them")
+    for name, wanted in (("stride", stride != 1), ("animate", animate)):
+        if wanted:
+            raise ConfigurationError(f"--{name} and --ensemble: give one of them")
+    if engine:
+        given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
+    simulate_ensemble(given.ensemble(ensemble), scenarios, seed, out, plot, json=json)
 
 
 def simulate_one(
-    asked: Experiment, stride: int, engine: EngineName | None, out: Path | None, plot: Path | None, animate: Path | None
+    asked: Experiment,
+    stride: int,
+    engine: EngineName | None,
+    out: Path | None,
+    plot: Path | None,
+    animate: Path | None,
+    *,
+    json: bool,
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     from dualwinch.config.folders import check_folder
@@ -128,52 +123,41 @@ def simulate_one(
     if out:
         format_of(out)
         check_folder(out.parent)
-    check_file(plot, *FIGURE_SUFFIXES)
-    if animate:
-        from dualwinch.simulation.animation.animation import check_animation
-
-        check_animation(animate)
-        check_folder(animate.parent)
+    check_file(animate, ".svg")
     engine = engine or engine_here(asked.simulation.engine)
-    console = terminal(stderr=True)
     with ProgressLine("simulating") as progress:
         result = run(asked, stride=stride, engine=engine, progress=progress)
-    print_result(result)
+    print_result(result, json=json)
+    console = terminal(stderr=True)
     if out:
-        notes = {f"version_{name}": version for name, version in versions().items()}
         with console.status(f"writing {out}"):
-            save(result, out, notes)
+            save(result, out, version_notes())
         wrote(out)
-    if plot:
-        with console.status(f"drawing {plot}"):
-            from dualwinch.simulation.plots import overview
-
-            write_figure(plot, overview(result))
+    write_figure(plot, "overview", result)
     if animate:
-        with console.status(f"drawing {animate}"):
-            from dualwinch.simulation.animation import save_animation
+        from dualwinch.simulation.animation import save_animation
 
+        with console.status(f"drawing {animate}"):
             save_animation(result, animate)
         wrote(animate)
 
 
-def print_result(result: Result) -> None:
+def print_result(result: Result, *, json: bool) -> None:
     """Print outcome and figures of merit of a run."""
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
+    metrics = result.metrics
+    columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
+    table = FigureTable("metrics", columns, [list(dict(metrics).values())])
+    kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
+    if json:
+        facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
+        print_json({**facts, "metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}})
+        return
+    words = f" ({solver})" if is_automatic(result.experiment) else ""
     console = terminal()
-    kind = result.experiment.controller.law.kind
-    solver = f" ({solver_of(result.experiment)})" if is_automatic(result.experiment) else ""
-    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{solver}"))
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column(justify="right")
-    table.add_column()
-    table.add_column(style="dim")
-    for name, quantity in result.metrics.quantities.items():
-        unit = "" if quantity.unit == "1" else quantity.unit.replace("^2", "²")
-        table.add_row(name, measured(result.metrics[name], ".6g"), unit, quantity.meaning)
-    console.print(table)
+    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
+    console.print(table.render_down())
 
 
 NO_COMPILER = (
@@ -203,34 +187,8 @@ def engine_here(asked: EngineName) -> EngineName:
     return "compiled"
 
 
-SCENARIOS, SEED = 100, 0
-"""How many scenarios are drawn, and from which seed, where nothing else is asked for."""
-
-
-def ensemble_of(
-    name: str, case: int | None, config: Path | None, controller: str | None, assignments: list[str]
-) -> Ensemble:
-    """The ensemble a command line asks for.
-
-    The case or file gives the values the ensemble's file does not; controller and assignments are set on its nominal
-    values, and distributions relative to those follow.
-
-    Raises:
-        ConfigurationError: anything wrong with the ensemble, a key or a value.
-    """
-    from dualwinch.config.ensemble_file import load_ensemble, reset
-    from dualwinch.config.experiment_file import experiment_from
-    from dualwinch.config.toml_text import parse_assignment
-
-    drawn = load_ensemble(name, experiment_from(case, config, None, []))
-    values = dict(map(parse_assignment, assignments))
-    if controller is not None:
-        values = {"controller.kind": controller, **values}
-    return reset(drawn, values)
-
-
 def simulate_ensemble(
-    asked: Ensemble, scenarios: int | None, seed: int | None, out: Path | None, plot: Path | None
+    asked: Ensemble, scenarios: int | None, seed: int | None, out: Path | None, plot: Path | None, *, json: bool
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
@@ -242,42 +200,38 @@ def simulate_ensemble(
     if out:
         ensemble_writer(out)
         check_folder(out.parent)
-    check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine(f"simulating {count} scenarios") as progress:
         result = run_ensemble(asked, count, seed, traces=plot is not None, progress=progress)
-    print_ensemble(result)
+    print_ensemble(result, json=json)
     if out:
-        notes = {"configuration": ensemble_to_toml(asked), **{f"version_{k}": v for k, v in versions().items()}}
-        save_ensemble(result, out, notes)
+        save_ensemble(result, out, {"configuration": ensemble_to_toml(asked), **version_notes()})
         wrote(out)
-    if plot:
-        from dualwinch.simulation.plots import fan_chart
-
-        write_figure(plot, fan_chart(result))
+    write_figure(plot, "fan_chart", result)
     if result.partial:
         raise KeyboardInterrupt
 
 
-def print_ensemble(result: EnsembleResult) -> None:
+def print_ensemble(result: EnsembleResult, *, json: bool) -> None:
     """Print outcomes and statistics of an ensemble."""
-    from dualwinch.model.quantities.tables import readable_unit
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
+    experiment, statistics = result.ensemble.experiment, result.statistics
+    columns = [FigureColumn.of(*known) for known in metric_quantities(experiment.metrics).items()]
+    kinds = {"mean": "mean", "median": "median", "p95": "95 %", "worst": "worst"}
+    rows = [(kind, *(statistics[column.name][kind] for column in columns)) for kind in kinds]
+    table = FigureTable("statistics", [FigureColumn("statistic", "", words=kinds), *columns], rows)
+    if json:
+        facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
+        facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
+        print_json({**facts, "units": table.record()["units"], "statistics": statistics})
+        return
     console = terminal()
-    kind = result.ensemble.experiment.controller.law.kind
     counts = ", ".join(f"{count} {outcome}" for outcome, count in result.outcome_counts.items())
-    console.print(styled("bold", kind, f" in '{result.ensemble.name}', seed {result.seed}: {counts}"))
+    console.print(
+        styled("bold", experiment.controller.law.kind, f" in '{result.ensemble.name}', seed {result.seed}: {counts}")
+    )
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept")
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", style="bold", no_wrap=True)
-    for heading in ("mean", "median", "95 %", "worst"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("")
-    statistics = result.statistics
-    for name, quantity in metric_quantities(result.ensemble.experiment.metrics).items():
-        unit = readable_unit(quantity.unit)
-        table.add_row(name, *(measured(value) for value in statistics[name].values()), unit)
-    console.print(table)
-    if len(result.outcome_counts) > 1 or "completed" not in result.outcome_counts:
+    console.print(table.render_down())
+    if set(result.outcome_counts) != {"completed"}:
         console.print("Statistics are those of the completed scenarios.")

@@ -5,16 +5,16 @@ The module does not bear the command's name: that is the function ``dualwinch.st
 
 from __future__ import annotations
 
-import json
 from contextlib import nullcontext
+from dataclasses import replace
+from json import loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Plugins, use_parts
-from dualwinch.cli.output import terminal, wrote
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Json
+from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -40,9 +40,7 @@ def stress(
         Path | None, Parameter(help="Gains: best.toml of `dualwinch tune`, or any experiment as TOML.")
     ] = None,
     *,
-    case: Case = None,
-    set_: AssignmentsInBrief = None,
-    plugin: Plugins = None,
+    given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[str, Parameter(help="Ensemble that gives the imperfections: `rig`, or a TOML file.")] = "rig",
     base: Annotated[
         str,
@@ -65,6 +63,7 @@ def stress(
         Path | None,
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),
     ] = None,
+    json: Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.
 
@@ -72,30 +71,31 @@ def stress(
     all others, from a thousandth of its size in the ensemble to a hundred times it, until the worst scenario breaks a
     constraint.
     """
-    from dualwinch.config.experiment_file import experiment_from
     from dualwinch.config.folders import made_folder
-    from dualwinch.config.toml_text import parse_assignment
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.tuning.robustness.stress import stress
 
-    use_parts(plugin)
-    if (file is None) == (case is None):
+    file = file or given.config
+    if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
-    experiment = experiment_from(case, file, None, set_ or [])
+    experiment = replace(given, config=file).experiment()
     with made_folder(out) if out else nullcontext(), ProgressLine("simulating") as progress:
         found = stress(
             experiment,
             ensemble=ensemble,
             base=base,
-            settings=dict(map(parse_assignment, set_ or [])),
+            settings=given.values,
             constraints=constraint,
             noted=noted_constraints(file, experiment) if file else (),
             scenarios=scenarios,
             seed=seed,
-            name=file.name if file else f"case {case}",
+            name=file.name if file else f"case {given.case}",
             progress=progress,
         )
-    terminal(soft_wrap=True).print(repr(found), highlight=False)
+    if json:
+        print_json(to_record(found))
+    else:
+        terminal(soft_wrap=True).print(repr(found), highlight=False)
     if out:
         for name in write_stress(out, found):
             wrote(out / name)
@@ -110,7 +110,7 @@ def noted_constraints(file: Path, experiment: Experiment) -> list[str]:
     from dualwinch.model.quantities.tree import leaves
 
     try:
-        study = json.loads((file.parent / STUDY).read_text(encoding="utf-8"))
+        study = loads((file.parent / STUDY).read_text(encoding="utf-8"))
         settings, texts = study["best"]["settings"], [constraint["text"] for constraint in study["constraints"]]
     except (OSError, ValueError, KeyError, TypeError):
         return []
@@ -124,26 +124,25 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     Returns:
         Names of the files that were written.
     """
-    from dualwinch.codegen.files import atomic
+    from dualwinch.codegen.files import write_whole
     from dualwinch.reports.stress import show_stress
     from dualwinch.simulation.plots import save
 
-    with atomic(out / "stress.json") as unfinished:
-        unfinished.write_text(json.dumps(as_json(found), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_whole(out / "stress.json", json_text(to_record(found)))
     save(found.plot(), out / "stress.svg")
     shown = ["report.html"] if show_stress(out / "report.html", found) else []
     return ["stress.json", "stress.svg", *shown]
 
 
-def as_json(found: RobustnessResult) -> dict[str, Any]:
-    """Everything the stress test says, JSON-ready, with base and ensemble as TOML."""
+def to_record(found: RobustnessResult) -> dict[str, Any]:
+    """The result as plain data, with base and ensemble as TOML."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.tuning.robustness.summary import to_record
+    from dualwinch.tuning.robustness import summary
 
     scaling = found.scaling
     return {
-        **to_record(found),
+        **summary.to_record(found),
         "configuration": ensemble_to_toml(scaling.ensemble),
         "base_configuration": ensemble_to_toml(scaling.base),
-        **{f"version_{name}": version for name, version in versions().items()},
+        **version_notes(),
     }

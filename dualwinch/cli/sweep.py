@@ -5,36 +5,34 @@ The module does not bear the command's name: that is the function ``dualwinch.sw
 
 from __future__ import annotations
 
-import json
 import re
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
-from rich import box
-from rich.table import Table
 
-from dualwinch.cli.options import (
-    AssignmentsInBrief,
-    Case,
-    Config,
-    Estimator,
-    Figure,
-    Law,
-    Plugins,
-    use_parts,
-    with_estimator,
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, Json
+from dualwinch.cli.output import (
+    FIGURE_SUFFIXES,
+    FigureColumn,
+    FigureTable,
+    check_file,
+    numbers_between,
+    print_json,
+    styled,
+    terminal,
+    write_figure,
+    wrote,
 )
-from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, numbers_between, styled, terminal, write_figure, wrote
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     import numpy as np
 
     from dualwinch.model.quantities.quantity import Quantity
+    from dualwinch.simulation.experiment import Experiment
     from dualwinch.simulation.results.file_formats import FileContent
     from dualwinch.simulation.sweep import Sweep
 
@@ -56,12 +54,7 @@ def sweep(
     *over: Annotated[
         str, Parameter(help="One or two keys: key=value,value or key=first:last:step or key=first:last:count:log.")
     ],
-    case: Case = None,
-    config: Config = None,
-    controller: Law = None,
-    estimator: Estimator = None,
-    set_: AssignmentsInBrief = None,
-    plugin: Plugins = None,
+    given: ControllerOptions = CONTROLLER,
     metric: Annotated[
         list[str] | None,
         Parameter(help="Figure of merit to show (default mse); may be repeated.", negative=""),
@@ -71,42 +64,30 @@ def sweep(
         Parameter(help="File for the data, a row per run with all figures of merit: .csv, .parquet, .npz."),
     ] = None,
     plot: Figure = None,
-    json: Annotated[
-        bool, Parameter(help="Print JSON with all figures of merit instead of a table.", negative="")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Run one experiment over values of one or two keys, side by side on all cores.
 
     Any key of `dualwinch config` can be varied, including those that choose parts or shape the compiled code. The
     figure is a line over one key, a heat map over two.
     """
-    from dualwinch.config.experiment_file import experiment_from
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.model.quantities.quantity import nearest
-    from dualwinch.simulation.metrics.metrics import BUILT_IN
+    from dualwinch.simulation.results.file_formats import FORMATS
     from dualwinch.simulation.sweep import sweep
 
-    use_parts(plugin)
-    base = experiment_from(case, config, controller, with_estimator(estimator, set_))
-    metrics = metric or ["mse"]
-    axes = axes_from(over)
-    known = (*BUILT_IN, *(own.table() for own in base.metrics))
-    for name in metrics:
-        if name not in known:
-            raise ConfigurationError(f"--metric {name}: unknown metric; did you mean '{nearest(name, known)}'?")
-    write = writer(out) if out else None
+    base, axes = given.experiment(), axes_from(over)
+    metrics = checked_metrics(metric or ["mse"], base)
+    check_file(out, *SUFFIXES)
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress:
         found = sweep(base, axes, progress=progress)
     if json:
-        sys.stdout.write(as_json(found) + "\n")
+        print_json(to_record(found))
     else:
         print_sweep(found, metrics)
-    if out and write:
-        write(content_of(found), out)
+    if out:
+        FORMATS[out.suffix.lower()].write(content_of(found), out)
         wrote(out)
-    if plot:
-        write_figure(plot, found.plot(metrics[0]))
+    write_figure(plot, lambda: found.plot(metrics[0]))
     if found.interrupted:
         raise KeyboardInterrupt
 
@@ -115,20 +96,21 @@ SUFFIXES = (".csv", ".parquet", ".npz")
 """Formats that hold words beside numbers."""
 
 
-def writer(out: Path) -> Callable[[FileContent, Path], None]:
-    """What writes a file of words and numbers.
+def checked_metrics(names: list[str], experiment: Experiment) -> list[str]:
+    """The names of figures of merit that ``--metric`` gives.
 
     Raises:
-        ConfigurationError: unknown suffix, or a folder that cannot be written to.
+        ConfigurationError: an unknown name.
     """
-    from dualwinch.config.folders import check_folder
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.results.file_formats import FORMATS
+    from dualwinch.model.quantities.quantity import unknown
+    from dualwinch.simulation.metrics.metrics import metric_quantities
 
-    if out.suffix.lower() not in SUFFIXES:
-        raise ConfigurationError(f"{out.name}: unknown suffix {out.suffix!r}; must be one of {', '.join(SUFFIXES)}")
-    check_folder(out.parent)
-    return FORMATS[out.suffix.lower()].write
+    known = metric_quantities(experiment.metrics)
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(f"--metric {name}: {unknown('metric', name, known)}")
+    return names
 
 
 MOST_KEYS = 2
@@ -211,59 +193,42 @@ def _column(values: Sequence[Any]) -> np.ndarray:
     return np.array([shown(value).replace(",", "") for value in values])
 
 
-def as_json(found: Sweep) -> str:
-    """The content as JSON: units, and an object for each run."""
-    from dualwinch.simulation.results.file_formats import plain
-
+def to_record(found: Sweep) -> dict[str, Any]:
+    """The content as plain data: units, and a mapping for each run."""
     content = content_of(found)
     rows = zip(*(values.tolist() for values in content.columns.values()), strict=True)
     points = [dict(zip(found.keys, point, strict=True)) for point in product(*found.values)]
-    runs = [plain(dict(zip(content.columns, row, strict=True)) | at) for row, at in zip(rows, points, strict=True)]
-    return json.dumps({"keys": found.keys, "units": content.units, "runs": runs}, indent=1, allow_nan=False)
+    runs = [dict(zip(content.columns, row, strict=True)) | at for row, at in zip(rows, points, strict=True)]
+    return {"keys": found.keys, "units": content.units, "runs": runs}
 
 
 def print_sweep(found: Sweep, metrics: Sequence[str]) -> None:
     """Print figures of merit over one key, or each of them over two."""
     console = terminal()
     if len(found.keys) == 1:
-        console.print(_over_one(found, metrics))
+        columns = [FigureColumn(found.keys[0], "", _named(found.keys[0], found.quantities[found.keys[0]]))]
+        columns += [FigureColumn(metric, heading=_named(metric, found.merits[metric])) for metric in metrics]
+        rows = [
+            [shown(value), *(_cell(found, metric, (index,)) for metric in metrics)]
+            for index, value in enumerate(found.values[0])
+        ]
+        console.print(FigureTable("sweep", columns, rows).render())
         return
     for metric in metrics:
         over = f" over {' (down) and '.join(found.keys)}"
         console.print(styled("bold", _named(metric, found.merits[metric]), over))
-        console.print(_over_two(found, metric))
+        columns = [FigureColumn("", ""), *(FigureColumn(shown(value)) for value in found.values[1])]
+        rows = [
+            [shown(value), *(_cell(found, metric, (row, column)) for column in range(found.shape[1]))]
+            for row, value in enumerate(found.values[0])
+        ]
+        console.print(FigureTable(metric, columns, rows).render())
 
 
-def _over_one(found: Sweep, metrics: Sequence[str]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    (key,) = found.keys
-    table.add_column(_named(key, found.quantities[key]), style="bold")
-    for metric in metrics:
-        table.add_column(_named(metric, found.merits[metric]), justify="right")
-    for index, value in enumerate(found.values[0]):
-        table.add_row(shown(value), *(_cell(found, metric, (index,)) for metric in metrics))
-    return table
-
-
-def _over_two(found: Sweep, metric: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", style="bold")
-    for value in found.values[1]:
-        table.add_column(shown(value), justify="right")
-    for row, value in enumerate(found.values[0]):
-        table.add_row(shown(value), *(_cell(found, metric, (row, column)) for column in range(found.shape[1])))
-    return table
-
-
-def _cell(found: Sweep, metric: str, index: tuple[int, ...]) -> str:
+def _cell(found: Sweep, metric: str, index: tuple[int, ...]) -> float | str:
     """A figure of merit, or how the run ended."""
-    import numpy as np
-
     outcome = str(found.outcomes[index])
-    if outcome != "completed":
-        return outcome.replace("_", " ")
-    value = found.metrics[metric][index]
-    return "–" if np.isnan(value) else f"{value:.4g}"
+    return float(found.metrics[metric][index]) if outcome == "completed" else outcome.replace("_", " ")
 
 
 def shown(value: Any) -> str:

@@ -19,9 +19,8 @@ from rich.table import Table
 from rich.text import Text
 
 from dualwinch import __version__
-from dualwinch.cli.doctor import versions
-from dualwinch.cli.options import WHOLE, AssignmentsInBrief, Case, Plugins, seconds_from, use_parts
-from dualwinch.cli.output import styled, terminal
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, seconds_from
+from dualwinch.cli.output import styled, terminal, versions
 from dualwinch.cli.progress import ProgressLine, StatusLine
 from dualwinch.cli.stress import write_stress
 
@@ -49,10 +48,7 @@ app = App(
 @app.default
 def tune(
     *,
-    case: Case = None,
-    config: Annotated[Path | None, Parameter(help="Experiment to start from, TOML.")] = None,
-    set_: AssignmentsInBrief = None,
-    plugin: Plugins = None,
+    given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[
         str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, or a TOML file.")
     ] = None,
@@ -134,12 +130,12 @@ def tune(
         check_options(options)
         for text in space or []:
             check_words(text)
-        use_parts(plugin)
+        given.use_parts()
         recall_parts(options)
         problem = tuning_problem(
-            case=case,
-            config=config,
-            settings=set_ or [],
+            case=given.case,
+            config=given.config,
+            settings=given.assignments,
             ensemble=ensemble,
             space=space or [],
             objectives=objective or [],

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.stepper.stepper import Observation
 
 Floats = NDArray[np.float64]
@@ -63,5 +63,5 @@ def weighted(weights: Mapping[str, float]) -> Reward:
     known = [field.name for field in fields(Reward)]
     for name in weights:
         if name not in known:
-            raise ConfigurationError(f"reward: unknown weight {name!r}; did you mean '{nearest(str(name), known)}'?")
+            raise ConfigurationError(f"reward: {unknown('weight', name, known)}")
     return Reward(**weights)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 
 Array = NDArray[np.float64]
@@ -260,5 +260,5 @@ WRITERS: dict[str, Callable[[Path, dict[str, Any]], None]] = {
 
 def _index(name: str, names: tuple[str, ...], kind: str) -> int:
     if name not in names:
-        raise ConfigurationError(f"unknown {kind} '{name}'; did you mean '{nearest(name, names)}'?")
+        raise ConfigurationError(unknown(kind, name, names))
     return names.index(name)

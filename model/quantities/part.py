@@ -24,7 +24,7 @@ from types import ModuleType
 from typing import Any, ClassVar, Generic, Self, TypeVar, get_origin, get_type_hints
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import unknown
 
 PACKAGE = __name__.partition(".")[0]
 
@@ -324,12 +324,7 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         """
         if isinstance(kind, str) and kind in self._parts:
             return self._parts[kind]
-        if not self._parts:
-            raise ConfigurationError(f"unknown {self.what} {kind!r}: none is registered ({HOW_TO_REGISTER})")
-        near, known = nearest(str(kind).lower(), self._parts), ", ".join(self._parts)
-        raise ConfigurationError(
-            f"unknown {self.what} {kind!r}; did you mean '{near}'? Must be one of {known} ({HOW_TO_REGISTER})"
-        )
+        raise ConfigurationError(unknown(self.what, kind, self._parts, f" ({HOW_TO_REGISTER})"))
 
 
 def registries() -> Iterator[Registry[Any]]:

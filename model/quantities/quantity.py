@@ -315,13 +315,41 @@ def _all_kept(values: Numbers, constraints: tuple[at.BaseMetadata, ...]) -> bool
 
 def nearest(key: str, keys: Iterable[str]) -> str:
     """The key most like a mistaken one: as a whole, else in its last part."""
-    known = list(keys)
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    known = {name.lower(): name for name in reversed(list(keys))}
+    near = difflib.get_close_matches(key.lower(), [*reversed(known)], n=1, cutoff=0.5)
     if near:
-        return near[0]
-    names = {name.rsplit(".", 1)[-1]: name for name in reversed(known)}
-    near = difflib.get_close_matches(key.rsplit(".", 1)[-1], list(names), n=1, cutoff=0.0)
-    return names[near[0]]
+        return known[near[0]]
+    last = {name.rsplit(".", 1)[-1]: name for name in known}
+    near = difflib.get_close_matches(key.lower().rsplit(".", 1)[-1], [*reversed(last)], n=1, cutoff=0.0)
+    return known[last[near[0]]]
+
+
+MOST_LISTED = 24
+"""Names that an error lists; of more it lists the nearest."""
+
+
+def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
+    """What an error says of a name that there is not: the nearest, and which ones there are.
+
+    Args:
+        name: as it was given.
+        known: the names there are.
+        more: what else there may be, in words.
+    """
+    names, text = list(known), str(name)
+    if not names:
+        return "there is none" + more
+    near = nearest(text, names)
+    listed = f"Must be one of {', '.join(names)}"
+    if len(names) > MOST_LISTED:
+        close = dict.fromkeys([near, *difflib.get_close_matches(text, names, n=6, cutoff=0.3)])
+        listed = f"The nearest of {len(names)} are {', '.join(close)}" if len(close) > 1 else f"There are {len(names)}"
+    return f"did you mean '{near}'? {listed}{more}"
+
+
+def unknown(what: str, name: Any, known: Iterable[str], more: str = "") -> str:
+    """An error about a name that there is not, as ``unknown metric 'ms'; did you mean 'mse'? Must be one of ...``."""
+    return f"unknown {what} {name!r}; {suggestion(name, known, more)}"
 
 
 @dataclass(frozen=True, init=False)

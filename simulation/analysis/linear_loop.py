@@ -18,7 +18,7 @@ from dualwinch.model.linear.properties import states_that_matter
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.analysis.operating_points import LoopOperatingPoint, loop_operating_point, with_taut_ropes
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop, initial_loop_state
@@ -96,7 +96,7 @@ def whole_broken_loop(
 ) -> LinearSystem:
     """`linear_broken_loop` with all states, also those that move nothing: the same for all values of the gains."""
     if cut not in LOOP_OPENINGS:
-        raise ConfigurationError(f"unknown cut '{cut}'; did you mean '{nearest(cut, LOOP_OPENINGS)}'?")
+        raise ConfigurationError(unknown("cut", cut, LOOP_OPENINGS))
     point = loop_operating_point(experiment, x, v, nominal)
     (A,), (B,), (C,), (D,) = (getattr(point.opened, name) for name in "ABCD")
     here = list(LOOP_OPENINGS).index(cut)

@@ -15,7 +15,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import kept_rows
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.quantity import Quantity, suggestion
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, run_by_structure
@@ -128,7 +128,7 @@ class RunGrid(RunOutcomes):
             ConfigurationError: the value was not among its values.
         """
         if key not in self.keys:
-            raise UnknownNameError(f"'{key}' was not swept; did you mean '{nearest(key, self.keys)}'?")
+            raise UnknownNameError(f"'{key}' was not swept; {suggestion(key, self.keys)}")
         axis = self.keys.index(key)
         if value not in self.values[axis]:
             raise ConfigurationError(f"{key} = {value}: must be one of {', '.join(map(str, self.values[axis]))}")

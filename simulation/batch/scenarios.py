@@ -20,7 +20,7 @@ from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import COMPARISONS, Leaf, Mark, Rule, bound_of, nearest
+from dualwinch.model.quantities.quantity import COMPARISONS, Leaf, Mark, Rule, bound_of, unknown
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import starts
@@ -237,7 +237,7 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
     known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
     for name in names:
         if name not in known:
-            raise ConfigurationError(f"unknown parameter '{name}'; did you mean '{nearest(name, known)}'?")
+            raise ConfigurationError(unknown("parameter", name, known))
     check_shape(names, values)
     columns = dict(zip(names, values.T, strict=True))
     _check_bounds(columns, described)

@@ -14,7 +14,7 @@ from dualwinch.codegen.drivers.unit import kept_rows
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Setpoint, later
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, nearest
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, check_shape, experiment_of, run_by_structure
@@ -280,8 +280,7 @@ def _sensitivities(
     pairs = seeds.pairs
     for column in columns:
         if column not in pairs.loop.columns:
-            near = nearest(column, pairs.loop.columns)
-            raise ConfigurationError(f"columns: unknown column '{column}'; did you mean '{near}'?")
+            raise ConfigurationError(f"columns: {unknown('column', column, pairs.loop.columns)}")
     run = _compiled(seeds, columns)
     shape, p = pairs.shape, len(seeds.names)
     kept = kept_rows(pairs.samples, stride)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import suggestion
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.distributions import Distribution
 from dualwinch.simulation.exogenous.signals import DIGITS, LARGEST, named_words
@@ -74,9 +74,7 @@ class Ensemble:
             if not isinstance(drawn, Drawn):
                 raise ConfigurationError(f"{key}: must be Drawn(distribution), not {type(drawn).__name__}")
             if key not in nominal:
-                raise ConfigurationError(
-                    f"{key}: is drawn, and no key of this experiment; did you mean '{nearest(key, nominal)}'?"
-                )
+                raise ConfigurationError(f"{key}: is drawn, and no key of this experiment; {suggestion(key, nominal)}")
             if drawn.relative and not isinstance(nominal[key], (int, float)):
                 raise ConfigurationError(f"{key}: has no nominal value of its own that a draw could be a factor on")
 

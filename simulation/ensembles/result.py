@@ -14,7 +14,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
-from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -94,13 +94,11 @@ def statistic_from(text: str, own: Sequence[Metric] = ()) -> Statistic:
     if not dot:
         kind = "mean"
     if kind not in KINDS:
-        raise ConfigurationError(f"'{text.strip()}': unknown statistic '{kind}'; must be {', '.join(KINDS)}")
+        raise ConfigurationError(f"'{text.strip()}': {unknown('statistic', kind, KINDS)}")
     parts = {part.table(): part for part in own}
     known = (*BUILT_IN, *parts)
     if metric not in known:
-        raise ConfigurationError(
-            f"'{text.strip()}': unknown metric '{metric}'; did you mean '{nearest(metric, known)}'?"
-        )
+        raise ConfigurationError(f"'{text.strip()}': {unknown('metric', metric, known)}")
     return Statistic(kind, metric, parts.get(metric))
 
 

@@ -12,6 +12,7 @@ from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.experiment import ENGINES, EngineName
 from dualwinch.simulation.loop.closed_loop import ClosedLoop
 
@@ -102,7 +103,7 @@ def engine_of(loop: ClosedLoop, name: EngineName = "compiled") -> Engine:
         ConfigurationError: an unknown name.
     """
     if name not in ENGINES:
-        raise ConfigurationError(f"engine = {name!r}: must be {', '.join(ENGINES)}")
+        raise ConfigurationError(unknown("engine", name, ENGINES))
     if name == "interpreter":
         return interpreter(loop)
     return compile_rollout(loop, generator="dualwinch" if name == "compiled" else "casadi")

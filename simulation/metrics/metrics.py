@@ -10,7 +10,7 @@ import numpy as np
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tables import readable, readable_unit, table
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, sqrt, where
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity, states_before, values_of
@@ -154,7 +154,7 @@ class Metrics:
             UnknownNameError: there is none of this name; the message names the nearest.
         """
         if name not in self:
-            raise UnknownNameError(f"unknown metric {name!r}; did you mean '{nearest(str(name), vars(self))}'?")
+            raise UnknownNameError(unknown("metric", name, vars(self)))
         return vars(self)[name]
 
     def __contains__(self, name: object) -> bool:

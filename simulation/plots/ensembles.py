@@ -15,7 +15,7 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.simulation.batch.rollout import RunGrid
 from dualwinch.simulation.ensembles.comparison import COMPARED, CONFIDENCE, Comparison
@@ -303,7 +303,7 @@ def sweep_figure(found: RunGrid, metric: str, *, ax: GivenAxes = None) -> Figure
         ConfigurationError: there are more than two keys, or none.
     """
     if metric not in found.metrics:
-        raise UnknownNameError(f"unknown metric {metric!r}; did you mean '{nearest(str(metric), found.metrics)}'?")
+        raise UnknownNameError(unknown("metric", metric, found.metrics))
     if len(found.keys) not in {1, 2}:
         raise ConfigurationError(f"a sweep of {len(found.keys)} keys cannot be drawn; at(key, value) takes one away")
     axes_of = [swept_axis(values) for values in found.values]

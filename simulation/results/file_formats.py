@@ -40,11 +40,13 @@ class FileContent:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON holds it: NaN as null, infinite numbers as words."""
+    """A value as JSON holds it: NaN as null, infinite numbers as words, arrays as lists."""
     if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, np.generic):
-        value = value.item()
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else ("INF" if value > 0 else "-INF")
     return value

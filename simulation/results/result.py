@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.model.errors import ConfigurationError, MissingExtraError, UnknownNameError
 from dualwinch.model.plant import Plant
-from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tables import page, readable, readable_unit, section, table
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import is_automatic, solver_of
@@ -146,9 +146,7 @@ class Result:
         try:
             return self.columns[column]
         except (KeyError, TypeError):
-            raise UnknownNameError(
-                f"unknown column {column!r}; did you mean '{nearest(str(column), self.columns)}'?"
-            ) from None
+            raise UnknownNameError(unknown("column", column, self.columns)) from None
 
     def __contains__(self, column: object) -> bool:
         """Whether there is a column of this name."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Mark, nearest
+from dualwinch.model.quantities.quantity import Mark, unknown
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metrics_with
@@ -41,7 +41,7 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
     known = leaves(experiment)
     for key in values:
         if key not in known:
-            raise ConfigurationError(f"unknown key '{key}'; did you mean '{nearest(key, known)}'?")
+            raise ConfigurationError(unknown("key", key, known))
     return experiment
 
 

@@ -14,7 +14,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.stepping import Commanded, SteppedRuns, Stepping
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import nearest
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import Experiment
@@ -138,8 +138,7 @@ class Scenarios:
         """
         for name in signals:
             if name not in self.loop.columns:
-                near = nearest(str(name), self.loop.columns)
-                raise ConfigurationError(f"signals: unknown column {name!r}; did you mean '{near}'?")
+                raise ConfigurationError(f"signals: {unknown('column', name, self.loop.columns)}")
         return _commanded(self._structure, self._zeros, self._command, signals)
 
     def drawn(self, numbers: Sequence[int], seed: int) -> list[Scenario]:

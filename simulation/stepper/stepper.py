@@ -12,7 +12,7 @@ from dualwinch.codegen.drivers.stepping import Stepping, compile_stepping
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import Quantity, nearest
+from dualwinch.model.quantities.quantity import Quantity, suggestion
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -54,9 +54,7 @@ class Observation(Mapping[str, NDArray[np.float64]]):
         try:
             return self.array[self._rows[name]]
         except (KeyError, TypeError):
-            raise UnknownNameError(
-                f"signal {name!r} is not observed; did you mean '{nearest(str(name), self._rows)}'?"
-            ) from None
+            raise UnknownNameError(f"signal '{name}' is not observed; {suggestion(name, self._rows)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._rows)

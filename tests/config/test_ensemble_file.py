@@ -259,7 +259,10 @@ def test_wrong_entries_are_one_line_with_file_and_line(entry: str, message: str,
     ("text", "message"),
     [
         ("[plant.vehicle]\nmas = 1\n", ":2: unknown key 'plant.vehicle.mas'"),
-        ("[ensemble]\nnam = 'x'\n", ":2: unknown key 'ensemble.nam'; must be name or description"),
+        (
+            "[ensemble]\nnam = 'x'\n",
+            ":2: unknown key 'ensemble.nam'; did you mean 'ensemble.name'?",
+        ),
         ("[ensemble]\nname = 3\n", ":2: ensemble.name = 3: must be a text"),
         ("distributions = 3\n", "distributions: must be a table"),
         ("[distributions\n", "not valid TOML"),

@@ -55,8 +55,14 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
         (["simulate", "--out", "run.xls"], ".csv, .parquet, .npz, .mat"),
         (["simulate", "--out", "no/such/folder/run.csv"], "no such folder"),
         (["simulate", "--plot", "run.gif"], ".png, .svg, .pdf"),
-        (["reproduce", "--cases", "1,7"], "'7' must be one of 1, 2, 3, 4"),
-        (["reproduce", "--controllers", "pid"], "'pid' must be one of fando-nftsm"),
+        (
+            ["reproduce", "--cases", "1,7"],
+            "unknown case '7'; did you mean '4'? Must be one of 1, 2, 3, 4",
+        ),
+        (
+            ["reproduce", "--controllers", "pid"],
+            "unknown controller 'pid'; did you mean 'pid-cascade'?",
+        ),
     ],
 )
 def test_wrong_input_is_one_line_and_exit_code_2(

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from dualwinch.cli import main
+from dualwinch.cli.app import COMMANDS
 
 FACTORS = (1.0, 1e3, 1e6, 1e-3, 100.0)
 """From the SI unit of a file to what is printed: m to mm, m² to mm², J to kJ, shares to %."""
@@ -17,9 +18,10 @@ NUMBER = re.compile(r"(?<![\w.^])[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?=j?(?![\w^
 
 
 def numbers_in(value: Any) -> Iterator[float]:
-    """Every number of plain data."""
+    """Every number of plain data, those in names such as ``p95`` too."""
     if isinstance(value, dict):
-        for inner in value.values():
+        for name, inner in value.items():
+            yield from map(float, re.findall(r"\d+", name))
             yield from numbers_in(inner)
     elif isinstance(value, list):
         for inner in value:
@@ -43,12 +45,15 @@ def left_out(printed: str, held: Any) -> list[str]:
     return missing
 
 
-BULK = ("curves", "configuration", "versions")
-"""Entries of files with so many numbers that anything that is printed would be found among them."""
+BULK = ("curves", "configuration", "versions", "trials", "fronts", "experiment", "base_configuration")
+"""Entries of files with so many numbers that any printed one would be found among them."""
 
 SHORT = ("--set", "simulation.duration=2")
 
-COMMANDS = [
+FILES = {"tune": "study.json", "race": "race.json", "reproduce": "metrics.json"}
+"""Commands that write a folder → its machine-readable file."""
+
+TO_FILES = [
     ["linearise", "--x", "20", "--v", "1"],
     ["linearise", "--sweep", "x=10:40:10"],
     ["linearise", "--loop", "closed", "--v", "0.5"],
@@ -58,7 +63,48 @@ COMMANDS = [
     ["certify", "--case", "4", *SHORT],
     ["preload", "--case", "4", *SHORT],
     ["compare", "paper", "--scenarios", "4", *SHORT],
+    ["tune", "--case", "4", "--set", "simulation.duration=0.1", "--trials", "20"],
+    pytest.param(
+        ["tune", "--ensemble", "sea", *SHORT[:1], "simulation.duration=0.1", "--scenarios", "2", "--trials", "40"],
+        marks=pytest.mark.slow,
+    ),
+    pytest.param(
+        [
+            *("race", "--ensemble", "sea", *SHORT[:1], "simulation.duration=0.1", "--scenarios", "2"),
+            *("--law", "nftsm", "--law", "adrc", "--rollouts", "60", "--held-out", "4"),
+        ],
+        marks=pytest.mark.slow,
+    ),
+    pytest.param(
+        ["reproduce", "--cases", "4", "--controllers", "fando-nftsm,nftsm", "--extended"], marks=pytest.mark.slow
+    ),
 ]
+
+AS_JSON = [
+    ["simulate", "--case", "4", *SHORT],
+    ["simulate", "--ensemble", "sea", "--scenarios", "4", *SHORT],
+    ["sensitivities", "plant.vehicle.mass", "sensors.position_bias", "--case", "4", "--column", "F1", *SHORT],
+    ["sweep", "controller.observer.l0=5:15:5", "--case", "4", "--metric", "mae", *SHORT],
+    ["sweep", "controller.observer.l0=5,10", "plant.vehicle.mass=9e3,1e4", "--case", "4", *SHORT],
+    ["identify", "log.parquet", "--fit", "plant.vehicle.mass", "--case", "4", "--hold-out", "20%"],
+    [
+        *("excite", "--fit", "plant.vehicle.mass", "--case", "4", "--set", "sensors.tension_noise=10"),
+        *("--duration", "10s", "--trials", "4"),
+    ],
+    [
+        *("stress", "--case", "4", "--ensemble", "drums.toml", "--base", "none", "--scenarios", "2"),
+        *("--set", "simulation.duration=0.5"),
+    ],
+    ["doctor"],
+]
+
+WITHOUT = {"lab", "show", "worker", "config", "export"}
+"""Commands that print no figures: they write pages, code and configurations, and a worker's are those of its study."""
+
+
+def words_of(case: Any) -> list[str]:
+    """The words of a case, with marks or without."""
+    return case if isinstance(case, list) else case.values[0]
 
 
 def without_bulk(table: dict[str, Any]) -> dict[str, Any]:
@@ -66,30 +112,47 @@ def without_bulk(table: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in table.items() if key not in BULK}
 
 
-@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words[:4]))
+def named(words: list[str]) -> str:
+    """What a case is called."""
+    return " ".join(words[:4])
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working directory, so that printed paths have no numbers."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("words", TO_FILES, ids=named)
 def test_every_figure_printed_is_in_the_file(
-    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out.json"
+    out = Path("out" if words[0] in FILES else "out.json")
     main([*words, "--out", str(out)])
-    held = json.loads(out.read_text(), object_hook=without_bulk)
+    held = json.loads((folder / out / FILES.get(words[0], "")).read_text(), object_hook=without_bulk)
     assert not left_out(capsys.readouterr().out, held)
+    assert "units" in json.dumps(held), "a file says the units of its figures"
+
+
+@pytest.mark.parametrize("words", AS_JSON, ids=named)
+def test_every_figure_of_a_table_is_in_the_json(
+    words: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "drums.toml").write_text("[distributions]\nplant.winch_1.radius_error = { uniform = [-2e-3, 2e-3] }\n")
+    if "log.parquet" in words:
+        main(["simulate", "--case", "4", *SHORT, "--set", "simulation.readings=true", "--out", "log.parquet"])
+        capsys.readouterr()
+    main(words)
+    printed = capsys.readouterr().out
+    main([*words, "--json"])
+    assert not left_out(printed, json.loads(capsys.readouterr().out, object_hook=without_bulk))
+
+
+def test_every_command_that_prints_figures_is_here() -> None:
+    here = {words_of(case)[0] for case in TO_FILES + AS_JSON}
+    assert here | WITHOUT == {module.app.name[0] for module in COMMANDS}
 
 
 def test_a_number_that_is_left_out_is_found() -> None:
     assert left_out("gain 12.3 at 4.56 Hz, 78 %", {"gain": 12.34, "share": 0.78}) == ["4.56"]
-
-
-JSON_COMMANDS = [
-    ["sensitivities", "plant.vehicle.mass", "sensors.position_bias", "--case", "4", "--column", "F1", *SHORT],
-    ["sweep", "controller.observer.l0=5:15:5", "--case", "4", "--metric", "mae", *SHORT],
-    ["sweep", "controller.observer.l0=5,10", "plant.vehicle.mass=9e3,1e4", "--case", "4", *SHORT],
-]
-
-
-@pytest.mark.parametrize("words", JSON_COMMANDS, ids=lambda words: " ".join(words[:2]))
-def test_every_figure_of_a_table_is_in_the_json(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    main(words)
-    printed = capsys.readouterr().out
-    main([*words, "--json"])
-    assert not left_out(printed, json.loads(capsys.readouterr().out))

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Protocol
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.tuning.optimisers import linearise
 from dualwinch.tuning.optimisers.cma import CmaSearch
 from dualwinch.tuning.optimisers.gradient import GradientSearch
@@ -72,7 +73,7 @@ def check_method(method: str, objectives: int) -> None:
         ConfigurationError: unknown name, or one for a single objective only.
     """
     if method not in METHODS:
-        raise ConfigurationError(f"--method {method}: must be one of {', '.join(METHODS)}")
+        raise ConfigurationError(f"--method {method}: {unknown('method', method, METHODS)}")
     if method in ONE_OBJECTIVE and objectives > 1:
         raise ConfigurationError(f"--method {method}: has one objective; use nsga2, nsga3 or tpe for several")
 

@@ -28,7 +28,7 @@ def test_an_experiment_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["--duration", "long"], "--duration long: must be a time such as 60s"),
         (["--track", "60"], "track = 60: must be > 0 and <= plant.track.length = 50 m"),
         (["--speed", "0"], "speed = 0: must be > 0"),
-        (["--out", "run.csv"], "--out run.csv: must end in .toml"),
+        (["--out", "run.csv"], "run.csv: unknown suffix '.csv'; must be .toml"),
         (["--fit", "controller.nftsm.beta"], "no parameter that a log determines"),
     ],
 )

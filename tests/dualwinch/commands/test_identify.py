@@ -57,7 +57,7 @@ def test_a_machine_and_its_ensemble_come_out(log: Path, tmp_path: Path, capsys: 
         (["--fit", "plant.vehicle.mass", "--hold-out", "120%"], "--hold-out 120%: must be 0% to less than 100%"),
         (["--fit", "plant.vehicle.mass", "--prior", "plant.vehicle.mass=9"], "must be KEY=MEAN±DEVIATION"),
         (["--fit", "nothing"], "--fit nothing: no parameter that a log determines"),
-        (["--fit", "plant.vehicle.mass", "--out", "fitted.json"], "--out fitted.json: must end in .toml"),
+        (["--fit", "plant.vehicle.mass", "--out", "fitted.json"], "fitted.json: unknown suffix '.json'; must be .toml"),
         (["--fit", "plant.vehicle.mass", "--column", "F1"], "--column F1: must be READING=COLUMN"),
         (["--fit", "plant.vehicle.mass", "--starts", "0"], "starts = 0: must be >= 1"),
     ],

@@ -172,7 +172,7 @@ def test_an_ensemble_that_draws_gains_is_refused() -> None:
         (("--held-out", "1"), "held_out = 1: must be a whole number >= 2"),
         (("--scenarios", "0"), "must be a whole number >= 1"),
         (("--seed", "-1"), "must be a whole number >= 0"),
-        (("--method", "nsga2x"), "--method nsga2x: must be one of"),
+        (("--method", "nsga2x"), "--method nsga2x: unknown method 'nsga2x'; did you mean 'nsga2'? Must be one of"),
         (("--set", "controller.kind=adrc"), "controller.kind=adrc: give --law"),
         (("--constraint", "worst.peak<=1"), "unknown metric 'peak'"),
         (("--set", "plant.vehicle.mas=1"), "did you mean 'plant.vehicle.mass'"),

@@ -98,7 +98,7 @@ def test_everything_at_once_runs() -> None:
         (("disturbance.seed",), "no sensitivity to 'simulation.seed': it is a whole number"),
         (("reference.speed",), "no sensitivity to 'reference.speed': the reference is laid out ahead of a run"),
         (("plant.vehicle.mas",), "unknown parameter 'plant.vehicle.mas'; did you mean 'plant.vehicle.mass'?"),
-        ((MASS, "--metric", "msq"), "--metric msq: unknown metric; did you mean 'mse'?"),
+        ((MASS, "--metric", "msq"), "--metric msq: unknown metric 'msq'; did you mean 'mse'?"),
         ((MASS, "--column", "F3"), "columns: unknown column 'F3'; did you mean 'F2'?"),
         ((MASS, "--out", "slopes.mat"), "slopes.mat: unknown suffix '.mat'; must be one of .csv, .parquet, .npz"),
         ((MASS, "--plot", "slopes.gif"), "slopes.gif: unknown suffix '.gif'"),

@@ -138,7 +138,7 @@ def test_wrong_values_are_one_line(texts: list[str], message: str) -> None:
         (["controller.observer.lo=1,2"], "unknown key 'controller.observer.lo'; did you mean 'controller.observer.l0'"),
         ([f"{L0}=1,1"], f"{L0} = 1: is given twice"),
         ([f"{L0}=-1,1"], f"{L0} = -1: must be a finite number >= 0"),
-        ([f"{L0}=1,2", "--metric", "ms"], "--metric ms: unknown metric; did you mean 'mse'?"),
+        ([f"{L0}=1,2", "--metric", "ms"], "--metric ms: unknown metric 'ms'; did you mean 'mse'?"),
         ([f"{L0}=1,2", "--out", "x.mat"], "must be one of .csv, .parquet, .npz"),
         ([f"{L0}=1,2", "--out", "no/such/x.csv"], "no such folder"),
         ([f"{L0}=1,2", "--plot", "x.gif"], ".png, .svg, .pdf"),

@@ -84,7 +84,7 @@ WRONG = {
     "unsorted": ("t,F\n0,1\n2,1\n1,1\n", "line 4: t = 1: must be > 2, the time before it"),
     "the same time twice": ("t,F\n0,1\n0,2\n", "line 3: t = 0: must be > 0"),
     "one row": ("t,F\n0,1\n", "is too short: must have two rows"),
-    "empty": ("", "unknown column 't'; it has none"),
+    "empty": ("", "unknown column 't'; there is none"),
     "ragged": ("t,F\n0,1\n1\n", "line 3: has 1 cells: must have 2"),
     "no such column": ("t,f\n0,1\n1,1\n", "unknown column 'F'; did you mean 'f'?"),
     "twice the column": ("t,F,F\n0,1,1\n1,1,1\n", "has more than one column 'F'"),

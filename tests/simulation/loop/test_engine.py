@@ -226,7 +226,7 @@ def test_what_casadi_writes_gives_the_bits_of_casadi_s_virtual_machine() -> None
 
 
 def test_an_unknown_engine_is_named() -> None:
-    with pytest.raises(ConfigurationError, match="engine = 'casady': must be compiled, casadi, interpreter"):
+    with pytest.raises(ConfigurationError, match=r"unknown engine 'casady'; did you mean 'casadi'"):
         simulate(case(4), engine="casady")  # pyright: ignore[reportArgumentType]
 
 

@@ -104,7 +104,7 @@ def test_it_draws_into_given_axes() -> None:
 
 
 def test_what_cannot_be_drawn_is_told() -> None:
-    with pytest.raises(UnknownNameError, match=r"^unknown metric 'msee'; did you mean 'mse'\?$"):
+    with pytest.raises(UnknownNameError, match=r"^unknown metric 'msee'; did you mean 'mse'\?"):
         made({GAIN: [1]}, [1.0]).plot("msee")
     three = made({GAIN: [1], LAW: ["nftsm"], "x": [1]}, [[[1.0]]])
     with pytest.raises(
