@@ -41,18 +41,18 @@ class BenchmarkEntries:
     law: Annotated[
         list[str] | None,
         Parameter(help=choice("position law", "; may be repeated. Default: all"), negative=""),
-    ] = (None,)
+    ] = None
     estimator: Annotated[
         list[str] | None,
         Parameter(
             help=choice("estimator", ", or all; may be repeated. Default: the ensemble's, as of `dualwinch tune`"),
             negative="",
         ),
-    ] = (None,)
+    ] = None
     coordination: Annotated[
         list[str] | None,
         Parameter(help=choice("coordination", ", or all; may be repeated. Default: the paper's"), negative=""),
-    ] = (None,)
+    ] = None
 
 
 ENTRIES = BenchmarkEntries()
