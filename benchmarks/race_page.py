@@ -17,7 +17,7 @@ from typing import Any
 from benchmarks.document import markdown, put
 from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.tuning.benchmark.entries import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER
-from dualwinch.tuning.benchmark.summary import below_words, ratio_words, spaced
+from dualwinch.tuning.benchmark.scores import below_words, ratio_words, spaced
 
 Record = Mapping[str, Any]
 

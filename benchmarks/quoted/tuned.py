@@ -12,8 +12,7 @@ import numpy as np
 import dualwinch as dw
 from benchmarks.document import markdown
 from dualwinch.simulation.ensembles.comparison import Comparison, paper_controller
-from dualwinch.tuning.robustness.found import ImperfectionResult
-from dualwinch.tuning.robustness.summary import stress_table
+from dualwinch.tuning.robustness.result import ImperfectionResult
 
 SCENARIOS, SEED = 200, 7
 """Of the comparisons."""
@@ -173,7 +172,7 @@ second line finds gains that keep to it on all of them; their mean square error 
 
 def breakdown() -> str:
     """Sizes at which the imperfections of a rig break the paper's gains and those tuned on exact drums."""
-    headings, rows = stress_table(dw.stress(dw.load(IN_THE_SEA)))
+    headings, rows = dw.stress(dw.load(IN_THE_SEA)).table()
     headings = [
         each.replace("paper breaks", "the paper's break").replace("given breaks", "those gains break")
         for each in headings

@@ -16,7 +16,6 @@ from dualwinch.cli.output import json_text, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from dualwinch.tuning.benchmark.found import BenchmarkFindings
     from dualwinch.tuning.benchmark.result import BenchmarkResult
     from dualwinch.tuning.benchmark.scores import EntryResult
 
@@ -141,9 +140,8 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     from dualwinch.config.folders import make_folder
     from dualwinch.reports.race import write_race_report
     from dualwinch.simulation.plots import save
-    from dualwinch.tuning.benchmark.summary import to_record
 
-    write_whole(out / "race.json", json_text(to_record(found) | version_notes()))
+    write_whole(out / "race.json", json_text(found.to_dict() | version_notes()))
     save(found.plot(), out / "race.svg")
     save(found.plot_fronts(), out / "fronts.svg")
     write_race_report(out / "report.html", found, versions())
@@ -154,7 +152,7 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 
-def configuration(found: BenchmarkFindings, scored: EntryResult) -> str:
+def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
     """The best gains of an entry as TOML; empty where its parts are not known here, as those of an earlier call."""
     from dualwinch.config.ensemble_file import loads_ensemble
     from dualwinch.config.experiment_file import to_toml

@@ -137,11 +137,10 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
 def to_record(found: RobustnessResult) -> dict[str, Any]:
     """The result as plain data, with base and ensemble as TOML."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.tuning.robustness import summary
 
     scaling = found.scaling
     return {
-        **summary.to_record(found),
+        **found.to_dict(),
         "configuration": ensemble_to_toml(scaling.ensemble),
         "base_configuration": ensemble_to_toml(scaling.base),
         **version_notes(),

@@ -9,14 +9,6 @@ from dualwinch.reports.reproduction import data_uri
 from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.benchmark.comparison import RULE
 from dualwinch.tuning.benchmark.result import BenchmarkResult
-from dualwinch.tuning.benchmark.summary import (
-    ablation_rows,
-    heading,
-    notes,
-    race_table,
-    search_rows,
-    stress_rows,
-)
 
 
 def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, str]) -> None:
@@ -30,18 +22,18 @@ def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, st
     Raises:
         OSError: the file cannot be written.
     """
-    headings, rows = race_table(found)
+    headings, rows = found.table()
     page = template("race.html.j2").render(
-        heading=heading(found),
+        heading=found.heading,
         rule=RULE,
         headings=headings,
         rows=rows,
-        notes=notes(found),
+        notes=found.notes(),
         picture=data_uri(encode(found.plot(), ".png")),
         fronts=data_uri(encode(found.plot_fronts(), ".png")),
-        ablations=ablation_rows(found),
-        stress=stress_rows(found),
-        searches=search_rows(found),
+        ablations=found.ablations(),
+        stress=found.stress_rows(),
+        searches=found.search_rows(),
         facts={"seed": str(found.terms.seed), "method": found.terms.method, **facts},
         configuration=found.terms.configuration.strip(),
     )

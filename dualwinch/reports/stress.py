@@ -7,7 +7,6 @@ from dualwinch.reports.page import template
 from dualwinch.reports.reproduction import data_uri
 from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.robustness.result import RobustnessResult
-from dualwinch.tuning.robustness.summary import heading, notes, stress_table
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 """Where the section stands in a report; it is empty in a new one."""
@@ -39,11 +38,11 @@ def show_stress(report: Path, found: RobustnessResult) -> bool:
 
 def section(found: RobustnessResult) -> str:
     """The section as HTML."""
-    headings, rows = stress_table(found)
+    headings, rows = found.table()
     return template("stress.html.j2").render(
-        heading=heading(found),
+        heading=found.heading,
         headings=headings,
         rows=rows,
-        notes=notes(found),
+        notes=found.notes(),
         picture=data_uri(encode(found.plot(), ".png")),
     )

@@ -6,10 +6,9 @@ import pytest
 
 from benchmarks.race_page import claims_table, estimators_table, facts, least, race_table
 from dualwinch.tuning.benchmark.entries import BenchmarkEntry
-from dualwinch.tuning.benchmark.summary import to_record
 from tests.tuning.race.made_up import made_up, scored
 
-RACE = to_record(made_up())
+RACE = made_up().to_dict()
 
 
 def cells(table: str) -> list[list[str]]:
@@ -38,7 +37,7 @@ def test_a_ratio_is_over_the_papers_law_whoever_is_ahead() -> None:
 def test_parts_that_most_have_are_the_usual_ones() -> None:
     found = made_up()
     other = replace(scored("fando-nftsm", 0.9), entry=BenchmarkEntry("fando-nftsm", "kalman", "master-slave"))
-    race = to_record(replace(found, entries=(other, *found.entries)))
+    race = replace(found, entries=(other, *found.entries)).to_dict()
     rows = {row[1]: row[2:] for row in cells(claims_table(race))}
     assert rows["`master-slave`"][1] == "worse without"
     assert rows["`force-position`"] == ["–", "not run"]
@@ -57,21 +56,21 @@ def test_everybody_stands_in_the_table_with_the_papers_gains_last() -> None:
     assert facts(RACE).endswith("seed 5.*")
     entry = made_up().entries[1]
     again = replace(scored("adrc", 0.2), entry=replace(entry.entry, search=1))
-    several = to_record(replace(made_up(), entries=(*made_up().entries, again)))
+    several = replace(made_up(), entries=(*made_up().entries, again)).to_dict()
     assert "5 searches of 3000 rollouts" in facts(several)
     assert "are up to a factor of 2 apart" in facts(several)
 
 
 def test_the_least_error_is_told_without_and_with_foresight() -> None:
     assert "feasible in all scenarios" in least(RACE)
-    found = to_record(made_up(least=4e-8, foreseeing=1e-8))
+    found = made_up(least=4e-8, foreseeing=1e-8).to_dict()
     assert "over all scenarios: 0.2 mm for a non-anticipating optimal controller, 0.1 mm with full" in least(found)
 
 
 def test_every_law_with_every_estimator_has_a_cell() -> None:
     found = made_up()
     other = replace(scored("adrc", 0.25), entry=BenchmarkEntry("adrc", "lowpass", "differential-tension"))
-    table = estimators_table(to_record(replace(found, entries=(other, *found.entries))))
+    table = estimators_table(replace(found, entries=(other, *found.entries)).to_dict())
     usual = found.entries[0].entry.estimator
     assert table.splitlines()[0].split("|")[2:4] == [f" `{usual}` ", " `lowpass` "]
     rows = {row[0]: row[1:] for row in cells(table)}

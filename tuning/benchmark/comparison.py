@@ -7,7 +7,8 @@ the levels are Holm's (Scand. J. Statist. 6, 1979).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,11 @@ class ErrorRatio:
     interval: Interval
     p: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready."""
+        interval = {name: finite_or_none(value) for name, value in asdict(self.interval).items()}
+        return {**interval, "scenarios": self.scenarios, "p": self.p}
+
 
 @dataclass(frozen=True)
 class PairComparison:
@@ -65,6 +71,11 @@ class PairComparison:
         """What `RULE` says."""
         sure = self.apart and self.corrected < 1 - CONFIDENCE
         return sure and abs(math.log(self.ratio.interval.estimate)) > -math.log(1 - LEAST_DIFFERENCE)
+
+
+def finite_or_none(value: float) -> float | None:
+    """A number as JSON holds it: none where it is not finite."""
+    return value if math.isfinite(value) else None
 
 
 def ratio_of(values: Floats, references: Floats) -> ErrorRatio:

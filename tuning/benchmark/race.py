@@ -1,16 +1,27 @@
-"""The function `dualwinch.race`: every law tuned with one budget, and scored where nobody has been."""
+"""The function `dualwinch.race`: every law tuned with one budget, and all scored in the same test scenarios."""
 
-from collections.abc import Callable, Sequence
+import json
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
+import numpy as np
+
+from dualwinch.codegen.files import atomic
+from dualwinch.codegen.source.expressions import instructions
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.toml_text import parse_assignment
-from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.controller import Controller, controller_function
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.analysis.authority import least_mse
+from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
@@ -26,16 +37,43 @@ from dualwinch.tuning.benchmark.entries import (
     EntryProblem,
     combinations,
     kinds,
+    names,
 )
 from dualwinch.tuning.benchmark.entries import ablations as ablated
 from dualwinch.tuning.benchmark.result import BenchmarkResult
-from dualwinch.tuning.benchmark.run import Breaking
-from dualwinch.tuning.benchmark.run import race as run
+from dualwinch.tuning.benchmark.scores import (
+    COSTS,
+    ERROR,
+    BaselineScore,
+    EntryResult,
+    FrontPoint,
+    SearchRecord,
+    front,
+    scored_runs,
+)
 from dualwinch.tuning.optimisers import check_method, default_method
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.robustness.stress import check_stress, stress_tuned
-from dualwinch.tuning.robustness.summary import by_what, where
+from dualwinch.tuning.scoring import clock
+from dualwinch.tuning.scoring.evaluation import Scorer
+from dualwinch.tuning.scoring.progress import (
+    CHOOSING,
+    DRAWING,
+    REFERENCES,
+    SEARCHING,
+    SILENT,
+    SearchStatus,
+    TuningProgress,
+)
+from dualwinch.tuning.scoring.progress import SCORING as SCORING_BEST
+from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.test_set import TestSet
+from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import configuration, definition_of, tuning_problem
+
+Breaking = Callable[[Experiment], tuple[dict[str, Any], ...]]
+"""Tells what breaks the gains of an experiment first, the first first."""
 
 OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination"}
 """Key of a part → option that chooses it."""
@@ -135,7 +173,7 @@ def race(
         held_out=held_out,
         seed=seed,
     )
-    return run(
+    return run_race(
         list(entrants.values()),
         terms,
         folder=None if out is None else Path(out),
@@ -182,10 +220,323 @@ def _breaking(problem: TuningProblem, threads: int | None) -> Breaking:
         return tuple(
             {
                 "label": row.imperfection.label,
-                "size": where(found, row, row.breaks[name]),
-                "broken": by_what(row, row.breaks[name]),
+                "size": found.where(row, name),
+                "broken": row.by_what(name),
             }
             for row in found.ranking[:SHOWN]
         )
 
     return breaking
+
+
+FREE = frozenset({ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN})
+"""Instructions that compute nothing."""
+
+
+def operations(experiment: Experiment) -> int:
+    """Number of operations that the controller of an experiment takes a sample, an exponential counted like a sum.
+
+    What follows from gains, nominal plant and sample time alone is worked out beforehand, as in exported controllers.
+    """
+    controller = controller_function(experiment.controller, experiment.plant)
+    arguments = [ca.SX.sym(name, controller.size1_in(name)) for name in controller.name_in()[:-1]]
+    results = controller.call([*arguments, ca.SX(experiment.simulation.sample_time)])
+    found = instructions(ca.Function("sample", arguments, results))
+    return sum(instruction.operation not in FREE for instruction in found)
+
+
+ENTRIES = "entries"
+"""Folder of the files, in that of the race."""
+
+TOML = "configuration"
+"""Name of what is TOML."""
+
+PAPER = "paper"
+"""Name of the file with the paper's gains."""
+
+
+class ResultFolder:
+    """What is finished of a race, in a folder or in memory alone."""
+
+    def __init__(self, path: Path | None, terms: Mapping[str, Any]) -> None:
+        """Read what is there.
+
+        Args:
+            path: folder of the race; ``None``: nothing is kept beyond this object.
+            terms: what has to be the same for all, JSON-ready.
+
+        Raises:
+            ConfigurationError: what is there was run on other terms, or is nothing of a race.
+        """
+        self._path = None if path is None else path / ENTRIES
+        self._terms = _plain(terms)
+        self._records: dict[str, dict[str, Any]] = {}
+        if self._path is not None and self._path.is_dir():
+            for file in sorted(self._path.glob("*.json")):
+                self._records[file.stem] = self._read(file)
+
+    @property
+    def stems(self) -> tuple[str, ...]:
+        """Names of what is finished."""
+        return tuple(self._records)
+
+    def find(self, stem: str, definition: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
+        """What is finished under a name; ``None`` where it is not.
+
+        Args:
+            stem: the name.
+            definition: what it has to be the result of, JSON-ready; ``None``: whatever it is.
+
+        Raises:
+            ConfigurationError: it is the result of something else.
+        """
+        record = self._records.get(stem)
+        if record is None:
+            return None
+        names = _differences(_plain(definition), record["definition"]) if definition is not None else ()
+        if names:
+            raise ConfigurationError(
+                f"{self._path}: {stem}.json was run with another {' and '.join(names)}; remove it, or give another "
+                "folder"
+            )
+        return record["result"]
+
+    def keep(self, stem: str, definition: Mapping[str, Any], result: Mapping[str, Any]) -> None:
+        """Keep what is finished.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        record = _plain({"terms": self._terms, "definition": definition, "result": result})
+        self._records[stem] = record
+        if self._path is not None:
+            self._path.mkdir(parents=True, exist_ok=True)
+            with atomic(self._path / f"{stem}.json") as unfinished:
+                unfinished.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+    def _read(self, file: Path) -> dict[str, Any]:
+        try:
+            record = json.loads(file.read_text(encoding="utf-8"))
+            terms = record["terms"], record["definition"], record["result"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise ConfigurationError(f"{file}: is nothing that a race has left; remove it") from error
+        for name in _differences(self._terms, terms[0]):
+            shown = "" if name == TOML else f", {terms[0].get(name)} and not {self._terms[name]}"
+            raise ConfigurationError(
+                f"{file.parent.parent}: holds a race with another {name}{shown}; give another folder"
+            )
+        return record
+
+
+def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
+    """Names whose values differ; of TOML the content counts, for its comments name every part that is known."""
+    return [name for name, value in ours.items() if _content(name, value) != _content(name, theirs.get(name, ""))]
+
+
+def _content(name: str, value: Any) -> Any:
+    return tomllib.loads(value) if name == TOML else value
+
+
+def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Content as it comes back from a file."""
+    return json.loads(json.dumps(content, allow_nan=False))
+
+
+UNSEEN_PHASE = "scoring in unseen scenarios"
+STRESS_PHASE = "finding what breaks it first"
+PAPER_PHASE = "scoring the paper's gains"
+LEAST_PHASE = "finding the least possible error"
+"""Phases beside those of tuning."""
+
+
+def scored(
+    entrant: EntryProblem,
+    terms: BenchmarkTerms,
+    *,
+    breaking: Breaking | None = None,
+    threads: int | None = None,
+    watch: TuningProgress = SILENT,
+) -> EntryResult:
+    """Tune an entry, and score its best and its fronts in the unseen scenarios.
+
+    Raises:
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted; nothing of it is of use.
+    """
+    began, problem = clock.now(), entrant.problem
+    tuned = tune(
+        problem,
+        method=terms.method,
+        rollouts=terms.rollouts,
+        held_out=min(terms.held_out, problem.selection.sizes.test),
+        threads=threads,
+        keep=False,
+        watch=watch,
+    )
+    watch.phase(UNSEEN_PHASE)
+    scorer = Scorer(tuned.training, threads=threads)
+    unseen = TestSet(scorer, terms.held_out, terms.test_seed)
+    best = unseen.score(tuned.verdict.best.candidate)
+    fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
+    candidates = [trial.candidate for found in fronts.values() for trial in found]
+    points = iter(scorer.over(candidates, unseen.scenarios, constraints=unseen.constraints))
+    rescored = {cost: tuple(_point(problem, next(points), cost) for _ in found) for cost, found in fronts.items()}
+    broken = None
+    if breaking:
+        watch.phase(STRESS_PHASE)
+        broken = breaking(tuned.best)
+    return EntryResult(
+        entry=entrant.entry,
+        runs=scored_runs(best.result, best.evaluation.violations, operations(tuned.best)),
+        gains=tuned.gains,
+        fronts=rescored,
+        search=SearchRecord(
+            trials=len(tuned.trials),
+            rollouts=tuned.progress.spent,
+            gains=len(problem.space.dimensions),
+            seconds=clock.now() - began,
+            improved=tuned.verdict.improved,
+            version=version("dualwinch"),
+        ),
+        stress=broken,
+    )
+
+
+def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPoint:
+    means, gains = evaluation.statistics, problem.space.settings(evaluation.point)
+    return FrontPoint(means[f"mean.{cost}"], means[f"mean.{ERROR}"], kept=evaluation.feasible, gains=gains)
+
+
+def paper(
+    problem: TuningProblem, terms: BenchmarkTerms, *, threads: int | None = None, watch: TuningProgress = SILENT
+) -> BaselineScore:
+    """The paper's gains in the unseen scenarios, and the least error there.
+
+    Args:
+        problem: any of the race; ensemble, constraints and seed are those of all.
+        terms: how many scenarios.
+        threads: default: one a core.
+        watch: told of what is done.
+
+    Raises:
+        DualwinchError: no compiler, no usable cache folder, or no optimum found.
+        KeyboardInterrupt: interrupted.
+    """
+    scorer = Scorer(prepare(problem, threads, watch), threads=threads)
+    watch.phase(PAPER_PHASE)
+    unseen = TestSet(scorer, terms.held_out, terms.test_seed)
+    found = unseen.paper
+    runs = scored_runs(found.result, found.evaluation.violations, operations(problem.paper_experiment))
+    watch.phase(LEAST_PHASE)
+    with_paper = problem.drawn(terms.held_out, terms.test_seed, problem.paper_experiment)
+    experiments = [experiment_of(scenario) for scenario in with_paper]
+    least = np.array([least_mse(experiment) for experiment in experiments])
+    foreseeing = np.array(
+        [least_mse(each, anticipating=True) if bound else 0.0 for each, bound in zip(experiments, least, strict=True)]
+    )
+    return BaselineScore(runs, least, foreseeing)
+
+
+BEGINS = {
+    DRAWING: 0.0,
+    REFERENCES: 0.02,
+    PAPER_PHASE: 0.1,
+    LEAST_PHASE: 0.1,
+    SEARCHING: 0.12,
+    CHOOSING: 0.82,
+    SCORING_BEST: 0.9,
+    UNSEEN_PHASE: 0.93,
+    STRESS_PHASE: 0.95,
+}
+"""Phase → share of an entry's time that is over by then, roughly."""
+
+Told = Callable[[float, str], None]
+"""``told(share, words)``: how much of what is left to do is done, and what is being done."""
+
+
+class EntryProgress:
+    """Watches one entry, and tells how much of the race is done."""
+
+    def __init__(self, name: str, number: int, of: int, told: Told | None) -> None:
+        """Watch entry `number`, from 0, of so many that have to be run."""
+        self._name, self._number, self._of, self._told = name, number, of, told
+        self._words = ""
+
+    def phase(self, words: str) -> None:
+        """Tell what is done from now on."""
+        self._words = words
+        self._tell(BEGINS.get(words, 0.0))
+
+    def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
+        """Tell how far the search is."""
+        self._tell(BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING]))
+
+    def _tell(self, share: float) -> None:
+        if self._told:
+            number = f"{self._number + 1} of {self._of}, " if self._of > 1 else ""
+            self._told((self._number + share) / self._of, f"{number}{self._name}: {self._words}")
+
+
+def run_race(
+    entrants: Sequence[EntryProblem],
+    terms: BenchmarkTerms,
+    *,
+    folder: Path | None = None,
+    breaking: Breaking | None = None,
+    threads: int | None = None,
+    told: Told | None = None,
+) -> BenchmarkResult:
+    """Tune and score every entry that the folder does not hold yet; find out what breaks it where that is asked for.
+
+    An interrupt (Ctrl-C) keeps what is finished; the same call goes on with the rest.
+
+    Args:
+        entrants: who takes part, at least one.
+        terms: what is the same for all.
+        folder: where finished entries are kept; those of earlier calls take part too, if they were run on these terms.
+        breaking: finds out what breaks the best gains first.
+        threads: default: one a core.
+        told: called now and then.
+
+    Returns:
+        The race; `BenchmarkResult.left` says how many entries an interrupt has left out.
+
+    Raises:
+        ConfigurationError: the folder holds a race on other terms.
+        DualwinchError: no compiler, no usable cache folder, or no optimum found.
+        KeyboardInterrupt: interrupted before the first entry was finished.
+    """
+    kept = ResultFolder(folder, terms.to_record())
+    known = {each.entry.key: kept.find(each.entry.stem, each.definition) for each in entrants}
+    waiting = [each for each in entrants if _lacks(known[each.entry.key], breaking)]
+    left, called = len(waiting), names([each.entry for each in entrants])
+    try:
+        if kept.find(PAPER) is None:
+            first = EntryProgress(PAPER, 0, 1, lambda _, words: told(0.0, words) if told else None)
+            kept.keep(PAPER, {}, paper(entrants[0].problem, terms, threads=threads, watch=first).to_record())
+        for number, entrant in enumerate(waiting):
+            entry, lap = entrant.entry, EntryProgress(called[entrant.entry.key], number, len(waiting), told)
+            record = known[entry.key]
+            if record and breaking:
+                lap.phase(STRESS_PHASE)
+                found = breaking(with_leaves(entrant.problem.experiment, record["gains"]))
+                kept.keep(entry.stem, entrant.definition, record | {"stress": list(found)})
+            else:
+                done = scored(entrant, terms, breaking=breaking, threads=threads, watch=lap)
+                kept.keep(entry.stem, entrant.definition, done.to_record())
+            left -= 1
+    except KeyboardInterrupt:
+        if not set(kept.stems) - {PAPER}:
+            raise
+    records = {stem: kept.find(stem) for stem in kept.stems}
+    return BenchmarkResult(
+        terms=terms,
+        paper=BaselineScore.from_record(records.pop(PAPER) or {}),
+        entries=tuple(EntryResult.from_record(record) for record in records.values() if record),
+        left=left,
+    )
+
+
+def _lacks(record: Mapping[str, Any] | None, breaking: Breaking | None) -> bool:
+    """Whether something is still to be found out about an entry."""
+    return record is None or (breaking is not None and record["stress"] is None)

@@ -1,22 +1,284 @@
-"""What a race has found, as a prompt and a notebook show it."""
+"""The result of a race: laws with the best gains that one budget finds, as table, words, JSON and figures."""
 
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import combinations
+from typing import Any
+
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
 
 from dualwinch.model.quantities.tables import markdown, page, table
-from dualwinch.simulation.plots.page import GivenAxes
-from dualwinch.tuning.benchmark.found import BenchmarkFindings
-from dualwinch.tuning.benchmark.summary import heading, notes, race_table
+from dualwinch.simulation.ensembles.comparison import CONFIDENCE
+from dualwinch.simulation.ensembles.result import Statistic
+from dualwinch.simulation.plots.page import GivenAxes, Page
+from dualwinch.simulation.plots.style import (
+    BLUE,
+    DASHES,
+    GOLD,
+    GREEN,
+    GREY,
+    INK,
+    PURPLE,
+    SKY,
+    VERMILION,
+    WINE,
+    house_style,
+    logarithmic,
+    plain,
+)
+from dualwinch.tuning.benchmark.comparison import (
+    LEAST_DIFFERENCE,
+    RULE,
+    ErrorRatio,
+    PairComparison,
+    holm,
+    ratio_of,
+)
+from dualwinch.tuning.benchmark.entries import NO_OBSERVER, PAPER, BenchmarkTerms, names
+from dualwinch.tuning.benchmark.scores import (
+    COSTS,
+    ERROR,
+    BaselineScore,
+    EntryResult,
+    ScoredRuns,
+    below_words,
+    ratio_words,
+    spaced,
+    undominated,
+)
+
+HEADINGS = (
+    "",
+    f"error below the paper's ({100 * CONFIDENCE:g} %)",
+    "RMS error, mm",
+    "chatter, N",
+    "load, N m",
+    "constraints",
+    "operations a sample",
+    "does not differ from",
+)
+"""Of the table."""
+
+MILLIMETRES = 1e3
+
+WITHOUT_OBSERVER = "without observer"
+"""What the paper's law is called that has none, among its ablations."""
+
+MEAN_ERROR = Statistic("mean", ERROR)
+"""What the searches minimise."""
 
 
-class BenchmarkResult(BenchmarkFindings):
-    """Who tracks how well with the best gains that one budget finds; fields are those of `BenchmarkFindings`."""
+@dataclass(frozen=True, repr=False)
+class BenchmarkResult:
+    """Laws that were all tuned with the same number of rollouts, and scored in the same scenarios; shown as a table.
+
+    Attributes:
+        terms: what was the same for all.
+        paper: the paper's gains, and the least error there is.
+        entries: who is finished, a search each.
+        left: number of entries that an interrupt has left out.
+    """
+
+    terms: BenchmarkTerms
+    paper: BaselineScore
+    entries: tuple[EntryResult, ...]
+    left: int = 0
+
+    @cached_property
+    def names(self) -> dict[str, str]:
+        """Key of each entry → what it is called; all its searches are called alike."""
+        return names([scored.entry for scored in self.entries])
+
+    @cached_property
+    def searches(self) -> dict[str, tuple[EntryResult, ...]]:
+        """Key of an entry's first search → all its searches, the least error first."""
+        groups: dict[str, list[EntryResult]] = {}
+        for scored in sorted(self.entries, key=self._order):
+            groups.setdefault(scored.entry.group, []).append(scored)
+        return {key: tuple(group) for key, group in groups.items()}
+
+    @cached_property
+    def by_key(self) -> dict[str, EntryResult]:
+        """Key of each entry → what it came to."""
+        return {scored.entry.key: scored for scored in self.entries}
+
+    @cached_property
+    def ratios(self) -> dict[str, ErrorRatio]:
+        """Key of each entry → its errors over those of the paper's gains."""
+        return {scored.entry.key: _ratio(scored.runs, self.paper.runs) for scored in self.entries}
+
+    @cached_property
+    def ranking(self) -> tuple[EntryResult, ...]:
+        """The median search of every entry, the least error first; at the end who did not run all to its end.
+
+        Of an even number of searches the worse one of the two in the middle.
+        """
+        return tuple(sorted((group[len(group) // 2] for group in self.searches.values()), key=self._order))
+
+    def _order(self, scored: EntryResult) -> tuple[int, float]:
+        lost, ratio = int((~scored.runs.completed).sum()), self._estimate(scored)
+        return lost, math.inf if math.isnan(ratio) else ratio
+
+    def _estimate(self, scored: EntryResult) -> float:
+        return self.ratios[scored.entry.key].interval.estimate
+
+    @cached_property
+    def pairs(self) -> tuple[PairComparison, ...]:
+        """Every two of the ranking, in its order."""
+        couples = list(combinations(self.ranking, 2))
+        ratios = [_ratio(first.runs, second.runs) for first, second in couples]
+        corrected = holm([ratio.p for ratio in ratios])
+        return tuple(
+            PairComparison(first.entry.key, second.entry.key, ratio, level, self._apart(first, second))
+            for (first, second), ratio, level in zip(couples, ratios, corrected, strict=True)
+        )
+
+    def _apart(self, first: EntryResult, second: EntryResult) -> bool:
+        ours, theirs = (
+            [self._order(search) for search in self.searches[scored.entry.group]] for scored in (first, second)
+        )
+        return max(ours) < min(theirs) or max(theirs) < min(ours)
+
+    @property
+    def luck(self) -> float:
+        """Largest ratio of the errors of two searches of one entry; 1 where each was tuned once."""
+        groups = [[self._estimate(search) for search in group] for group in self.searches.values()]
+        spans = [[ratio for ratio in group if math.isfinite(ratio)] for group in groups]
+        return max((max(span) / min(span) for span in spans if span), default=1.0)
+
+    def alike(self, key: str) -> tuple[str, ...]:
+        """Keys of the ranking that one of it does not differ from, by `tuning.benchmark.comparison.RULE`."""
+        return tuple(
+            pair.second if pair.first == key else pair.first
+            for pair in self.pairs
+            if key in (pair.first, pair.second) and not pair.differ
+        )
+
+    def pair(self, first: str, second: str) -> PairComparison:
+        """Two entries, whichever of them is ahead; the ratio is of the first over the second."""
+        found = next(pair for pair in self.pairs if {pair.first, pair.second} == {first, second})
+        if found.first == first:
+            return found
+        ratio = _ratio(self.by_key[first].runs, self.by_key[second].runs)
+        return replace(found, first=first, second=second, ratio=ratio)
+
+    @property
+    def heading(self) -> str:
+        """What was done, in one line."""
+        terms = self.terms
+        entries = f"{len(self.searches)} entr{'y' if len(self.searches) == 1 else 'ies'}"
+        searches = len(self.entries)
+        more = f" in {searches} searches" if searches > len(self.searches) else ""
+        return (
+            f"{entries}{more}, {terms.rollouts} rollouts of '{terms.ensemble}' each, "
+            f"scored in {terms.held_out} unseen scenarios, seed {terms.seed}"
+        )
+
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Headings and rows: the entries, the best first, and the paper's gains."""
+        numbers = {scored.entry.key: str(rank) for rank, scored in enumerate(self.ranking, 1)}
+        rows = []
+        for scored in self.ranking:
+            key = scored.entry.key
+            alike = ", ".join(numbers[other] for other in self.alike(key))
+            name = f"{numbers[key]}. {self.names[key]}"
+            rows.append([name, below_words(self.ratios[key].interval), *_cells(scored.runs), alike or "–"])
+        return list(HEADINGS), [*rows, ["the paper's gains", "1 ×", *_cells(self.paper.runs), ""]]
+
+    def notes(self) -> list[str]:
+        """What a reader has to know of the table."""
+        words = [
+            "Error: how many times the mean square error is below that of the paper's gains, the geometric mean over "
+            "the scenarios. " + RULE + " Load: root mean square of the motor torques."
+        ]
+        words += [f"All keep to, where tuned: {'; '.join(self.terms.constraints) or 'nothing'}."]
+        words += [self._least_words(), self._luck_words()]
+        words += [
+            f"{self.names[scored.entry.key]}: no trial was better than the gains that the search started from."
+            for scored in self.ranking
+            if not scored.search.improved
+        ]
+        if self.left:
+            words.append(f"Interrupted: {self.left} entries are left; the same call goes on with them.")
+        return words
+
+    def _luck_words(self) -> str:
+        """How much of a difference is the luck of a search."""
+        if len(self.entries) == len(self.searches):
+            return (
+                "Each was tuned once: another seed of the search finds other gains, and to leave a part out hardly "
+                "makes the best gains there are any better. `--searches 3` tells how much is luck."
+            )
+        return (
+            "Shown is the median search of each. Searches of the same entry that differ by their seed alone are up to "
+            f"a factor of {spaced(self.luck)} apart."
+        )
+
+    def _least_words(self) -> str:
+        """What no controller gets below, without and with foresight."""
+        least, foreseeing = self.paper.least, self.paper.least_foreseeing
+        beyond = int((least > 0).sum())
+        if not beyond:
+            return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
+        without, given = (MILLIMETRES * math.sqrt(values.mean()) for values in (least, foreseeing))
+        return (
+            f"{beyond} of the scenarios are infeasible: they need more force than the motors can deliver. Lower bound "
+            f"on the RMS error: {without:.3g} mm for a non-anticipating optimal controller, {given:.3g} mm with full "
+            "foresight."
+        )
+
+    def ablations(self) -> list[list[str]]:
+        """The paper's law without each of its parts: what is missing, the ratio, and whether they differ."""
+        wholes = [scored for scored in self.ranking if scored.entry.law == PAPER and not scored.entry.variant]
+        return [row for whole in wholes for row in self._ablated(whole)]
+
+    def _ablated(self, whole: EntryResult) -> list[list[str]]:
+        parts = whole.entry.estimator, whole.entry.coordination
+        others = {
+            scored.entry.variant or WITHOUT_OBSERVER: scored.entry.key
+            for scored in self.ranking
+            if (scored.entry.estimator, scored.entry.coordination) == parts
+            and (scored.entry.law == NO_OBSERVER or (scored.entry.law == PAPER and scored.entry.variant))
+        }
+        if WITHOUT_OBSERVER in others and len(others) == 1 and not any(each.entry.variant for each in self.entries):
+            return []
+        pairs = {words: self.pair(key, whole.entry.key) for words, key in others.items()}
+        return [
+            [words, ratio_words(pair.ratio.interval), "yes" if pair.differ else "no"] for words, pair in pairs.items()
+        ]
+
+    def stress_rows(self) -> list[list[str]]:
+        """What breaks each entry first, where that was looked for: name, imperfection, size and what is broken."""
+        return [
+            [self.names[scored.entry.key], first["label"], first["size"], first["broken"]]
+            for scored in self.ranking
+            for first in (scored.stress or ())[:1]
+        ]
+
+    def search_rows(self) -> list[list[str]]:
+        """Of each search: name, how far the error is below the paper's, gains, trials, rollouts, time."""
+        return [
+            [
+                self.names[search.entry.key],
+                below_words(self.ratios[search.entry.key].interval),
+                *map(str, (search.search.gains, search.search.trials, search.search.rollouts)),
+                f"{search.search.seconds:.0f} s",
+            ]
+            for scored in self.ranking
+            for search in self.searches[scored.entry.group]
+        ]
 
     def __repr__(self) -> str:
-        return "\n".join([f"Race: {heading(self)}", "", markdown(*race_table(self)), "", *notes(self)])
+        return "\n".join([f"Race: {self.heading}", "", markdown(*self.table()), "", *self.notes()])
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
-        return page("BenchmarkResult", " ".join([f"{heading(self)}.", *notes(self)]), table(*race_table(self)))
+        return page("BenchmarkResult", " ".join([f"{self.heading}.", *self.notes()]), table(*self.table()))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
         """Draw errors over those of the paper's gains, with intervals, the best first.
@@ -24,9 +286,7 @@ class BenchmarkResult(BenchmarkFindings):
         Args:
             ax: axes to draw into; default: a figure of its own.
         """
-        from dualwinch.tuning.benchmark.figures import race_figure
-
-        return race_figure(self, ax=ax)
+        return _figure(self, ax)
 
     def plot_fronts(self, *, ax: GivenAxes = None) -> Figure:
         """Draw what less chatter and less load cost in error, and the least error there is.
@@ -34,6 +294,232 @@ class BenchmarkResult(BenchmarkFindings):
         Args:
             ax: axes for chatter and load; default: a figure of its own.
         """
-        from dualwinch.tuning.benchmark.figures import fronts_figure
+        return _fronts_figure(self, ax)
 
-        return fronts_figure(self, ax=ax)
+    def to_dict(self) -> dict[str, Any]:
+        """Everything that was found, JSON-ready; `docs/race.md` says what the names mean."""
+        terms, least = self.terms, self.paper.least
+        return {
+            **terms.to_record(),
+            "seeds": {"searches": terms.seed, "test": terms.test_seed},
+            "rule": {"text": RULE, "confidence": CONFIDENCE, "least_difference": LEAST_DIFFERENCE},
+            "least": {
+                "beyond_authority": int((least > 0).sum()),
+                "without_foresight": float(least.mean()),
+                "with_foresight": float(self.paper.least_foreseeing.mean()),
+            },
+            "paper": self.paper.runs.to_dict(),
+            "entries": [self._entry(scored) for scored in self.ranking],
+            "pairs": [
+                {
+                    "first": pair.first,
+                    "second": pair.second,
+                    **pair.ratio.to_dict(),
+                    "p_corrected": pair.corrected,
+                    "apart": pair.apart,
+                    "differ": pair.differ,
+                }
+                for pair in self.pairs
+            ],
+            "luck": self.luck,
+            "left": self.left,
+        }
+
+    def _entry(self, scored: EntryResult) -> dict[str, Any]:
+        entry, record = scored.entry, scored.to_record()
+        return {
+            "key": entry.key,
+            "name": self.names[entry.key],
+            **{name: value for name, value in record["entry"].items() if name != "search"},
+            "over_paper": self.ratios[entry.key].to_dict(),
+            "alike": list(self.alike(entry.key)),
+            "searches": [
+                {"search": search.entry.search, **self.ratios[search.entry.key].to_dict()}
+                for search in self.searches[entry.group]
+            ],
+            **scored.runs.to_dict(),
+            **{name: record[name] for name in ("gains", "search", "fronts", "stress")},
+        }
+
+
+def _cells(runs: ScoredRuns) -> list[str]:
+    error, chatter, load = (runs.over(Statistic("mean", name)) for name in (ERROR, *COSTS))
+    return [
+        f"{MILLIMETRES * math.sqrt(error):.3g}",
+        f"{chatter:.3g}",
+        f"{load:.3g}",
+        runs.kept,
+        str(runs.operations),
+    ]
+
+
+def _ratio(runs: ScoredRuns, others: ScoredRuns) -> ErrorRatio:
+    both = runs.completed & others.completed
+    return ratio_of(runs.metrics[ERROR][both], others.metrics[ERROR][both])
+
+
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
+"""Of the entries, the best first; then again, with other dashes."""
+
+ROOM = 1.6
+"""Factor by which the axis goes on on the right, for words."""
+
+CLUSTER = 6.0
+"""Factor by which a search may be off the one before for the number to stand behind it, and not between them."""
+
+HEADING, A_ROW = 1.45, 0.27
+"""Heights in inches."""
+
+AXES = {"chatter": "mean chatter (N)", "continuous_load": "mean continuous load (N m)"}
+"""Figure of merit → name of its axis."""
+
+WIDE = frozenset({"chatter"})
+"""Figures of merit that differ by factors."""
+
+SMALL = 0.1
+"""Ratios below that are written as fractions."""
+
+NEAR = 0.05
+"""A least error is drawn where it is no smaller than this share of the least error of all."""
+
+
+def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
+    terms = found.terms
+    words = (
+        f"{terms.rollouts} rollouts in “{plain(terms.ensemble)}” to tune each, "
+        f"scored in {terms.held_out} scenarios that nobody has seen"
+    )
+    with house_style():
+        page = Page(ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: who tracks best?", words)
+        (axes,) = page.panels(1)
+        first = found.ranking[0].entry.key if found.entries else ""
+        tied = {first, *found.alike(first)} if first else set()
+        for row, scored in enumerate(found.ranking):
+            _dot(axes, found, scored, row, BLUE if scored.entry.key in tied else INK)
+        axes.axvline(1, color=VERMILION, linewidth=1.0, zorder=1)
+        logarithmic(axes, (1, 2, 3, 5))
+        axes.set_yticks(range(len(found.ranking)), [plain(found.names[each.entry.key]) for each in found.ranking])
+        axes.set_ylim(len(found.ranking) - 0.4, -0.6)
+        axes.grid(visible=False, axis="y")
+        axes.tick_params(axis="y", length=0)
+        low, high = axes.get_xlim()
+        axes.set_xlim(low, ROOM * high)
+        axes.set_xlabel("mean square error over that of the paper's gains, with 95 % interval; less is better")
+        dot = partial(Line2D, [], [], marker="o", markersize=5, linestyle="none")
+        handles = [
+            dot(color=BLUE, label="best, or not different from it"),
+            dot(color=INK, label="other"),
+            dot(color=INK, markerfacecolor="white", label="breaks a constraint"),
+            Line2D([], [], color=VERMILION, label="the paper's gains"),
+        ]
+        if len(found.entries) > len(found.ranking):
+            handles.insert(3, dot(color=INK, marker="|", markersize=8, label="its searches"))
+        page.legend(handles)
+    return page.figure
+
+
+def _dot(axes: Axes, found: BenchmarkResult, scored: EntryResult, row: int, colour: str) -> None:
+    interval = found.ratios[scored.entry.key].interval
+    if math.isnan(interval.estimate):
+        return
+    face = "white" if scored.runs.broken else colour
+    axes.plot((interval.low, interval.high), (row, row), color=colour, linewidth=2.0, alpha=0.5)
+    axes.plot(interval.estimate, row, "o", color=colour, markerfacecolor=face, markersize=5, zorder=3)
+    others = [found.ratios[search.entry.key].interval.estimate for search in found.searches[scored.entry.group]]
+    if len(others) > 1:
+        axes.plot(others, [row] * len(others), "|", color=colour, markersize=8)
+    axes.annotate(
+        _share(interval.estimate),
+        (end_of_marks(interval.high, others), row),
+        xytext=(5, 0),
+        textcoords="offset points",
+        va="center_baseline",
+        fontsize=7,
+        color=colour,
+        annotation_clip=False,
+    )
+
+
+def end_of_marks(high: float, others: Iterable[float]) -> float:
+    """Where the marks end that lie together with an interval; searches that are far off stand alone."""
+    for other in sorted(others):
+        if high < other < CLUSTER * high:
+            high = other
+    return high
+
+
+def _share(ratio: float) -> str:
+    """A ratio as it is best read: ``6.4×``, or ``1/16 000``."""
+    return f"{ratio:.2g}×" if ratio >= SMALL else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
+
+
+def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
+    looks = {
+        scored.entry.key: {
+            "color": COLOURS[rank % len(COLOURS)],
+            "linestyle": DASHES[rank // len(COLOURS) % len(DASHES)],
+        }
+        for rank, scored in enumerate(found.ranking)
+    }
+    words = (
+        f"Trials that keep to every constraint, in {found.terms.held_out} unseen scenarios; ●: the best, ×: the paper's"
+    )
+    with house_style():
+        page = Page(ax, 3.4 + 0.1 * len(looks), "What less chatter and less load cost", words)
+        panels = page.panels(1, len(COSTS), "C", sharey=True)
+        for axes, cost in zip(panels, COSTS, strict=False):
+            for scored in found.ranking:
+                _front(axes, scored, cost, looks[scored.entry.key])
+            axes.plot(*_means(found.paper.runs, cost), "x", color=VERMILION, markersize=6)
+            if cost in WIDE:
+                logarithmic(axes, (1, 2, 3, 5))
+            axes.set_xlabel(AXES[cost])
+            _least(axes, found)
+        panels[0].set_yscale("log")
+        panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        panels[0].set_ylabel("RMS error (mm)")
+        handles = [Line2D([], [], **look, label=plain(found.names[key])) for key, look in looks.items()]
+        page.legend([*handles, *_least_handles(found)])
+    return page.figure
+
+
+def _front(axes: Axes, scored: EntryResult, cost: str, look: dict[str, Any]) -> None:
+    kept = [point for point in scored.fronts.get(cost, ()) if point.kept]
+    best = _means(scored.runs, cost)
+    points = [(point.cost, _rms(point.error)) for point in kept] + ([] if scored.runs.broken else [best])
+    if points:
+        shown = [points[index] for index in undominated(*zip(*points, strict=True))]
+        axes.plot(*zip(*shown, strict=True), linewidth=1.1, alpha=0.8, marker=".", markersize=3, **look)
+    face = "white" if scored.runs.broken else look["color"]
+    axes.plot(*best, "o", color=look["color"], markerfacecolor=face, markersize=4)
+
+
+def _means(runs: ScoredRuns, cost: str) -> tuple[float, float]:
+    return runs.over(Statistic("mean", cost)), _rms(runs.over(MEAN_ERROR))
+
+
+def _rms(mean_square: float) -> float:
+    """In mm, from m²."""
+    return MILLIMETRES * math.sqrt(mean_square)
+
+
+def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tuple[float, ...]], str]]:
+    """Least errors in mm that are near those of the entries: value, dashes and name."""
+    nearest = min((_rms(each.runs.over(MEAN_ERROR)) for each in found.entries if each.runs.completed.any()), default=0)
+    lines = (
+        (found.paper.least, (0, (4, 2)), "least error without foresight"),
+        (found.paper.least_foreseeing, (0, (1, 1.5)), "with foresight"),
+    )
+    for values, dashes, name in lines:
+        value = _rms(float(values.mean()))
+        if value > NEAR * nearest:
+            yield value, dashes, name
+
+
+def _least(axes: Axes, found: BenchmarkResult) -> None:
+    for value, dashes, _ in _least_lines(found):
+        axes.axhline(value, color=GREY, linestyle=dashes, linewidth=1.0)
+
+
+def _least_handles(found: BenchmarkResult) -> list[Line2D]:
+    return [Line2D([], [], color=GREY, linestyle=dashes, label=name) for _, dashes, name in _least_lines(found)]

@@ -1,4 +1,4 @@
-"""What those who took part in a race came to in the unseen scenarios, as data and as JSON."""
+"""What entries of a race came to in the test scenarios, as data, JSON and words."""
 
 import math
 from collections import Counter
@@ -10,11 +10,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.result import Statistic
+from dualwinch.simulation.ensembles.comparison import Interval
+from dualwinch.simulation.ensembles.result import Statistic, statistic_from
+from dualwinch.tuning.benchmark.comparison import (
+    finite_or_none,
+)
 from dualwinch.tuning.benchmark.entries import BenchmarkEntry
 from dualwinch.tuning.scoring.ranking import Evaluation
 
 Floats = NDArray[np.float64]
+
+ERROR = "mse"
+"""Figure of merit on one side of the trade."""
+
+COSTS = ("chatter", "continuous_load")
+"""Figures of merit on the other side."""
+
+STATISTICS = (
+    "mean.mse",
+    "median.mse",
+    "p95.mse",
+    "worst.max_abs_error",
+    "mean.chatter",
+    "mean.continuous_load",
+    "worst.peak_tension",
+    "worst.min_tension",
+    "mean.slack_share",
+    "mean.energy",
+)
+"""Statistics of every entry in the test scenarios."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +65,20 @@ class ScoredRuns:
     @property
     def broken(self) -> tuple[str, ...]:
         """The constraints that are not kept to, the worst first."""
-        return tuple(sorted((name for name, by in self.violations.items() if by > 0), key=self._least_kept))
-
-    def _least_kept(self, name: str) -> float:
-        return -self.violations[name]
+        broken = [name for name, by in self.violations.items() if by > 0]
+        return tuple(sorted(broken, key=self.violations.__getitem__, reverse=True))
 
     def over(self, statistic: Statistic) -> float:
         """A statistic over the scenarios that ran to their end; NaN without any."""
         return statistic.over(self.metrics[statistic.metric][self.completed])
+
+    @property
+    def kept(self) -> str:
+        """Whether all is kept to; else how many scenarios were lost, or what is exceeded the furthest."""
+        lost = int((~self.completed).sum())
+        if lost:
+            return f"{lost} of {len(self.outcomes)} scenarios not completed"
+        return f"broken: {self.broken[0]}" if self.broken else "kept"
 
     def to_record(self) -> dict[str, Any]:
         """As JSON holds it."""
@@ -60,6 +90,16 @@ class ScoredRuns:
             "operations": self.operations,
         }
 
+    def to_dict(self) -> dict[str, Any]:
+        """What race.json says of them."""
+        statistics = [statistic_from(name) for name in STATISTICS]
+        return {
+            "statistics": {statistic.name: finite_or_none(self.over(statistic)) for statistic in statistics},
+            "completed": int(np.count_nonzero(self.completed)),
+            "broken": list(self.broken),
+            "operations": self.operations,
+        }
+
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
         """What `to_record` took apart."""
@@ -67,10 +107,10 @@ class ScoredRuns:
         return cls(np.array(record["outcomes"]), metrics, record["violations"], record["operations"])
 
 
-def scored_runs(result: BatchResult, row: int, violations: Mapping[str, float], operations: int) -> ScoredRuns:
-    """A row of a result."""
-    metrics = {name: np.array(values[row], float) for name, values in result.metrics.items()}
-    return ScoredRuns(result.outcomes[row], metrics, dict(violations), operations)
+def scored_runs(result: BatchResult, violations: Mapping[str, float], operations: int) -> ScoredRuns:
+    """A result of one row."""
+    metrics = {name: np.array(values[0], float) for name, values in result.metrics.items()}
+    return ScoredRuns(result.outcomes[0], metrics, dict(violations), operations)
 
 
 @dataclass(frozen=True)
@@ -187,14 +227,8 @@ class EntryResult:
 
 
 def _numbers(values: Floats) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in values.tolist()]
+    return [finite_or_none(value) for value in values.tolist()]
 
-
-ERROR = "mse"
-"""Figure of merit on one side of the trade."""
-
-COSTS = ("chatter", "continuous_load")
-"""Figures of merit on the other side."""
 
 POINTS = 8
 """Points of a front that are scored again, at most."""
@@ -228,3 +262,26 @@ def front(trials: Sequence[Evaluation], cost: str, most: int = POINTS) -> list[E
     kept = undominated(costs, errors)
     chosen = dict.fromkeys(np.linspace(0, len(kept) - 1, min(most, len(kept))).round().astype(int).tolist())
     return [whole[kept[index]] for index in chosen]
+
+
+def below_words(interval: Interval) -> str:
+    """How many times an error is below another one, with the interval, from that of their ratio: ``16 500 × (...)``."""
+    if math.isnan(interval.estimate):
+        return "–"
+    factor, least, most = (
+        spaced(math.inf if not ratio else 1 / ratio) for ratio in (interval.estimate, interval.high, interval.low)
+    )
+    return f"{factor} × ({least}–{most})"
+
+
+def spaced(number: float) -> str:
+    """A positive number with three digits, without an exponent, thousands apart."""
+    rounded = float(f"{number:.3g}")
+    return f"{rounded:,.0f}".replace(",", "\u202f") if 100 <= rounded < math.inf else f"{rounded:.3g}"
+
+
+def ratio_words(interval: Interval) -> str:
+    """A ratio with its interval, three digits each."""
+    if math.isnan(interval.estimate):
+        return "–"
+    return f"{spaced(interval.estimate)} ({spaced(interval.low)}–{spaced(interval.high)})"

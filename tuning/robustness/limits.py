@@ -1,7 +1,8 @@
-"""Numbers as people read them."""
+"""What gains must keep to in a stress test, what they break, and numbers as people read them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,6 +166,24 @@ class RobustnessLimit:
     def eased(self) -> bool:
         """Whether the gains break the constraint in the base, and so have another bound."""
         return self.constraint is not self.asked
+
+    @property
+    def words(self) -> str:
+        """The constraint as asked for, as a number, and as the factor on what the paper's gains reach."""
+        factor = self.asked.text.partition("=")[2].strip()
+        return self.asked.label + (f" ({factor})" if factor.endswith("paper") else "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready."""
+        constraint = self.constraint
+        return {
+            "asked": self.asked.text,
+            "statistic": constraint.statistic.name,
+            "at_least": constraint.at_least,
+            "bound": constraint.bound,
+            "unit": constraint.statistic.unit,
+            "eased": self.eased,
+        }
 
 
 def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:

@@ -1,22 +1,45 @@
 """What breaks first: gains under imperfections that are made larger, beside the paper's."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
+from dualwinch.codegen.drivers.batch import compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.batch.grid import ParameterScenarioGrid
+from dualwinch.simulation.batch.rollout import run_grid
+from dualwinch.simulation.batch.threads import map_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import baseline_controller, is_baseline
+from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.robustness.imperfections import imperfections, union
-from dualwinch.tuning.robustness.limits import constraints_of
-from dualwinch.tuning.robustness.result import RobustnessResult
-from dualwinch.tuning.robustness.run import PAPER
-from dualwinch.tuning.robustness.run import stress as run
+from dualwinch.tuning.robustness.imperfections import (
+    ALL,
+    Imperfection,
+    ScaledEnsemble,
+    all_together,
+    imperfections,
+    union,
+)
+from dualwinch.tuning.robustness.limits import (
+    BrokenLimit,
+    RobustnessLimit,
+    ScaledRuns,
+    broken,
+    constraints_of,
+    limits_of,
+)
+from dualwinch.tuning.robustness.result import Breakdown, ImperfectionResult, RobustnessResult
+from dualwinch.tuning.robustness.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
 
 NO_BASE = "none"
 """Stands for the experiment itself, without any ensemble."""
@@ -78,7 +101,7 @@ def stress(
         if name == PAPER:
             raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
         controllers[name] = own
-    return run(
+    return breakdowns(
         controllers,
         kind,
         harsh,
@@ -169,3 +192,162 @@ def _ensemble(
     if isinstance(asked, Ensemble):
         return reset(asked.controlled_as(experiment), values)
     return reset(load_ensemble(asked, experiment), values)
+
+
+class ScaledRunner:
+    """Runs scenarios, and tells how much of what is expected has been done."""
+
+    def __init__(
+        self, scaling: ScaledEnsemble, expected: int, threads: int | None, progress: Callable[[float], None] | None
+    ) -> None:
+        """Set the bench up.
+
+        Args:
+            scaling: gives the scenarios.
+            expected: number of sizes that will be run, at most.
+            threads: default: one a core.
+            progress: called now and then with the share that is done.
+        """
+        self._scaling, self._expected, self._threads, self._progress = scaling, expected, threads, progress
+        self._done = 0
+
+    def compile(self, controllers: Iterable[Controller], sizes: Sequence[Mapping[str, float]]) -> None:
+        """Compile what scenarios of some sizes are run by, side by side: a compiler takes longer than all their runs.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
+        loops = dict.fromkeys(ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first)
+        map_all(compile_batch, list(loops), self._threads)
+
+    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[ScaledRuns]:
+        """What the scenarios of each of some sizes come to.
+
+        Args:
+            controller: with the gains.
+            sizes: key → size of what is scaled; nothing: the base.
+
+        Raises:
+            KeyboardInterrupt: interrupted.
+        """
+        scenarios = np.empty((len(sizes), self._scaling.count), dtype=object)
+        for row, each in enumerate(sizes):
+            scenarios[row] = self._scaling.scenarios(controller, each)
+
+        def report(share: float, before: int = self._done) -> None:
+            if self._progress:
+                self._progress((before + share * len(sizes)) / self._expected)
+
+        runs = run_grid(scenarios, threads=self._threads, progress=report)
+        if runs.interrupted:
+            raise KeyboardInterrupt
+        self._done += len(sizes)
+        metrics = [{name: values[row] for name, values in runs.metrics.items()} for row in range(len(sizes))]
+        return [ScaledRuns(*each) for each in zip(runs.outcomes, metrics, strict=True)]
+
+
+PAPER = "paper"
+"""Name of the baseline controller: the paper's gains."""
+
+HALVINGS = int(math.log2(STEPS))
+"""Rounds of a bisection behind its powers of ten."""
+
+
+def breakdowns(
+    controllers: Mapping[str, Controller],
+    base: Ensemble,
+    ensemble: Ensemble,
+    constraints: Sequence[Constraint],
+    *,
+    scenarios: int,
+    seed: int,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> RobustnessResult:
+    """Find at which size of each imperfection each of some gains break.
+
+    Each imperfection that the ensemble has and the base does not is made larger, alone and with all the others, until a
+    constraint is broken in the scenarios: the same ones, with the same quantiles of every distribution, at every size
+    and for all gains. Everything else is the base's.
+
+    Args:
+        controllers: name → controller, that with the paper's gains (`PAPER`) among them.
+        base: what the imperfections come on top of; its own controller is not used.
+        ensemble: gives the imperfections, at size 1.
+        constraints: what must be kept to; factors are on what the paper's gains reach in the base.
+        scenarios: how many.
+        seed: of the draws.
+        threads: default: one a core.
+        progress: called now and then with the share that is done.
+
+    Raises:
+        ConfigurationError: no imperfection, a count or seed out of range, or a controller that does not fit.
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    for word, value, least in (("scenarios", scenarios, 1), ("seed", seed, 0)):
+        if value < least:
+            raise ConfigurationError(f"{word} = {value}: must be a whole number >= {least}")
+    ensemble = union(base, ensemble)
+    scaling = ScaledEnsemble(base, ensemble, imperfections(base, ensemble), scenarios, seed)
+    for name, controller in controllers.items():
+        _check(scaling, name, controller)
+    single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
+    reaches = single | ({all_together(scaling.single): joint_range(scaling, single)} if len(single) > 1 else {})
+    sizes = sum(len(reach.rungs) + HALVINGS for reach in reaches.values())
+    bench = ScaledRunner(scaling, len(controllers) * (1 + sizes), threads, progress)
+
+    def sizes_of(imperfection: Imperfection, rung: int) -> dict[str, float]:
+        return sizes_at(rung, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
+
+    tried = [sizes_of(imperfection, rung) for imperfection, reach in reaches.items() for rung in reach.rungs]
+    bench.compile(controllers.values(), [{}, *tried])
+    plain = {name: bench.run(controller, [{}])[0] for name, controller in controllers.items()}
+    limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
+    lost = {name: broken((), runs) for name, runs in plain.items()}
+    found = {
+        name: _breaks(bench, controller, limits[name], reaches, sizes_of)
+        for name, controller in controllers.items()
+        if not lost[name]
+    }
+    rows = [
+        ImperfectionResult(imperfection, reach, {name: breaks[imperfection] for name, breaks in found.items()})
+        for imperfection, reach in reaches.items()
+    ]
+    if progress:
+        progress(1.0)
+    return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows))
+
+
+def _check(scaling: ScaledEnsemble, name: str, controller: Controller) -> None:
+    try:
+        prepare(scaling.scenario(0, controller, {}).experiment)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{name}: {error}") from error
+
+
+def _breaks(
+    bench: ScaledRunner,
+    controller: Controller,
+    limits: Sequence[RobustnessLimit],
+    reaches: Mapping[Imperfection, SizeRange],
+    sizes_of: Callable[[Imperfection, int], dict[str, float]],
+) -> dict[Imperfection, Breakdown]:
+    """Search under all imperfections at once: each round is one batch."""
+    searches = {imperfection: Bisection(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
+    found: dict[tuple[Imperfection, int], tuple[BrokenLimit, ...]] = {}
+    while wanted := [(imperfection, rung) for imperfection, search in searches.items() for rung in search.wanted()]:
+        sizes = [sizes_of(imperfection, rung) for imperfection, rung in wanted]
+        for (imperfection, rung), runs in zip(wanted, bench.run(controller, sizes), strict=True):
+            found[imperfection, rung] = broken(limits, runs)
+            searches[imperfection].tried[rung] = bool(found[imperfection, rung])
+    return {
+        imperfection: Breakdown(
+            size=None if search.broken is None else size(search.broken),
+            held=0.0 if search.held is None else size(search.held),
+            broken=() if search.broken is None else found[imperfection, search.broken],
+            monotone=search.monotone,
+        )
+        for imperfection, search in searches.items()
+    }

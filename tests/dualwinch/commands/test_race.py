@@ -106,7 +106,7 @@ def test_who_takes_part_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     def noted(entrants, *_, **__):
         seen.append([entrant.entry.key for entrant in entrants])
 
-    monkeypatch.setattr(race_module, "run", noted)
+    monkeypatch.setattr(race_module, "run_race", noted)
     dw.race("rig")
     laws = list(race_module.POSITION_LAWS)
     assert seen[-1] == [f"{law}, self-calibrating-kalman, differential-tension" for law in laws]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.benchmark.run import ResultFolder
+from dualwinch.tuning.benchmark.race import ResultFolder
 
 TERMS = {"seed": 1, "rollouts": 300, "configuration": "a = 1\nb = 2\n", "constraints": ("x<=1",)}
 

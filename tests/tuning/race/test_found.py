@@ -8,7 +8,6 @@ import pytest
 
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.tuning.benchmark.scores import BaselineScore, EntryResult
-from dualwinch.tuning.benchmark.summary import ablation_rows, notes, race_table, search_rows, stress_rows, to_record
 from tests.tuning.race.made_up import made_up, scored
 
 FOUND = made_up()
@@ -31,7 +30,7 @@ def test_a_pair_is_the_inverse_of_the_other_way_round() -> None:
 
 
 def test_a_prompt_and_a_notebook_show_the_table_and_the_rule() -> None:
-    headings, rows = race_table(FOUND)
+    headings, rows = FOUND.table()
     assert all(len(row) == len(headings) for row in rows)
     assert [row[0] for row in rows][0::4] == ["1. adrc", "the paper's gains"]
     assert [row[-1] for row in rows] == ["2", "1", "–", "–", ""]
@@ -43,20 +42,20 @@ def test_a_prompt_and_a_notebook_show_the_table_and_the_rule() -> None:
 
 
 def test_the_least_error_is_told_where_there_is_one() -> None:
-    assert any("feasible in all scenarios" in note for note in notes(FOUND))
+    assert any("feasible in all scenarios" in note for note in FOUND.notes())
     bound = made_up(least=4e-8, foreseeing=1e-8)
     assert any(
-        "0.2 mm for a non-anticipating optimal controller, 0.1 mm with full foresight" in note for note in notes(bound)
+        "0.2 mm for a non-anticipating optimal controller, 0.1 mm with full foresight" in note for note in bound.notes()
     )
 
 
 def test_ablations_are_compared_with_the_whole_law() -> None:
-    rows = {row[0]: row[1:] for row in ablation_rows(FOUND)}
+    rows = {row[0]: row[1:] for row in FOUND.ablations()}
     assert set(rows) == {"without observer", "constant observer gain"}
     assert rows["constant observer gain"][0].startswith("1.4")
     assert {row[1] for row in rows.values()} == {"yes"}
     without = replace(FOUND, entries=tuple(each for each in FOUND.entries if not each.entry.variant))
-    assert ablation_rows(without) == [], "laws are laws where nobody asked for ablations"
+    assert without.ablations() == [], "laws are laws where nobody asked for ablations"
 
 
 def searched(*errors: float, law: str = "adrc") -> tuple[EntryResult, ...]:
@@ -81,9 +80,9 @@ def test_of_several_searches_the_median_counts() -> None:
     assert found.luck == pytest.approx(4)
     assert "2 entries in 5 searches" in repr(found)
     assert "up to a factor of 4 apart" in repr(found)
-    record = to_record(found)
+    record = found.to_dict()
     assert [len(entry["searches"]) for entry in record["entries"]] == [3, 2]
-    assert len(search_rows(found)) == 5
+    assert len(found.search_rows()) == 5
 
 
 def test_searches_that_overlap_do_not_differ_however_sure_their_medians_are() -> None:
@@ -95,9 +94,9 @@ def test_searches_that_overlap_do_not_differ_however_sure_their_medians_are() ->
 
 
 def test_what_breaks_first_is_shown_where_it_was_looked_for() -> None:
-    assert stress_rows(FOUND) == []
+    assert FOUND.stress_rows() == []
     first = replace(FOUND.entries[1], stress=({"label": "drums", "size": "2×", "broken": "MSE"},))
-    assert stress_rows(replace(FOUND, entries=(first,))) == [["adrc", "drums", "2×", "MSE"]]
+    assert replace(FOUND, entries=(first,)).stress_rows() == [["adrc", "drums", "2×", "MSE"]]
 
 
 def test_records_come_back() -> None:
@@ -114,10 +113,10 @@ def test_records_come_back() -> None:
 
 
 def test_json_says_all_of_it() -> None:
-    record = json.loads(json.dumps(to_record(FOUND), allow_nan=False))
+    record = json.loads(json.dumps(FOUND.to_dict(), allow_nan=False))
     assert [entry["name"] for entry in record["entries"]][:2] == ["adrc", "nftsm"]
     assert record["entries"][0]["alike"] == [KEYS["nftsm"]]
     assert record["seeds"] == {"searches": 5, "test": named_seed(5, "benchmark test")}
     assert sum(pair["differ"] for pair in record["pairs"]) == 5
-    lost = to_record(replace(FOUND, entries=(scored("adrc", 1.0, lost=40),)))
+    lost = replace(FOUND, entries=(scored("adrc", 1.0, lost=40),)).to_dict()
     assert json.loads(json.dumps(lost, allow_nan=False))["entries"][0]["over_paper"]["estimate"] is None

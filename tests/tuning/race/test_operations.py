@@ -9,7 +9,7 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import exp
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.benchmark.run import operations
+from dualwinch.tuning.benchmark.race import operations
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from dualwinch.tuning.benchmark.figures import end_of_marks
+from dualwinch.tuning.benchmark.result import end_of_marks
 from tests.tuning.race.made_up import made_up, scored
 
 FOUND = made_up()

@@ -9,18 +9,17 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.ensembles.comparison import compare, paper_controller
-from dualwinch.tuning.benchmark import run as race_run
+from dualwinch.tuning.benchmark import race as race_module
 from dualwinch.tuning.benchmark.entries import BenchmarkTerms, EntryProblem
+from dualwinch.tuning.benchmark.race import run_race
 from dualwinch.tuning.benchmark.result import BenchmarkResult
-from dualwinch.tuning.benchmark.run import race
 from dualwinch.tuning.benchmark.scores import COSTS
-from dualwinch.tuning.benchmark.summary import to_record
 from tests.tuning.race.conftest import MakeRace
 
 
-def numbers(found: object) -> dict[str, object]:
+def numbers(found: BenchmarkResult) -> dict[str, object]:
     """What a race says, without the time it took."""
-    record = to_record(found)  # pyright: ignore[reportArgumentType]
+    record = found.to_dict()
     for entry in record["entries"]:
         del entry["search"]["seconds"]
     return record
@@ -40,7 +39,7 @@ class Finished:
 def finished(make_race: MakeRace) -> Finished:
     entrants, terms = make_race()
     shares: list[float] = []
-    return Finished(entrants, terms, race(entrants, terms, told=lambda share, _: shares.append(share)), shares)
+    return Finished(entrants, terms, run_race(entrants, terms, told=lambda share, _: shares.append(share)), shares)
 
 
 def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
@@ -53,19 +52,19 @@ def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
         if words.startswith("2 of 2, adrc: searching"):
             raise KeyboardInterrupt
 
-    part = race(entrants, terms, folder=tmp_path / "part", told=interrupting)
+    part = run_race(entrants, terms, folder=tmp_path / "part", told=interrupting)
     assert part.left == 1
     assert [scored.entry.law for scored in part.entries] == ["nftsm"]
     assert "Interrupted: 1 entries are left" in repr(part)
     run: list[str] = []
-    original = race_run.scored
+    original = race_module.scored
 
     def counted(entrant, *words, **options):
         run.append(entrant.entry.law)
         return original(entrant, *words, **options)
 
-    monkeypatch.setattr(race_run, "scored", counted)
-    again = race(entrants, terms, folder=tmp_path / "part")
+    monkeypatch.setattr(race_module, "scored", counted)
+    again = run_race(entrants, terms, folder=tmp_path / "part")
     assert run == ["adrc"]
     assert numbers(again) == numbers(whole), "the whole is without a folder"
 
@@ -78,7 +77,7 @@ def test_before_the_first_is_finished_an_interrupt_is_raised(make_race: MakeRace
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        race(entrants, terms, folder=tmp_path, told=interrupting)
+        run_race(entrants, terms, folder=tmp_path, told=interrupting)
     assert [file.name for file in (tmp_path / "entries").iterdir()] == ["paper.json"]
 
 
@@ -123,7 +122,7 @@ def test_fronts_are_gains_in_the_unseen_scenarios(finished: Finished) -> None:
 def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
     """On motors that are too weak for the reference, scenario by scenario."""
     entrants, terms = make_race(["simulation.duration=12.0", "controller.coordination.tension_max=1500"], held_out=3)
-    found = race(entrants, terms)
+    found = run_race(entrants, terms)
     least, foreseeing = found.paper.least, found.paper.least_foreseeing
     assert (least > 0).all()
     assert (foreseeing <= least).all()
@@ -135,9 +134,9 @@ def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
 
 def test_other_terms_are_refused_before_anything_runs(make_race: MakeRace, tmp_path: Path) -> None:
     entrants, terms = make_race()
-    race(entrants[:1], terms, folder=tmp_path)
+    run_race(entrants[:1], terms, folder=tmp_path)
     with pytest.raises(ConfigurationError, match="another rollouts, 100 and not 200"):
-        race(entrants, replace(terms, rollouts=200), folder=tmp_path)
+        run_race(entrants, replace(terms, rollouts=200), folder=tmp_path)
     with pytest.raises(ConfigurationError, match="held_out = 1: must be a whole number >= 2"):
         replace(terms, held_out=1)
 

@@ -11,8 +11,7 @@ from dualwinch.tuning.constraints import constraints_from
 from dualwinch.tuning.robustness.imperfections import ImperfectionSize
 from dualwinch.tuning.robustness.limits import SHARE, multiple, plain
 from dualwinch.tuning.robustness.result import RobustnessResult
-from dualwinch.tuning.robustness.run import stress
-from dualwinch.tuning.robustness.summary import stress_table, to_record
+from dualwinch.tuning.robustness.stress import breakdowns
 from tests.tuning.stress.ensembles import of, sea
 
 TEXT = """
@@ -32,7 +31,7 @@ def found() -> RobustnessResult:
     base = sea()
     own = {"paper": paper_controller(), "a|b.toml": Controller(estimator=Kalman())}
     constraints = constraints_from(["worst.peak_tension<=1", "worst.mse<=1.05*paper"], base.experiment)
-    return stress(own, base, of(TEXT, base), constraints, scenarios=3, seed=0)
+    return breakdowns(own, base, of(TEXT, base), constraints, scenarios=3, seed=0)
 
 
 def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: RobustnessResult) -> None:
@@ -49,7 +48,7 @@ def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: Robustne
 
 
 def test_amounts_are_those_of_the_value_that_goes_furthest(found: RobustnessResult) -> None:
-    _, rows = stress_table(found)
+    _, rows = found.table()
     assert {row[0]: row[1] for row in rows} == {
         "winch radius error": "±0.2 %",
         "position bias": "0 to 2 mm",
@@ -66,7 +65,7 @@ def test_who_breaks_a_limit_in_the_base_is_told(found: RobustnessResult) -> None
 
 
 def test_the_record_says_what_the_result_does(found: RobustnessResult) -> None:
-    record = json.loads(json.dumps(to_record(found), allow_nan=False))
+    record = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert [row["label"] for row in record["imperfections"]] == [row.imperfection.label for row in found.ranking]
     assert [gains["name"] for gains in record["gains"]] == ["paper", "a|b.toml"]
     by_label = {row["label"]: row for row in record["imperfections"]}

@@ -17,10 +17,10 @@ from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraints import constraints_from
-from dualwinch.tuning.robustness import run as bench
+from dualwinch.tuning.robustness import stress as bench
 from dualwinch.tuning.robustness.result import RobustnessResult
-from dualwinch.tuning.robustness.run import PAPER, stress
 from dualwinch.tuning.robustness.sizes import size
+from dualwinch.tuning.robustness.stress import PAPER, breakdowns
 from tests.tuning.stress.ensembles import DRUMS, bare, of, sea, short
 
 GAINS = Path(__file__).with_name("tuned_in_the_sea.toml")
@@ -33,7 +33,7 @@ def test_a_break_is_where_ensembles_of_just_that_size_break() -> None:
     base = bare(experiment)
     constraints = constraints_from([f"worst.peak_tension<={limit}"], experiment)
     own = {"paper": paper_controller()}
-    found = stress(own, base, of(DRUMS, base), constraints, scenarios=4, seed=4)
+    found = breakdowns(own, base, of(DRUMS, base), constraints, scenarios=4, seed=4)
     (row,) = found.rows
     broken = row.breaks["paper"]
     assert broken.size is not None
@@ -55,7 +55,7 @@ def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
 
     def found(seed: int, threads: int) -> RobustnessResult:
         constraints = constraints_from(["worst.mse<=1.01*paper"], base.experiment)
-        return stress(own, base, of(text, base), constraints, scenarios=3, seed=seed, threads=threads)
+        return breakdowns(own, base, of(text, base), constraints, scenarios=3, seed=seed, threads=threads)
 
     first, again = found(2, 1), found(2, 2)
     assert first.rows == again.rows
@@ -67,7 +67,7 @@ def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
 def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     base, told = bare(), []
     words = ({"paper": paper_controller()}, base, of(DRUMS, base), constraints_from(["worst.mse<=4*paper"], short()))
-    stress(*words, scenarios=2, seed=0, progress=told.append)
+    breakdowns(*words, scenarios=2, seed=0, progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
 
@@ -76,7 +76,7 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
 
     monkeypatch.setattr(bench, "run_grid", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        stress(*words, scenarios=2, seed=0)
+        breakdowns(*words, scenarios=2, seed=0)
 
 
 def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,7 +95,7 @@ def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(batch, "loaded", compiling)
     monkeypatch.setattr(bench, "run_grid", counted)
     text = DRUMS + "[sensors]\nposition_drift = 1e-3\n[simulation]\njitter = 1e-4\n"
-    stress({"paper": paper_controller()}, base, of(text, base), (), scenarios=2, seed=0)
+    breakdowns({"paper": paper_controller()}, base, of(text, base), (), scenarios=2, seed=0)
     assert set(before) == {len(compiled)}
 
 
@@ -112,7 +112,7 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
 
     monkeypatch.setattr(bench, "run_grid", lost)
     base = bare()
-    found = stress({"paper": paper_controller(), "wild": wild}, base, of(DRUMS, base), (), scenarios=2, seed=0)
+    found = breakdowns({"paper": paper_controller(), "wild": wild}, base, of(DRUMS, base), (), scenarios=2, seed=0)
     assert [each.words for each in found.lost["wild"]] == ["left track in 1 scenario"]
     assert found.names == ("paper",)
     assert set(found.rows[0].breaks) == {"paper"}
@@ -123,10 +123,10 @@ def test_what_cannot_be_asked_for_is_refused() -> None:
     base = bare()
     for scenarios, seed in ((0, 0), (1, -1)):
         with pytest.raises(ConfigurationError, match="must be a whole number >= "):
-            stress({"paper": paper_controller()}, base, of(DRUMS, base), (), scenarios=scenarios, seed=seed)
+            breakdowns({"paper": paper_controller()}, base, of(DRUMS, base), (), scenarios=scenarios, seed=seed)
     wrong = Controller(law=FandoNftsm(nftsm=NftsmGains(p=4)))
     with pytest.raises(ConfigurationError, match=r"wrong: controller\.nftsm\.p = 4: must be odd"):
-        stress({"paper": paper_controller(), "wrong": wrong}, base, of(DRUMS, base), (), scenarios=1, seed=0)
+        breakdowns({"paper": paper_controller(), "wrong": wrong}, base, of(DRUMS, base), (), scenarios=1, seed=0)
 
 
 def test_gains_tuned_in_the_sea_are_lost_on_a_drum_a_hundredth_of_a_per_cent_off() -> None:
@@ -135,7 +135,7 @@ def test_gains_tuned_in_the_sea_are_lost_on_a_drum_a_hundredth_of_a_per_cent_off
     drums = of(DRUMS, base)
     own = {PAPER: paper_controller(), "tuned": experiment.controller}
     wanted = ["worst.peak_tension<=6000", "worst.slack_share<=0", "worst.mse<=4*paper"]
-    found = stress(own, base, drums, constraints_from(wanted, base.experiment), scenarios=6, seed=0)
+    found = breakdowns(own, base, drums, constraints_from(wanted, base.experiment), scenarios=6, seed=0)
     (row,) = found.rows
     tuned, paper = row.breaks["tuned"], row.breaks["paper"]
     assert tuned.size is not None
