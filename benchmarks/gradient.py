@@ -23,9 +23,8 @@ from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import SILENT, NoTuningProgress, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
-from dualwinch.tuning.storage.memory import MemoryStorage
-from dualwinch.tuning.storage.opening import quiet
-from dualwinch.tuning.storage.store import SearchBudget
+from dualwinch.tuning.storage.connection import quiet
+from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
 from dualwinch.tuning.study import search
 
 GAINS = (

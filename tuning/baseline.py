@@ -58,12 +58,15 @@ FORCES = frozenset(
 )
 """Keys of what makes tensions others than torques and load cells say."""
 
+CALIBRATING = "calibrating-kalman"
+"""The estimator for noisy sensors and inexact ropes, where drums, encoder zeros and position sensor are exact."""
+
 RESERVE = "controller.coordination.reserve"
 
 
 def default_estimator(ensemble: Ensemble) -> str:
     """The kind of filter for noisy sensors and inexact ropes, and maybe drums that nobody knows exactly."""
-    return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else "calibrating-kalman"
+    return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else CALIBRATING
 
 
 def default_reserve(ensemble: Ensemble) -> float:

@@ -1,4 +1,4 @@
-"""Statistics as every storage and every comparison wants them: finite, also where nothing was measured."""
+"""Objectives and constraints: statistics of runs and stability margins, by name and in units."""
 
 import math
 import re
@@ -17,16 +17,11 @@ from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric
 
-UNMEASURED = 1e9
-"""What stands for a statistic of no completed scenario, and the largest magnitude of any other."""
-
 
 def measured(statistic: Statistic, values: NDArray[np.float64]) -> float:
-    """A statistic over the figure of merit of completed scenarios (n,); `UNMEASURED`, at its bad end, without any."""
-    found = statistic.over(values)
-    if np.isnan(found):
-        return -UNMEASURED if statistic.small_is_bad else UNMEASURED
-    return float(np.clip(found, -UNMEASURED, UNMEASURED))
+    """A statistic over the figure of merit of completed scenarios (n,); NaN without any that is finite."""
+    found = float(statistic.over(values))
+    return found if math.isfinite(found) else math.nan
 
 
 MARGINS = {
@@ -72,8 +67,8 @@ class MarginStatistic:
         return self.quantity.unit
 
     def of(self, worst: dict[str, WorstMargin]) -> float:
-        """Its value, finite: a loop that bears anything has a very large one."""
-        return min(worst[self.margin].value, UNMEASURED)
+        """Its value; infinite where nothing of the kind makes the loop unstable."""
+        return worst[self.margin].value
 
 
 def margin_statistic(text: str, own: Sequence[Metric] = ()) -> MarginStatistic | None:
@@ -101,34 +96,34 @@ def margin_statistic(text: str, own: Sequence[Metric] = ()) -> MarginStatistic |
 ANGLES = {"deg": 1.0, "rad": 180 / math.pi}
 """Units of a phase margin, and what brings them to degrees."""
 
-DECIBEL = "dB"
-"""Unit of a gain margin beside the plain factor."""
+DECIBEL, PER_CENT = "dB", "%"
+"""Units of a gain margin beside the plain factor, and of a share."""
 
 
-def in_si(text: str, statistic: Statistic | MarginStatistic) -> float:
+def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> float:
     """A number in the unit of a statistic.
 
     Args:
         text: the number, with or without a unit.
-        statistic: what it bounds.
+        statistic: what it bounds; ``None``: it is a factor, which may be in per cent.
 
     Raises:
         ValueError: no number.
         ConfigurationError: a unit that the statistic does not come in.
     """
-    parts = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z].*)", text.strip())
+    parts = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z%].*)", text.strip())
     if not parts or re.fullmatch(r"[eE][-+]?\d+", parts[2]):
         return float(text)
-    value, unit = float(parts[1]), parts[2]
-    if unit == statistic.unit:
-        return value
-    if statistic.metric == "gain_margin":
+    value, unit, own = float(parts[1]), parts[2], "1" if statistic is None else statistic.unit
+    if isinstance(statistic, MarginStatistic) and statistic.metric == "gain_margin" and unit != own:
         return 10 ** (value / 20) if unit == DECIBEL else _refused(unit, [DECIBEL])
-    if statistic.unit == "deg":
+    if own == "1" and not isinstance(statistic, MarginStatistic):
+        return value / 100 if unit == PER_CENT else _refused(unit, [PER_CENT])
+    if own == "deg":
         return value * ANGLES[unit] if unit in ANGLES else _refused(unit, list(ANGLES))
-    if statistic.unit in UNITS:
-        return value * factor(unit, statistic.unit)
-    return _refused(unit, [] if statistic.unit == "1" else [statistic.unit])
+    if own in UNITS:
+        return value * factor(unit, own)
+    return value if unit == own else _refused(unit, [] if own == "1" else [own])
 
 
 def _refused(unit: str, allowed: list[str]) -> float:
@@ -172,12 +167,13 @@ class Constraint:
         """How far beyond its bound a value is, as a share of the bound (of 1 where that is 0); <= 0: it is kept to.
 
         Args:
-            value: of the statistic.
+            value: of the statistic. One that no run has (NaN) violates all of the bound, an infinite one all or none.
             margin: distance to keep from the bound, as the same share.
         """
+        if not math.isfinite(value):
+            return -1.0 if value == (math.inf if self.at_least else -math.inf) else 1.0
         beyond = self.bound - value if self.at_least else value - self.bound
-        share = beyond / (abs(self.bound) or 1.0) + margin
-        return min(max(share, -UNMEASURED), UNMEASURED)
+        return beyond / (abs(self.bound) or 1.0) + margin
 
     @property
     def label(self) -> str:
@@ -226,20 +222,19 @@ def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Cons
 def constraints_with(
     texts: Sequence[str] | None, defaults: Sequence[str], experiment: Experiment
 ) -> tuple[Constraint, ...]:
-    """The constraints that are meant by some texts; as of `constraints_from` beside those.
-
-    Stability margins say nothing of runs. So where nothing else is bounded, the default constraints hold beside them.
+    """The default constraints and those of some texts, which replace a default one on the same side of a statistic.
 
     Args:
-        texts: `NONE` among them leaves the default ones out; ``None``: these alone.
+        texts: as of `constraints_from`; `NONE` among them, or an empty list, leaves the default ones out.
         defaults: the default ones.
         experiment: as of `constraints_from`.
     """
-    if texts is None:
-        return constraints_from(defaults, experiment)
-    found = constraints_from(texts, experiment)
-    margins = bool(found) and all(isinstance(constraint.statistic, MarginStatistic) for constraint in found)
-    return (*constraints_from(defaults, experiment), *found) if margins and NONE not in texts else found
+    found = constraints_from(texts or (), experiment)
+    if texts is not None and (NONE in texts or not texts):
+        return found
+    given = {(constraint.statistic, constraint.at_least) for constraint in found}
+    usual = constraints_from(defaults, experiment)
+    return (*(each for each in usual if (each.statistic, each.at_least) not in given), *found)
 
 
 def _constraint(text: str, experiment: Experiment) -> Constraint:
@@ -264,7 +259,7 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
 
 def _number(word: str, text: str, statistic: Statistic | MarginStatistic | None = None) -> float:
     try:
-        value = in_si(word, statistic) if statistic else float(word)
+        value = in_si(word, statistic)
     except ValueError:
         value = math.nan
     except ConfigurationError as error:

@@ -1,5 +1,6 @@
 """Names of gains and statistics as figures and tables show them."""
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,7 +27,7 @@ from dualwinch.simulation.plots.style import (
     time_axis,
 )
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.constraints import UNMEASURED, Constraint
+from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TEST, TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first, pareto_front
 from dualwinch.tuning.scoring.test_set import SelectionResult
@@ -74,18 +75,19 @@ def history(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure:
     values = np.array([trial.objectives[0] for trial in trials])
     feasible = np.array([trial.feasible for trial in trials])
     best = np.minimum.accumulate(np.where(feasible, values, np.inf))
+    known = np.isfinite(values)
     with house_style():
         figure = new_figure(3.4, "History of the search", f"{axis_title(objective)} of every trial")
         axes = figure.subplots()
         numbers = np.arange(len(trials))
         for chosen, colour in ((~feasible, LIGHT), (feasible, SKY)):
-            shown = _thinned(numbers[chosen & (values < UNMEASURED)])
+            shown = _thinned(numbers[chosen & known])
             axes.plot(shown, values[shown], ".", markersize=3, color=colour, rasterized=True)
         axes.plot(numbers, best, color=BLUE, drawstyle="steps-post")
         start = next((trial.objectives[0] for trial in trials if trial.point == problem.start), None)
         if start:
             axes.axhline(start, color=VERMILION, linestyle=(0, (4, 2)), linewidth=0.9)
-        _scale(axes.set_yscale, values[values < UNMEASURED])
+        _scale(axes.set_yscale, values[known])
         axes.set(xlabel="trial", ylabel=axis_title(objective), xlim=(0, max(len(trials) - 1, 1)))
         legend_below(
             figure,
@@ -126,7 +128,7 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
     """Name of a dimension → its importance, all of them 1 together; empty for fewer than 20 trials."""
     import optuna
 
-    whole = [trial for trial in trials if not trial.pruned and trial.objectives[0] < UNMEASURED]
+    whole = [trial for trial in trials if not trial.pruned and math.isfinite(trial.objectives[0])]
     if len(whole) < 20 or len(problem.space.dimensions) < 2:
         return {}
     study = optuna.create_study()
@@ -189,7 +191,7 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
     upward = problem.objectives[1] if len(problem.objectives) > 1 else statistic_from(CHATTER)
     whole = [trial for trial in trials if not trial.pruned]
     points = np.array([[trial.statistics[statistic.name] for statistic in (across, upward)] for trial in whole])
-    kept = (np.abs(points) < UNMEASURED).all(axis=1)
+    kept = np.isfinite(points).all(axis=1)
     feasible = np.array([trial.feasible for trial in whole]) & kept
     with house_style():
         words = f"{axis_title(upward)} against {axis_title(across)}, complete trials"

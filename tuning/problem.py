@@ -23,6 +23,9 @@ from dualwinch.tuning.space import ContinuousDimension, Point, Space
 TRAINING, VALIDATION, TEST, SEARCH = "training", "validation", "test", "search"
 """Names of the random streams of a study; no two share a draw, whatever the seed (`TuningProblem.stream`)."""
 
+STEADY = "steady_"
+"""What the names of figures of merit of the steady state begin with."""
+
 REPORTED = (
     "mean.mse",
     "mean.chatter",
@@ -48,6 +51,7 @@ class TuningProblem:
         scenarios: number of training scenarios that every candidate is run in.
         seed: of all random streams (`stream`).
         selection: hyper-parameters of training set, ranking and choice.
+        choices: what was chosen where nothing was asked for, and why, in words.
     """
 
     experiment: Experiment
@@ -58,6 +62,7 @@ class TuningProblem:
     scenarios: int
     seed: int
     selection: SelectionConfig = field(default_factory=SelectionConfig)
+    choices: tuple[str, ...] = field(default=(), compare=False)
 
     def stream(self, name: str) -> int:
         """The seed of a named random stream: `TRAINING`, `VALIDATION`, `TEST` or `SEARCH`, maybe with a number."""
@@ -67,10 +72,18 @@ class TuningProblem:
         """Find out now whether the start makes sense.
 
         Raises:
-            ConfigurationError: values that do not fit together, a start outside of the bounds, or bounds that do
-                not fit together.
+            ConfigurationError: values that do not fit together, a figure of merit that no run has, a start outside of
+                the bounds, or bounds that do not fit together.
         """
         prepare(self.experiment)
+        begin, end = self.experiment.steady_window
+        if begin >= min(end, self.experiment.duration):
+            for statistic in (*self.objectives, *(constraint.statistic for constraint in self.constraints)):
+                if isinstance(statistic, Statistic) and statistic.own is None and statistic.metric.startswith(STEADY):
+                    raise ConfigurationError(
+                        f"{statistic.name}: no run has it: the steady state begins at {begin:g} s, simulation.duration "
+                        f"is {self.experiment.duration:g} s; must be longer, or take mean.mse"
+                    )
         for dimension in self.space.dimensions:
             start = self.start[dimension.name]
             if not dimension.holds(start):

@@ -13,7 +13,17 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.tuning.problem import TEST, TRAINING, VALIDATION
-from dualwinch.tuning.result import TuningResult, contenders, headline, margin_places, where, worth
+from dualwinch.tuning.result import (
+    TuningResult,
+    contenders,
+    gains_at_bounds,
+    headline,
+    margin_places,
+    number,
+    where,
+    widen,
+    worth,
+)
 from dualwinch.tuning.scoring.ranking import Evaluation, pareto_front
 from dualwinch.tuning.scoring.test_set import ControllerScore
 from dualwinch.tuning.space import space_to_record
@@ -33,23 +43,25 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     others = [name for name in ("start", "paper") if name in verdict.shown]
     lines = ["The best gains of a study by `dualwinch tune`."]
     lines += [f"{name}: {value}" for name, value in facts.items()]
-    lines += [worth(tuned), headline(tuned), *contenders(tuned)]
+    lines += [worth(tuned), headline(tuned), *problem.choices, *contenders(tuned)]
     lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
     lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
     lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
     lines += [f"{where(tuned)}{', ' * bool(others)}{' and '.join(others)} in brackets:"]
     for name, value in scored.statistics.items():
         unit = behind_number(problem.units[name])
-        beside = ", ".join(f"{verdict.statistics(other)[name]:.6g}" for other in others)
-        lines.append(f"    {name} = {value:.6g}{unit}" + (f" ({beside})" if others else ""))
+        beside = ", ".join(number(verdict.statistics(other)[name]) for other in others)
+        lines.append(f"    {name} = {number(value)}{unit}" + (f" ({beside})" if others else ""))
     lines += ["constraints there:"]
     lines += [
-        f"    {constraint.label}: {scored.statistics[constraint.statistic.name]:.6g}, "
+        f"    {constraint.label}: {number(scored.statistics[constraint.statistic.name])}, "
         f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
         for constraint in verdict.constraints
     ]
     if places := margin_places(tuned):
         lines += ["least stability margins:", *(f"    {words}" for words in places)]
+    if at_bounds := widen(tuned):
+        lines.append(at_bounds)
     lines += ["tuned keys:", *(f"    {key} = {value}" for key, value in tuned.gains.items())]
     with atomic(Path(path)) as unfinished:
         unfinished.write_text(
@@ -98,6 +110,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
             "start_kept": verdict.obstacle or None,
             "contradiction": verdict.contradiction or None,
             "settings": tuned.gains,
+            "at_bounds": dict(gains_at_bounds(tuned)),
             "training": _scores(verdict.best),
             "validation": _scores(verdict.validation),
             "test": _scores(verdict.scored if verdict.has_test_set else None),
@@ -130,11 +143,13 @@ def trial_columns(tuned: TuningResult) -> dict[str, Any]:
         "outcomes": [trial.outcomes for trial in trials],
         "parameters": {name: [trial.point[name] for trial in trials] for name in problem.space.names},
         "objectives": {
-            objective.name: [trial.objectives[index] for trial in trials]
+            objective.name: [_finite(trial.objectives[index]) for trial in trials]
             for index, objective in enumerate(problem.objectives)
         },
         "violations": {name: [trial.violations.get(name) for trial in trials] for name in trials[0].violations},
-        "statistics": {name: [trial.statistics.get(name) for trial in trials] for name in problem.units},
+        "statistics": {
+            name: [_finite(trial.statistics.get(name, math.nan)) for trial in trials] for name in problem.units
+        },
     }
 
 
@@ -142,7 +157,7 @@ def _scores(evaluation: Evaluation | None) -> dict[str, Any] | None:
     if evaluation is None:
         return None
     return {
-        "statistics": evaluation.statistics,
+        "statistics": {name: _finite(value) for name, value in evaluation.statistics.items()},
         "violations": evaluation.violations,
         "feasible": evaluation.feasible,
         "outcomes": evaluation.outcomes,

@@ -96,7 +96,7 @@ class TuningResult:
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
         headings, rows = statistics_table(self)
-        words = [headline(self), endings(self), authority(self), *contenders(self)]
+        words = [headline(self), endings(self), authority(self), widen(self), *self.problem.choices, *contenders(self)]
         gains = [[key, f"{value:.6g}" if isinstance(value, float) else str(value)] for key, value in self.gains.items()]
         return page(
             worth(self),
@@ -137,10 +137,15 @@ def statistics_table(tuned: TuningResult) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, value in verdict.scored.statistics.items():
         theirs = verdict.statistics("paper")[name]
-        ratio = [f"{value / theirs:.3g}" if theirs else "" for _ in compared]
-        values = [f"{verdict.statistics(column)[name]:.4g}" for column in columns]
+        ratio = [number(value / theirs, 3) if theirs else "" for _ in compared]
+        values = [number(verdict.statistics(column)[name], 4) for column in columns]
         rows.append([name, *values, *ratio, shown_unit(tuned.problem.units[name])])
     return ["", *columns.values(), *compared, ""], rows
+
+
+def number(value: float, digits: int = 6) -> str:
+    """A number in so many digits; a dash where no run has it."""
+    return "–" if np.isnan(value) else f"{value:.{digits}g}"
 
 
 def where(tuned: TuningResult) -> str:
@@ -261,6 +266,25 @@ def advice(tuned: TuningResult) -> list[str]:
     if tuned.method != (usual := default_method(len(problem.objectives))):
         found.append(f"another method (--method {usual})")
     return found or ["another start (--set), another seed (--seed), or more gains (--space)"]
+
+
+def gains_at_bounds(tuned: TuningResult) -> list[tuple[str, float]]:
+    """Gains of the best that lie at a bound of the search, and that bound; at 0 nothing can be wider."""
+    found: list[tuple[str, float]] = []
+    for dimension in tuned.problem.space.dimensions if tuned.verdict.improved else ():
+        if isinstance(dimension, ContinuousDimension):
+            share = dimension.encoded(tuned.verdict.best.point[dimension.name])
+            if share >= 1 - EDGE:
+                found.append((dimension.name, dimension.upper))
+            elif share <= EDGE and dimension.lower != 0:
+                found.append((dimension.name, dimension.lower))
+    return found
+
+
+def widen(tuned: TuningResult) -> str:
+    """Gains of the best that end at a bound of the search, by name and bound; empty where there are none."""
+    at_bounds = ", ".join(f"{name} ({bound:.4g})" for name, bound in gains_at_bounds(tuned))
+    return f"gains end at a bound of the search (--space); widen: {at_bounds}" if at_bounds else ""
 
 
 def _hardest(tuned: TuningResult) -> str:

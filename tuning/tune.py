@@ -11,9 +11,8 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import SEARCHING, SILENT, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.selection import select
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.storage.memory import MemoryStorage
-from dualwinch.tuning.storage.opening import quiet
-from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
+from dualwinch.tuning.storage.connection import quiet
+from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
 
 TRIALS = 1000

@@ -13,7 +13,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
-from dualwinch.tuning.baseline import RESERVE, default_estimator, default_reserve, further_gains
+from dualwinch.tuning.baseline import CALIBRATING, RESERVE, default_estimator, default_reserve, further_gains
 from dualwinch.tuning.constraints import (
     DEFAULT_OBJECTIVES,
     constraints_from,
@@ -24,7 +24,7 @@ from dualwinch.tuning.constraints import (
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_record
-from dualwinch.tuning.storage.noted_parts import part_records
+from dualwinch.tuning.storage.parts import part_records
 
 SCENARIOS = 12
 """Scenarios a candidate is tuned on where nothing else is asked for."""
@@ -49,9 +49,9 @@ def tuning_problem(
 ) -> TuningProblem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
 
-    With an ensemble the calibrating Kalman filter is used unless an experiment, a file or a setting says otherwise:
+    With an ensemble the calibrating Kalman filter is used unless an experiment, a file or a setting names an estimator:
     sensors there are noisy and ropes are not quite the nominal ones. Where drums, encoder zeros or the position sensor
-    are not what they should be, as in ``rig``, it is the self-calibrating one.
+    are not what they should be, as in ``rig``, it is the self-calibrating one. `TuningProblem.choices` says so.
 
     Args:
         experiment: an experiment to start from, maybe with parts of your own.
@@ -62,8 +62,9 @@ def tuning_problem(
             of your own as it is, with the experiment's controller; ``None``: the experiment is the only scenario.
         space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
         objectives: statistics to minimise; default: ``mean.mse``.
-        constraints: such as ``mean.chatter<=0.25*paper``; default, also beside stability margins alone: no slack, no
-            peak, little chatter. ``none`` among them leaves these out.
+        constraints: such as ``mean.chatter<=0.25*paper``, beside the default ones, which are no slack, no peak and
+            little chatter, or in the place of one on the same statistic. ``none`` among them, or an empty list,
+            leaves the default ones out.
         scenarios: of the ensemble, that a candidate is tuned on.
         seed: of scenarios and search.
         held: keys that are left out of the space, so that they keep the values that settings give them.
@@ -76,7 +77,7 @@ def tuning_problem(
     config = None if config is None else Path(config)
     if experiment is not None and (case is not None or config is not None):
         raise ConfigurationError("experiment: give it alone, without case or config")
-    base, drawn = experiment or experiment_from(case, config, None, []), None
+    base, drawn, chosen = experiment or experiment_from(case, config, None, []), None, list[str]()
     if ensemble is None:
         base = override(base, values)
         if scenarios is not None:
@@ -88,29 +89,40 @@ def tuning_problem(
             drawn = ensemble
         else:
             drawn = ensemble.controlled_as(base)
+        if experiment is None and ESTIMATOR not in values and not _names_estimator(config):
+            usual = default_estimator(drawn)
+            drawn = reset(drawn, {ESTIMATOR: usual})
+            misled = "" if usual == CALIBRATING else ", encoder zeros, drums or the position sensor are not exact"
+            chosen.append(f"estimator {usual}: none is named, and in '{drawn.name}' sensors are noisy{misled}")
+        drawn = reset(drawn, values)
         if config is None and experiment is None:
-            drawn = reset(drawn, {ESTIMATOR: default_estimator(drawn)} | values)
             drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | values)
-        else:
-            drawn = reset(drawn, values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
     defaults = default_constraints(drawn is not None, lag=not is_ideal(base.actuator))
+    minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
+    bounded = constraints_with(constraints, defaults, base)
     problem = TuningProblem(
         experiment=base,
         ensemble=drawn,
         space=space_of(_entries(space), base, further_gains(drawn) if drawn else None).without(held),
-        objectives=objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics),
-        constraints=constraints_with(constraints, defaults, base),
+        objectives=minimised,
+        constraints=bounded,
         scenarios=count if drawn else 1,
         seed=seed,
         selection=selection or SelectionConfig(),
+        choices=tuple(chosen),
     )
     problem.check()
     return problem
+
+
+def _names_estimator(config: Path | None) -> bool:
+    """Whether a configuration file names an estimator."""
+    return config is not None and ESTIMATOR in dict(flattened(read_source(config).table()))
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:

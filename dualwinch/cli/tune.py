@@ -27,7 +27,7 @@ from dualwinch.cli.stress import write_stress
 if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
-    from dualwinch.tuning.storage.noted_parts import PartRecord
+    from dualwinch.tuning.storage.parts import PartRecord
 
 app = App(
     name="tune",
@@ -73,9 +73,9 @@ def tune(
     constraint: Annotated[
         list[str] | None,
         Parameter(
-            help="e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper, worst.delay_margin>=5ms (gain, phase, disk "
-            "likewise); may be repeated; none: no constraint. "
-            "Default, also beside stability margins: no slack, no peak beyond tension_max, little chatter.",
+            help="e.g. worst.peak_tension<=6000, mean.chatter<=25%*paper, mean.saturated_share<=1%, "
+            "worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Beside the default ones: no slack, "
+            "no peak beyond tension_max, little chatter; none leaves these out.",
             negative="",
         ),
     ] = None,
@@ -113,8 +113,6 @@ def tune(
 
     with StatusLine() as status:
         status.phase("reading the problem")
-        from dualwinch.tuning.tuning_problem import check_words, tuning_problem
-
         options = Options(
             method=method,
             trials=trials,
@@ -128,6 +126,8 @@ def tune(
             stress=stress,
         )
         check_options(options)
+        from dualwinch.tuning.tuning_problem import check_words, tuning_problem
+
         for text in space or []:
             check_words(text)
         given.use_parts()
@@ -196,7 +196,7 @@ def recall_parts(options: Options) -> None:
         DualwinchError: the storage cannot be used.
     """
     from dualwinch.tuning.storage.opening import kept_definition
-    from dualwinch.tuning.storage.recall import recall
+    from dualwinch.tuning.storage.parts import recall
 
     if options.resume:
         definition = kept_definition(_storage(options), options.study)
@@ -286,9 +286,8 @@ def write(tuned: TuningResult, storage: str, options: Options) -> None:
     from dualwinch.config.folders import check_folder
     from dualwinch.reports.tuning import write_tuning_report
     from dualwinch.tuning.record import write_best, write_study
-    from dualwinch.tuning.storage.connection import shown
-    from dualwinch.tuning.storage.noted_parts import in_words, part_records
-    from dualwinch.tuning.storage.opening import is_database
+    from dualwinch.tuning.storage.connection import is_database, shown
+    from dualwinch.tuning.storage.parts import in_words, part_records
     from dualwinch.tuning.tuning_problem import configuration
 
     problem, out = tuned.problem, Path(options.out)
@@ -315,7 +314,7 @@ def write(tuned: TuningResult, storage: str, options: Options) -> None:
 def check_options(options: Options) -> None:
     """Raise `ConfigurationError` where options alone are wrong, before anything is read."""
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.tuning.storage.opening import check_storage, is_database
+    from dualwinch.tuning.storage.connection import check_storage, is_database
 
     for name, count in (("trials", options.trials), ("rollouts", options.rollouts)):
         if count is not None and count < 1:
@@ -340,8 +339,7 @@ def _check_sources(parts: Sequence[PartRecord]) -> None:
 
 def _announce(status: StatusLine, problem: TuningProblem, method: str, storage: str, known: int) -> None:
     from dualwinch.tuning.result import controller_in_words
-    from dualwinch.tuning.storage.connection import shown
-    from dualwinch.tuning.storage.opening import is_database
+    from dualwinch.tuning.storage.connection import is_database, shown
 
     controller = controller_in_words(problem.experiment.controller)
     where = f"{problem.scenarios} scenarios of '{problem.ensemble.name}'" if problem.ensemble else "one experiment"
@@ -350,6 +348,8 @@ def _announce(status: StatusLine, problem: TuningProblem, method: str, storage: 
     )
     constraints = "; ".join(constraint.label for constraint in problem.constraints) or "nothing"
     status.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")
+    for choice in problem.choices:
+        status.say(choice)
     kept = shown(storage) if is_database(storage) else storage
     status.say(f"kept in {kept}" + (f", which has {known} trials" if known else ""))
     status.objectives = problem.objectives
@@ -376,7 +376,7 @@ def _workers(options: Options, storage: str) -> Iterator[None]:
 
 def print_study(tuned: TuningResult) -> None:
     """Print what was found, what it is worth, what would help and what it took."""
-    from dualwinch.tuning.result import advice, authority, contenders, endings, headline, margin_places, worth
+    from dualwinch.tuning.result import advice, authority, contenders, endings, headline, margin_places, widen, worth
     from dualwinch.tuning.scoring.ranking import pareto_front
 
     console, verdict = terminal(), tuned.verdict
@@ -394,6 +394,8 @@ def print_study(tuned: TuningResult) -> None:
         say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
     for place in margin_places(tuned):
         say(place)
+    if at_bounds := widen(tuned):
+        say(at_bounds)
     say(endings(tuned))
     if beyond := authority(tuned):
         say(beyond)

@@ -43,10 +43,9 @@ def worker(
         from dualwinch.tuning.scoring.evaluation import Evaluator
         from dualwinch.tuning.scoring.progress import SEARCHING
         from dualwinch.tuning.scoring.training_set import prepare
-        from dualwinch.tuning.storage.connection import shown
+        from dualwinch.tuning.storage.connection import check_storage, is_database, quiet, shown
         from dualwinch.tuning.storage.database import DatabaseStudy
-        from dualwinch.tuning.storage.opening import check_storage, is_database, quiet
-        from dualwinch.tuning.storage.recall import recall
+        from dualwinch.tuning.storage.parts import recall
         from dualwinch.tuning.study import search
         from dualwinch.tuning.tuning_problem import problem_from
 

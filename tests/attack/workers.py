@@ -14,8 +14,9 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage import connection
+from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.database import DatabaseStudy
-from dualwinch.tuning.storage.opening import open_store, quiet
+from dualwinch.tuning.storage.opening import open_store
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
 from dualwinch.tuning.tuning_problem import definition_of, problem_from, tuning_problem

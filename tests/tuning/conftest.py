@@ -46,6 +46,9 @@ def make_problem() -> MakeProblem:
         }
         if words.get("ensemble", "sea") is None:
             given["scenarios"] = None
-        return tuning_problem(**(given | words))
+        given |= words
+        if given["constraints"]:  # beside the default ones these would be too many for so short runs
+            given["constraints"] = ["none", *given["constraints"]]
+        return tuning_problem(**given)
 
     return make

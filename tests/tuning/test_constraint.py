@@ -9,7 +9,6 @@ from dualwinch.simulation.paper import case
 from dualwinch.tuning.constraints import (
     NO_PEAK,
     NO_SLACK,
-    UNMEASURED,
     Constraint,
     constraints_from,
     constraints_with,
@@ -33,12 +32,24 @@ def test_statistics_look_at_the_bad_end() -> None:
     assert statistic_from("mse") == Statistic("mean", "mse")
 
 
-def test_what_was_not_measured_is_bad_and_finite() -> None:
+def test_what_no_run_has_is_nan_and_violates_all_of_a_bound() -> None:
     nothing = np.array([np.nan])
-    assert np.isnan(Statistic("mean", "mse").over(nothing))
-    assert measured(Statistic("mean", "mse"), nothing) == UNMEASURED
-    assert measured(Statistic("worst", "min_tension"), nothing) == -UNMEASURED
-    assert measured(Statistic("worst", "mse"), np.array([1e300])) == UNMEASURED
+    assert np.isnan(measured(Statistic("mean", "mse"), nothing))
+    assert np.isnan(measured(Statistic("worst", "min_tension"), nothing))
+    assert np.isnan(measured(Statistic("worst", "mse"), np.array([np.inf])))
+    assert bound("worst.peak_tension<=6000").violation(np.nan) == 1
+    assert bound("worst.min_tension>=100").violation(np.nan) == 1
+    assert bound("worst.min_tension>=100").violation(np.inf) == -1
+
+
+def test_shares_are_given_in_per_cent() -> None:
+    assert bound("mean.saturated_share<=1%").bound == 0.01
+    assert bound("mean.saturated_share <= 0.5 %").bound == 0.005
+    assert bound("mean.chatter<=25%*paper").bound == 2
+    with pytest.raises(ConfigurationError, match=r'unit "%": must be one of N'):
+        bound("worst.peak_tension<=5%")
+    with pytest.raises(ConfigurationError, match=r'unit "kN": must be one of %'):
+        bound("mean.saturated_share<=5kN")
 
 
 @pytest.mark.parametrize(
@@ -100,13 +111,15 @@ MARGIN, CHATTER = "worst.delay_margin>=5ms", "mean.chatter<=3"
         (None, [NO_SLACK, NO_PEAK]),
         (["none"], []),
         ([], []),
-        ([CHATTER], [CHATTER]),
+        ([CHATTER], [NO_SLACK, NO_PEAK, CHATTER]),
+        (["worst.peak_tension<=5000"], [NO_SLACK, "worst.peak_tension<=5000"]),
+        (["none", CHATTER], [CHATTER]),
         ([MARGIN], [NO_SLACK, NO_PEAK, MARGIN]),
         (["none", MARGIN], [MARGIN]),
-        ([MARGIN, CHATTER], [MARGIN, CHATTER]),
+        ([MARGIN, CHATTER], [NO_SLACK, NO_PEAK, MARGIN, CHATTER]),
     ],
 )
-def test_default_constraints_hold_where_runs_are_not_bounded(texts: list[str] | None, meant: list[str]) -> None:
+def test_bounds_of_ones_own_add_to_the_default_ones(texts: list[str] | None, meant: list[str]) -> None:
     found = constraints_with(texts, [NO_SLACK, NO_PEAK], case(4))
     assert [constraint.text for constraint in found] == meant
 

@@ -14,9 +14,8 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.selection_config import SelectionConfig
-from dualwinch.tuning.storage.memory import MemoryStorage
 from dualwinch.tuning.storage.opening import open_store
-from dualwinch.tuning.storage.store import SearchBudget
+from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
 from dualwinch.tuning.study import search
 from dualwinch.tuning.tuning_problem import definition_of, problem_from
 from tests.tuning.conftest import MakeProblem

@@ -131,5 +131,5 @@ class CmaSearch:
             leaders[penalised_first(leaders)[0]] for leaders in (self._leaders[:-lately], self._leaders[-lately:])
         )
         if then.feasible and now.feasible and len(then.objectives) == 1:
-            return now.objectives[0] > then.objectives[0] - gain * abs(then.objectives[0])
+            return now.costs[0] > then.costs[0] - gain * abs(then.costs[0])
         return penalised_first([then, now])[0] == 0

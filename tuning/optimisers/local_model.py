@@ -74,7 +74,7 @@ def merit(evaluation: Evaluation, constraints: tuple[Constraint, ...], penalty: 
     if evaluation.pruned or any(v > 0 for label, v in evaluation.violations.items() if label not in known):
         return float("inf")
     beyond = (scaled_violation(constraint, evaluation.violations[constraint.label])[0] for constraint in constraints)
-    return level(evaluation.objectives[0]) + penalty * max((0.0, *beyond))
+    return level(evaluation.costs[0]) + penalty * max((0.0, *beyond))
 
 
 def linear_step(model: LocalModel, centre: Floats, size: float) -> Floats:

@@ -107,7 +107,7 @@ class ScaledRuns:
     metrics: Mapping[str, Floats]
 
     def over(self, constraint: Constraint) -> float:
-        """What a constraint is on, over the scenarios that ran to their end; finite (`measured`)."""
+        """What a constraint is on, over the scenarios that ran to their end (`measured`)."""
         statistic = statistic_of(constraint)
         return measured(statistic, self.metrics[statistic.metric][self.outcomes == COMPLETED])
 

@@ -35,9 +35,9 @@ class Evaluation:
 
     Attributes:
         candidate: what was evaluated.
-        objectives: one a objective, in its unit; finite.
+        objectives: one an objective, in its unit; NaN where no run has it.
         violations: constraint → violation as a share of its bound; <= 0: satisfied.
-        statistics: such as ``mean.mse`` → value; finite.
+        statistics: such as ``mean.mse`` → value; NaN where no run has it.
         outcomes: outcome → number of scenarios.
         scenarios: number of scenarios that were run.
         pruned: whether it was not run in all scenarios.
@@ -59,6 +59,11 @@ class Evaluation:
     def point(self) -> Point:
         """The candidate's point."""
         return self.candidate.point
+
+    @property
+    def costs(self) -> tuple[float, ...]:
+        """The objectives to rank by: one that no run has is infinite."""
+        return tuple(math.inf if math.isnan(value) else value for value in self.objectives)
 
     @property
     def violation(self) -> float:
@@ -86,7 +91,7 @@ def best_first(evaluations: Sequence[Evaluation]) -> list[int]:
 
     def key(index: int) -> tuple[bool, float, float, float]:
         evaluation = evaluations[index]
-        return evaluation.pruned, evaluation.violation, float(fronts[index]), evaluation.objectives[0]
+        return evaluation.pruned, evaluation.violation, float(fronts[index]), evaluation.costs[0]
 
     return sorted(range(len(evaluations)), key=key)
 
@@ -102,7 +107,7 @@ def penalised_first(evaluations: Sequence[Evaluation], penalty: float = Selectio
 
     def key(index: int) -> tuple[bool, float]:
         evaluation = evaluations[index]
-        return evaluation.pruned, math.log(evaluation.objectives[0]) + penalty * evaluation.violation
+        return evaluation.pruned, math.log(evaluation.costs[0]) + penalty * evaluation.violation
 
     return sorted(range(len(evaluations)), key=key)
 
@@ -127,14 +132,14 @@ def backed_off_first(
 
     def worth(index: int) -> float:
         evaluation = evaluations[index]
-        return math.log(evaluation.objectives[0]) + penalty * max(margin - evaluation.clearance, 0.0)
+        return math.log(evaluation.costs[0]) + penalty * max(margin - evaluation.clearance, 0.0)
 
     return sorted(feasible, key=worth) + [index for index in order if not evaluations[index].feasible]
 
 
 def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
     """Whether the objective has a logarithm: there is one, and it is positive."""
-    return all(len(evaluation.objectives) == 1 and evaluation.objectives[0] > 0 for evaluation in evaluations)
+    return all(len(evaluation.objectives) == 1 and evaluation.costs[0] > 0 for evaluation in evaluations)
 
 
 def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
@@ -142,7 +147,7 @@ def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
 
     It does where it is feasible and the start is not, or where an objective is smaller and its violation is not larger.
     """
-    smaller = any(ours < theirs for ours, theirs in zip(evaluation.objectives, start.objectives, strict=True))
+    smaller = any(ours < theirs for ours, theirs in zip(evaluation.costs, start.costs, strict=True))
     if evaluation.feasible and not start.feasible:
         return True
     return smaller and not evaluation.pruned and evaluation.violation <= start.violation
@@ -151,7 +156,7 @@ def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
 def pareto_front(evaluations: Sequence[Evaluation]) -> list[int]:
     """Indices of the feasible evaluations that no other feasible one beats in every objective, by the first one."""
     feasible = [index for index, evaluation in enumerate(evaluations) if evaluation.feasible]
-    values = np.array([evaluations[index].objectives for index in feasible])
+    values = np.array([evaluations[index].costs for index in feasible])
     kept = [index for index, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
     return sorted(kept, key=lambda index: evaluations[index].objectives)
 
@@ -165,7 +170,7 @@ def _front_numbers(evaluations: Sequence[Evaluation]) -> list[int]:
     numbers = [0] * len(evaluations)
     if not evaluations or len(evaluations[0].objectives) == 1:
         return numbers
-    values = np.array([evaluation.objectives for evaluation in evaluations])
+    values = np.array([evaluation.costs for evaluation in evaluations])
     left, number = np.arange(len(values)), 0
     while len(left):
         beaten = np.array([_dominated(values[index], values[left]) for index in left])

@@ -80,7 +80,7 @@ def worst_of(
 
 
 def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
-    """A statistic of a row of a result, over the scenarios that count and ran to their end; finite.
+    """A statistic of a row of a result, over the scenarios that count and ran to their end; NaN without any.
 
     A run that was given up because a rope was slack had a tension of zero, whatever else came of it.
     """

@@ -156,3 +156,38 @@ def _secrets(url: str) -> set[str]:
     if re.search(r"=|://", parts.database or ""):
         found.add(str(parts.database))
     return {secret for plain in found for secret in (plain, quote(plain, safe=""), quote_plus(plain)) if secret}
+
+
+def quiet() -> None:
+    """Let Optuna speak of problems only, not of every study and trial, nor of progress bars it does not show."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+
+
+def is_database(storage: str) -> bool:
+    """Whether a storage is a database and not a file."""
+    return "://" in storage
+
+
+def check_storage(storage: str) -> None:
+    """Find out whether a storage can be one.
+
+    Raises:
+        ConfigurationError: a database that is none of PostgreSQL's, or a library that is missing.
+    """
+    if not is_database(storage):
+        if re.match(r"postgres[\w+]*:", storage, re.IGNORECASE) or re.search(r"passw\w*\s*=", storage, re.IGNORECASE):
+            raise ConfigurationError("--storage: must be a file, or postgresql+psycopg://USER@HOST/DATABASE")
+        return
+    kind = storage.partition("://")[0]
+    if kind not in {"postgresql+psycopg", "postgresql"}:
+        begun = f" {kind}://..." if re.fullmatch(r"[\w+.-]{1,40}", kind) else ""
+        raise ConfigurationError(f"--storage{begun}: must be a file, or postgresql+psycopg://USER@HOST/DATABASE")
+    import importlib.util
+
+    if importlib.util.find_spec("psycopg") is None:
+        raise ConfigurationError("--storage: PostgreSQL needs psycopg, `pip install 'dualwinch[postgresql]'`")
+    check_url(storage)

@@ -36,8 +36,17 @@ from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import Space, space_from
 from dualwinch.tuning.storage.connection import GRACE, connected, patient
-from dualwinch.tuning.storage.definition import BUDGET, DEFINITION, begun, check_resume
-from dualwinch.tuning.storage.record import ORIGIN, distributions, evaluation_of, finish, first_candidates
+from dualwinch.tuning.storage.record import (
+    BUDGET,
+    DEFINITION,
+    ORIGIN,
+    begun,
+    check_resume,
+    distributions,
+    evaluation_of,
+    finish,
+    first_candidates,
+)
 from dualwinch.tuning.storage.store import Propose, SearchBudget, TrialClaim
 
 NOT_FIRST = False

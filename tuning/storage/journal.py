@@ -19,10 +19,8 @@ from optuna.storages.journal import JournalFileBackend
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
-from dualwinch.tuning.storage.definition import DEFINITION, begun, check_resume
-from dualwinch.tuning.storage.memory import SingleProcessStorage
-from dualwinch.tuning.storage.record import evaluation_of, finished_trial
-from dualwinch.tuning.storage.store import SearchBudget, TrialClaim
+from dualwinch.tuning.storage.record import DEFINITION, begun, check_resume, evaluation_of, finished_trial
+from dualwinch.tuning.storage.store import SearchBudget, SingleProcessStorage, TrialClaim
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 

@@ -17,8 +17,7 @@ from dualwinch.tuning.scoring.selection import CONTRADICTED, NOT_CHOSEN, select
 from dualwinch.tuning.scoring.training_set import ScenarioChoice, TrainingSet, prepare
 from dualwinch.tuning.scoring.validation import FeasibilityScreen, Validated
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
-from dualwinch.tuning.storage.memory import MemoryStorage
-from dualwinch.tuning.storage.store import SearchBudget
+from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
 from dualwinch.tuning.study import search
 from tests.tuning.conftest import MakeProblem
 

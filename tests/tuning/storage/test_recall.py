@@ -18,8 +18,7 @@ from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
-from dualwinch.tuning.storage.noted_parts import PartRecord, in_words, part_record, part_records
-from dualwinch.tuning.storage.recall import recall
+from dualwinch.tuning.storage.parts import PartRecord, in_words, part_record, part_records, recall
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.own_parts import DriftFree, StateFeedback
 from tests.spring_law import SPRING, changed
@@ -144,9 +143,7 @@ def test_other_processes_cannot_import_a_script(tmp_path: Path, monkeypatch: pyt
         case=4, settings=["simulation.duration=0.05"], space=["controller.nftsm.k"], constraints=[]
     )
     own = replace(problem, experiment=replace(problem.experiment, controller=Controller(law=StateFeedback())))
-    monkeypatch.setattr(
-        "dualwinch.tuning.storage.noted_parts.part_record", lambda part: part_record(part) | {"script": True}
-    )
+    monkeypatch.setattr("dualwinch.tuning.storage.parts.part_record", lambda part: part_record(part) | {"script": True})
     options = Options(workers=2, storage="postgresql+psycopg://me@127.0.0.1:9/none", out=tmp_path)
     with StatusLine() as status, pytest.raises(ConfigurationError) as caught:
         run_study(own, options, status)

@@ -13,8 +13,7 @@ from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.result import TuningResult
-from dualwinch.tuning.storage.connection import StorageError, connected, shown
-from dualwinch.tuning.storage.opening import check_storage
+from dualwinch.tuning.storage.connection import StorageError, check_storage, connected, shown
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import tuning_problem
 
