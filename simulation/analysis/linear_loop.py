@@ -19,7 +19,13 @@ from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import unknown
-from dualwinch.simulation.analysis.operating_points import LoopOperatingPoint, loop_operating_point, with_taut_ropes
+from dualwinch.simulation.analysis.operating_points import (
+    LoopOperatingPoint,
+    loop_operating_point,
+    neighbours,
+    with_taut_ropes,
+    without_round_off,
+)
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop, initial_loop_state
 from dualwinch.simulation.loop.structure import Structure, structure_of
@@ -62,7 +68,10 @@ def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) 
     point = loop_operating_point(experiment, x, v)
     loop = point.loop
     structure = with_taut_ropes(structure_of(point.experiment))
-    A, B, C, D = (part.full() for part in _jacobians(structure)(point.state, point.exogenous, point.parameters))
+    derived = [
+        _jacobians(structure)(s, point.exogenous, point.parameters) for s in (point.state, *neighbours(point.state))
+    ]
+    A, B, C, D = (without_round_off(*(part.full() for part in parts)) for parts in zip(*derived, strict=True))
     outputs = [*OUTPUTS, *(name for name in loop.columns if name not in COLUMNS)]
     rows, columns = [loop.columns.index(name) for name in outputs], [loop.exogenous.index(name) for name in INPUTS]
     units = {name: loop.quantities[name].unit for name in outputs} | dict(INPUTS.values())
@@ -98,7 +107,7 @@ def whole_broken_loop(
     if cut not in LOOP_OPENINGS:
         raise ConfigurationError(unknown("cut", cut, LOOP_OPENINGS))
     point = loop_operating_point(experiment, x, v, nominal)
-    (A,), (B,), (C,), (D,) = (getattr(point.opened, name) for name in "ABCD")
+    (A,), (B,), (C,), (D,) = point.opened
     here = list(LOOP_OPENINGS).index(cut)
     others = [index for index in range(len(LOOP_OPENINGS)) if index != here]
     # close the others: what leaves them is what comes back
@@ -112,7 +121,7 @@ def whole_broken_loop(
     )
     names = f"{cut}_in", f"{cut}_out"
     units = dict.fromkeys(names, point.loop.quantities[LOOP_OPENINGS[cut]].unit)
-    return _named(point, matrices, point.opened.states, names[:1], names[1:], units)
+    return _named(point, matrices, point.kept, names[:1], names[1:], units)
 
 
 @built_once

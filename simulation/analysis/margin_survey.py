@@ -175,7 +175,7 @@ class MarginSurvey:
         near = np.concatenate([self._near[machine] for _, machine in pairs])
         found = loop_operating_points(self._structure, parameters, x, v, near)
         steady, stable = np.flatnonzero(found.steady), found.steady.copy()
-        A, B, C, D = (getattr(found.opened, name)[steady] for name in "ABCD")
+        A, B, C, D = (matrix[steady] for matrix in found.opened)
         loops = complementary(A, B, C, D, self._dt)
         stable[steady] = loops.stable
         least = least_margins(loops, family[steady], kinds, len(pairs), self._cuts)

@@ -9,6 +9,7 @@ gives the loop cut at that one, closing all the closed loop.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -32,13 +33,13 @@ from dualwinch.simulation.prepare import prepare
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-RESIDUAL, STEP = 3e-6, 3e-5
-"""Largest change of a state over a sample beyond the steady motion's own, and largest step that Newton's method would
-still take, both over the state's size.
+RESIDUAL, STEP = 1e-10, 1e-6
+"""Largest change of a state over a sample beyond the steady motion's own and beyond its rounding, and largest step that
+Newton's method would still take, both over the state's size.
 
 The change alone says nothing of a state that moves slowly, such as an integral: it may be metres from where it rests.
-A drum angle of tens of rad in double precision leaves a tension uncertain by some 1e-8 N, which a winch's gains
-amplify; what is no steady motion leaves a thousand times more.
+Rounding is that of the values that a change is made of, a unit in the last place of each (the componentwise backward
+error of Oettli and Prager, Numer. Math. 6, 1964): a stiff rope makes some 1e-7 N of that of its drum's angle.
 """
 
 ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
@@ -46,6 +47,9 @@ ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
 
 ROUNDS = 6
 """How many times at most what has been learnt of a machine, and all else, are solved for in turns."""
+
+NEIGHBOUR = 1e-9
+"""Distance of the neighbours of a point at which derivatives are compared with its own, over each state's size."""
 
 BOUNDLESS = 1e9
 """A limit that nothing reaches."""
@@ -128,7 +132,8 @@ class LoopOperatingPoint:
         state, exogenous, parameters: values of the closed loop's vectors.
         row: column → value of the result's row there.
         residual: largest change of a state over a sample beyond the motion's own, over the state's size.
-        opened: the loop opened at all of `LOOP_OPENINGS`, linearised there.
+        opened: A, B, C, D of the loop opened at all of `LOOP_OPENINGS`, as `LoopOperatingPoints` has them.
+        kept: indices of its states among those of the closed loop.
     """
 
     loop: ClosedLoop
@@ -138,7 +143,8 @@ class LoopOperatingPoint:
     parameters: Floats
     row: dict[str, float]
     residual: float
-    opened: "OpenedLoops"
+    opened: tuple[Floats, Floats, Floats, Floats]
+    kept: NDArray[np.intp]
 
 
 def loop_operating_point(
@@ -181,7 +187,8 @@ def loop_operating_point(
     state, outside = found.state[0], found.outside[0]
     row = dict(zip(loop.columns, np.array(loop.step(state, outside, parameters)[1]).ravel().tolist(), strict=True))
     row |= {"x": x, "v": v}  # as asked for, without round-off
-    return LoopOperatingPoint(loop, calm, state, outside, parameters, row, float(found.residual[0]), found.opened)
+    residual = float(found.residual[0])
+    return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, found.opened, found.kept)
 
 
 def with_taut_ropes(structure: Structure) -> Structure:
@@ -214,42 +221,64 @@ def in_calm(experiment: Experiment) -> Experiment:
     return replace(experiment, plant=plant, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
 
 
-@dataclass(frozen=True, eq=False)
-class OpenedLoops:
-    """Linear loops (s) opened at all of `LOOP_OPENINGS`: ``x+ = A x + B c``, ``returned = C x + D c``.
-
-    Attributes:
-        A, B, C, D: (s, n, n), (s, n, 3), (s, 3, n), (s, 3, 3).
-        states: indices of the n states among those of the closed loop: those that are no bookkeeping.
-    """
-
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
-    states: NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class LoopOperatingPoints:
-    """What was found at s points.
+    """Points that Newton's method is at, s of them, and what it found there.
 
     Attributes:
+        parameters, state, outside: (s, parameters), (s, states), (s, exogenous) of the closed loop.
+        leaving: (s, 3) what leaves the openings.
+        carried: (s,) how far in m the vehicle moves in a sample.
+        kept: (n,) indices of the states that are no bookkeeping.
         repeats: (s,) whether every state repeats there.
-        steady: (s,) whether ropes are taut, too, and the force command is within its limits.
-        state, outside: (s, states), (s, exogenous) of the closed loop there.
         facts: (s, 4) force command, what its limit leaves of it, and both tensions, in N.
         residual: (s,) largest change of a state that is left, over its size.
-        opened: the loops there, opened at all of `LOOP_OPENINGS`.
+        slopes: (s, n + 5, n + 4) derivatives (`_OpenSample.evaluate`).
     """
 
-    repeats: Flags
-    steady: Flags
+    parameters: Floats
     state: Floats
     outside: Floats
+    leaving: Floats
+    carried: Floats
+    kept: NDArray[np.intp]
+    repeats: Flags
     facts: Floats
     residual: Floats
-    opened: OpenedLoops
+    slopes: Floats
+
+    @property
+    def steady(self) -> Flags:
+        """(s,) whether ropes are taut, too, and the force command is within its limits."""
+        command, left, *pulls = self.facts.T
+        return self.repeats & (command == left) & (np.min(pulls, axis=0) > 0)
+
+    @property
+    def opened(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """A, B, C, D of the loops opened at all of `LOOP_OPENINGS`: ``x+ = A x + B c``, ``returned = C x + D c``.
+
+        They are (s, n, n), (s, n, 3), (s, 3, n) and (s, 3, 3).
+        """
+        n = len(self.kept)
+        by_state, by_leaving = self.slopes[:, : n + 3, :n], self.slopes[:, : n + 3, n + 1 :]
+        return by_state[:, :n], by_leaving[:, :n], by_state[:, n:], by_leaving[:, n:]
+
+    def __getitem__(self, points: NDArray[np.intp]) -> "LoopOperatingPoints":
+        return replace(self, **{name: values[points] for name, values in self._of_points().items()})
+
+    def __setitem__(self, points: NDArray[np.intp], other: "LoopOperatingPoints") -> None:
+        for name, values in self._of_points().items():
+            values[points] = getattr(other, name)
+
+    def _of_points(self) -> dict[str, NDArray[Any]]:
+        return {name: values for name, values in vars(self).items() if name != "kept"}
+
+    def having(self, loop: ClosedLoop, values: Mapping[str, float]) -> "LoopOperatingPoints":
+        """The points with other values of those parameters that there are."""
+        parameters = self.parameters.copy()
+        for name in values.keys() & set(loop.parameters):
+            parameters[:, loop.parameters.index(name)] = values[name]
+        return replace(self, parameters=parameters)
 
 
 def loop_operating_points(
@@ -266,6 +295,7 @@ def loop_operating_points(
     1. Newton's method from a perfect controller's state: no errors, tensions as commanded.
     2. Where that does not converge: steps by least squares, in turns with what an estimator learns of the machine.
     3. Where that does not either: the same from where law and estimator come to without limits.
+    4. Derivatives that are round-off become zero (`without_round_off`).
 
     Args:
         structure: of the closed loop, with ropes that never go slack.
@@ -287,15 +317,30 @@ def loop_operating_points(
             break
         begun = start[again] if limited else _without_limits(sample, start[again])
         found[again] = _in_turns(sample, begun, LEAST_SQUARES_ITERATIONS, least_squares=True)
-    command, left, *pulls = found.facts.T
-    steady = found.repeats & (command == left) & (np.min(pulls, axis=0) > 0)
-    n, cuts = len(sample.kept), len(LOOP_OPENINGS)
-    of_state, of_cut = found.slopes[:, : n + cuts, :n], found.slopes[:, : n + cuts, n + 1 :]
-    opened = OpenedLoops(of_state[:, :n], of_cut[:, :n], of_state[:, n:], of_cut[:, n:], sample.kept)
-    return LoopOperatingPoints(found.repeats, steady, found.state, found.outside, found.facts, found.residual, opened)
+    beside = (
+        sample.evaluate(state, found.outside, found.parameters, found.leaving)[2] for state in neighbours(found.state)
+    )
+    found.slopes = without_round_off(found.slopes, *beside)
+    return found
 
 
-@dataclass(frozen=True, eq=False)
+def neighbours(state: Floats) -> tuple[Floats, Floats]:
+    """States on both sides of some (..., states), `NEIGHBOUR` away."""
+    way = NEIGHBOUR * np.cos(np.arange(state.shape[-1])) * np.maximum(np.abs(state), 1.0)
+    return state + way, state - way
+
+
+def without_round_off(slopes: Floats, above: Floats, below: Floats) -> Floats:
+    """Derivatives with zeros for those that are zero at a point but for round-off, whatever units they are in.
+
+    At an operating point errors and innovations are zero, and so is the derivative by what they are multiplied by, such
+    as the information of an estimator that learns. In double precision it is 1e-26 here and 0 there. It is taken as
+    zero where it changes its sign from one neighbour of the point to the other, or by half of itself to both.
+    """
+    change = np.minimum(np.abs(above - slopes), np.abs(below - slopes))
+    return np.where((above * below < 0) | (2 * change >= np.abs(slopes)), 0.0, slopes)
+
+
 class _OpenSample:
     """A sample of the loop opened at all of `LOOP_OPENINGS`, with its exact derivatives.
 
@@ -305,49 +350,42 @@ class _OpenSample:
         x, ropes: indices of the vehicle's position and of both drums' angles among those.
         moving: (n,) which of them go on with the vehicle, beside the drums.
         learnt: (n,) which of them are what has been learnt of a machine.
+        remembers: (n,) which of them remember the last sample.
         adapting: (states,) which states are those of law and estimator.
         reference: index of the reference position among what comes from outside.
-        evaluate: ``(state, exogenous, parameters, cut) -> (following, returned, facts, change, slopes)``, of many
-            points: the kept states a sample later (n,), what comes back to the openings (3,), facts (4,) as in
-            `LoopOperatingPoints`, both tensions' changes over the sample (2,); and the derivatives of following,
-            returned and change by kept states, reference position and what leaves the openings (n + 5, n + 4).
+        evaluate: ``(state, exogenous, parameters, leaving) -> (values, facts, slopes)``, of many points. Values are the
+            kept states a sample later, what comes back to the openings, and both tensions' changes over the sample,
+            (n + 5,); facts are those of `LoopOperatingPoints`; slopes are derivatives of the values by kept states,
+            reference position and what leaves the openings, (n + 5, n + 4).
     """
 
-    loop: ClosedLoop
-    kept: NDArray[np.intp]
-    x: int
-    ropes: list[int]
-    moving: Flags
-    learnt: Flags
-    adapting: Flags
-    reference: int
     evaluate: Callable[..., tuple[Floats, ...]]
+
+    def __init__(self, structure: Structure, *, compiled: bool) -> None:
+        self.loop = closed_loop(structure)
+        self.kept = np.flatnonzero(~self.loop.marked(Mark.BOOKKEEPING))
+        names = [self.loop.states[index] for index in self.kept]
+        self.x, self.ropes = names.index(PLANT[0]), [names.index(name) for name in PLANT if "theta" in name]
+        self.moving = self.loop.marked(Mark.POSITION)[self.kept]
+        self.moving[self.ropes] = False
+        self.learnt = self.loop.marked(Mark.LEARNT)[self.kept]
+        self.remembers = np.array([name.startswith(("controller.", "actuator_")) for name in names])
+        self.remembers &= ~self.loop.marked(Mark.POSITION, Mark.SPEED)[self.kept]
+        adapting = ("controller.law.", "controller.estimator.")
+        self.adapting = np.array([name.startswith(adapting) for name in self.loop.states])
+        self.reference = self.loop.exogenous.index("reference.x")
+        self._function = _open_function(structure)
+        self.evaluate = native.compile(self._function, flags=QUICK_BUILD) if compiled else self._interpreted  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _interpreted(self, *vectors: Floats) -> tuple[Floats, ...]:
+        outputs = [output.full() for output in self._function.call([ca.DM(vector.T) for vector in vectors])]
+        values, facts, slopes = (np.array(np.split(output, len(vectors[0]), axis=1)) for output in outputs)
+        return values[:, :, 0], facts[:, :, 0], slopes
 
 
 @built_once
 def _open_sample(structure: Structure, compiled: bool) -> _OpenSample:
-    loop, function = closed_loop(structure), _open_function(structure)
-    kept = np.flatnonzero(~loop.marked(Mark.BOOKKEEPING))
-    names = [loop.states[index] for index in kept]
-    ropes, moving = [names.index(name) for name in PLANT if "theta" in name], loop.marked(Mark.POSITION)[kept]
-    moving[ropes] = False
-
-    def interpreted(*vectors: Floats) -> tuple[Floats, ...]:
-        outputs = [output.full() for output in function.call([ca.DM(vector.T) for vector in vectors])]
-        split = [np.array(np.split(output, len(vectors[0]), axis=1)) for output in outputs]
-        return *(column[:, :, 0] for column in split[:-1]), split[-1]
-
-    return _OpenSample(
-        loop=loop,
-        kept=kept,
-        x=names.index(PLANT[0]),
-        ropes=ropes,
-        moving=moving,
-        learnt=loop.marked(Mark.LEARNT)[kept],
-        adapting=np.array([name.startswith(("controller.law.", "controller.estimator.")) for name in loop.states]),
-        reference=loop.exogenous.index("reference.x"),
-        evaluate=native.compile(function, flags=QUICK_BUILD) if compiled else interpreted,  # pyright: ignore[reportArgumentType]
-    )
+    return _OpenSample(structure, compiled=compiled)
 
 
 @built_once
@@ -358,131 +396,91 @@ def _open_function(structure: Structure) -> ca.Function:
     following, row, _ = cut.step(*arguments)
     returned = cut.sample(*arguments)[cut.sample.name_out().index("returned")]
     kept = np.flatnonzero(~loop.marked(Mark.BOOKKEEPING)).tolist()
-    values = dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True))
-    plant = with_leaves(template_of(structure).plant, values, "plant.")
+    plant = with_leaves(
+        template_of(structure).plant, dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True)), "plant."
+    )
 
     def forces(vector: ca.SX) -> ca.SX:
         named = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
         return ca.vertcat(*tensions(PlantState(*(named[key] for key in PLANT)), plant))
 
-    change = forces(following) - forces(state)
+    values = ca.vertcat(following[kept], returned, forces(following) - forces(state))
     facts = row[[loop.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
-    wanted = ca.vertcat(following[kept], returned, change)
-    by_state, by_outside, by_cut = (ca.jacobian(wanted, vector) for vector in (state, exogenous, leaving))
-    slopes = ca.horzcat(by_state[:, kept], by_outside[:, loop.exogenous.index("reference.x")], by_cut)
+    by_state, by_outside, by_leaving = (ca.jacobian(values, vector) for vector in (state, exogenous, leaving))
+    slopes = ca.horzcat(by_state[:, kept], by_outside[:, loop.exogenous.index("reference.x")], by_leaving)
     return ca.Function(
         "open_sample",
         arguments,
-        [ca.densify(value) for value in (following[kept], returned, facts, change, slopes)],
-        ["state", "exogenous", "parameters", "cut"],
-        ["following", "returned", "facts", "change", "slopes"],
+        [ca.densify(value) for value in (values, facts, slopes)],
+        ["state", "exogenous", "parameters", "leaving"],
+        ["values", "facts", "slopes"],
         {"cse": True},
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """Where Newton's method begins at s points, and what is given there: (s, ...) each."""
-
-    parameters: Floats
-    state: Floats
-    outside: Floats
-    cut: Floats
-    v: Floats
-
-    def __getitem__(self, points: NDArray[np.intp]) -> "_Start":
-        return _Start(*(values[points] for values in vars(self).values()))
-
-    def __setitem__(self, points: NDArray[np.intp], other: "_Start") -> None:
-        for name, values in vars(self).items():
-            values[points] = getattr(other, name)
-
-    def having(self, sample: _OpenSample, values: Mapping[str, float]) -> "_Start":
-        """A start with other values of those parameters that there are."""
-        names, parameters = sample.loop.parameters, self.parameters.copy()
-        for name in values.keys() & set(names):
-            parameters[:, names.index(name)] = values[name]
-        return replace(self, parameters=parameters)
-
-    def carried(self, sample: _OpenSample) -> Floats:
-        """(s,) how far in m the vehicle moves in a sample."""
-        return self.v * self.parameters[:, sample.loop.parameters.index("simulation.sample_time")]
-
-
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    """Where Newton's method ended: whether everything repeats there, where that is, facts, residual and slopes."""
-
-    repeats: Flags
-    state: Floats
-    outside: Floats
-    cut: Floats
-    facts: Floats
-    residual: Floats
-    slopes: Floats
-
-    def __setitem__(self, points: NDArray[np.intp], other: "_Solution") -> None:
-        for name, values in vars(self).items():
-            values[points] = getattr(other, name)
-
-
 def _first_guesses(
     structure: Structure, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
-) -> _Start:
+) -> LoopOperatingPoints:
     """States, signals and what leaves the openings for a perfect controller: no errors, tensions as commanded."""
-    loop = sample.loop
-    limits = {
-        name: parameters[:, loop.parameters.index(LIMITS + name)]
-        for name in ("preload", "tension_min", "tension_max", "reserve")
-    }
-    lower, upper = limits["tension_min"], limits["tension_max"] - limits["reserve"]
-    calm = np.zeros_like(x)
-    asked = np.array([x, v, limits["preload"], calm, calm, lower, upper])
-    plant = [index for index, name in enumerate(loop.parameters) if name.startswith("plant.")]
-    point = operating_point_law(structure.plant)(asked, parameters[:, plant].T).full()
+    loop, count, n = sample.loop, len(x), len(sample.kept)
+    given = dict(zip(loop.parameters, parameters.T, strict=True))
+    preload, lower = given[f"{LIMITS}preload"], given[f"{LIMITS}tension_min"]
+    upper, calm = given[f"{LIMITS}tension_max"] - given[f"{LIMITS}reserve"], np.zeros_like(x)
+    of_plant = np.array([values for name, values in given.items() if name.startswith("plant.")])
+    point = operating_point_law(structure.plant)(np.array([x, v, preload, calm, calm, lower, upper]), of_plant).full()
     state = start_function(structure)(parameters.T).full().T
     state[:, [loop.states.index(name) for name in PLANT]] = point[:6].T
     state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
     if near is not None:
         state = np.where(sample.adapting & np.isfinite(near), near, state)
-    outside = np.zeros((len(x), len(loop.exogenous)))
+    outside = np.zeros((count, len(loop.exogenous)))
     outside[:, sample.reference], outside[:, loop.exogenous.index("reference.v")] = x, v
     force = point[8] - point[9]
-    cut = np.array([force, point[6], point[7]]).T
+    leaving = np.array([force, point[6], point[7]]).T
     # what remembers the last sample, or whether there was one, knows it after two
-    names = [loop.states[index] for index in sample.kept]
-    remembers = np.array([name.startswith(("controller.", "actuator_")) for name in names])
-    remembers &= ~loop.marked(Mark.POSITION, Mark.SPEED)[sample.kept]
-    taken = sample.kept[remembers]
     for _ in range(2):
-        state[:, taken] = sample.evaluate(state, outside, parameters, cut)[0][:, remembers]
+        following = sample.evaluate(state, outside, parameters, leaving)[0][:, :n]
+        state[:, sample.kept[sample.remembers]] = following[:, sample.remembers]
     # the torque limit is that of the command too: a winch whose command is at its limit rests on the very edge of it,
     # and any ripple leaves its integral on the far side, where it holds its torque, as in a run
-    for winch, command in (("winch_1", limits["preload"] + force), ("winch_2", limits["preload"] - force)):
-        key = f"controller.coordination.{winch}.integral"
+    for winch, command in (("winch_1", preload + force), ("winch_2", preload - force)):
+        key = f"{LIMITS}{winch}.integral"
         if key in loop.states:
             at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
             index = loop.states.index(key)
             state[:, index] = np.where(at_limit, at_limit, state[:, index])
-    return _Start(parameters, state, outside, cut, v)
+    return LoopOperatingPoints(
+        parameters,
+        state,
+        outside,
+        leaving,
+        carried=v * given["simulation.sample_time"],
+        kept=sample.kept,
+        repeats=np.zeros(count, bool),
+        facts=np.full((count, 4), np.nan),
+        residual=np.full(count, np.inf),
+        slopes=np.full((count, n + 5, n + 4), np.nan),
+    )
 
 
-def _without_limits(sample: _OpenSample, start: _Start) -> _Start:
+def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
     """A start whose law and estimator are where they come to without limits of the tensions.
 
     A law whose integrals are far off starts at its limits, where it has no slope. An estimator that gates its
     measurements accepts all of them there; with such a one, the start is where all comes to with limits then.
     """
-    loose = _in_turns(sample, start.having(sample, UNLIMITED | UNGATED), UNLIMITED_ITERATIONS).state
+    loose = _in_turns(sample, start.having(sample.loop, UNLIMITED | UNGATED), UNLIMITED_ITERATIONS).state
     begun = replace(start, state=np.where(sample.adapting & np.isfinite(loose), loose, start.state))
     if UNGATED.keys().isdisjoint(sample.loop.parameters):
         return begun
-    found = _in_turns(sample, begun.having(sample, UNGATED), LEAST_SQUARES_ITERATIONS, least_squares=True)
-    return replace(begun, state=found.state, outside=found.outside, cut=found.cut)
+    found = _in_turns(sample, begun.having(sample.loop, UNGATED), LEAST_SQUARES_ITERATIONS, least_squares=True)
+    return replace(found, parameters=start.parameters)
 
 
-def _in_turns(sample: _OpenSample, start: _Start, iterations: int, *, least_squares: bool = False) -> _Solution:
-    """Newton's method, first for all but what has been learnt of the machine, which follows from it.
+def _in_turns(
+    sample: _OpenSample, start: LoopOperatingPoints, iterations: int, *, least_squares: bool = False
+) -> LoopOperatingPoints:
+    """Newton's method in turns: for what has been learnt of the machine, and for all else.
 
     An estimate is far from linear in the information that it rests on, and that grows for thousands of samples. Where
     nothing else repeats, taking turns goes nowhere.
@@ -490,112 +488,93 @@ def _in_turns(sample: _OpenSample, start: _Start, iterations: int, *, least_squa
     learnt = sample.learnt
     if not learnt.any():
         return _newton(sample, start, iterations, least_squares=least_squares)
-
-    def turn(start: _Start) -> tuple[_Solution, _Start, Flags]:
-        found = _newton(sample, start, iterations, least_squares=least_squares, held=learnt)
-        there = replace(start, state=found.state, outside=found.outside, cut=found.cut)
-        following, change, step = _learning(sample, there)
-        settled = found.repeats & (change < RESIDUAL) & (step < STEP)
-        return replace(found, repeats=settled), following, found.repeats & ~settled
-
-    found, start, worth = turn(_learning(sample, start)[0])
-    going = np.flatnonzero(worth)
-    for _ in range(ROUNDS - 1):
+    found = replace(start, repeats=np.zeros_like(start.repeats))
+    going, repeating = np.arange(len(start.state)), np.zeros(len(start.state), bool)
+    for turn in range(ROUNDS + 1):
         if not len(going):
             break
-        found[going], start[going], worth = turn(start[going])
-        going = going[worth]
+        begun = found[going]
+        learning = _newton(sample, begun, iterations, held=~learnt)
+        step = np.abs(learning.state - begun.state) / np.maximum(np.abs(begun.state), 1.0)
+        settled = repeating & learning.repeats & (step[:, sample.kept].max(axis=1) < STEP)
+        found.repeats[going[settled]] = True
+        going, learning = going[~settled], learning[~settled]
+        if turn == ROUNDS or not len(going):
+            break
+        others = _newton(sample, learning, iterations, least_squares=least_squares, held=learnt)
+        found[going] = replace(others, repeats=np.zeros_like(others.repeats))
+        going, repeating = going[others.repeats], np.ones(int(others.repeats.sum()), bool)
     return found
 
 
-def _learning(sample: _OpenSample, start: _Start) -> tuple[_Start, Floats, Floats]:
-    """A start with what is learnt of the machine there; (s,) how that changed before, and the step to it (`_newton`).
-
-    First comes what depends on nothing else that is learnt, then what does.
-    """
-    learnt, sizes = sample.learnt, np.maximum(np.abs(start.state[:, sample.kept]), 1.0)
-    n, moved, changed = len(learnt), np.zeros_like(sizes), np.zeros(len(sizes))
-    for alone in (True, False):
-        given = start.state, start.outside, start.parameters, start.cut
-        following, returned, _, change, slopes = sample.evaluate(*given)
-        rest = np.hstack([following, returned]) - np.hstack([start.state[:, sample.kept], start.cut])
-        matrix, _, unknown = _equations(sample, rest, change, slopes, start.carried(sample))
-        changed = np.maximum(changed, (np.abs(rest[:, :n]) / sizes)[:, learnt].max(axis=1))
-        others = ((matrix[:, :n, :n] != 0) & learnt & ~np.eye(n, dtype=bool)).any(axis=2)
-        unknown[:, :n] &= learnt & ~(others & alone)
-        unknown[:, n:] = False
-        step = _step(matrix, rest, unknown, least_squares=False)[:, :n]
-        state = start.state.copy()
-        state[:, sample.kept] += np.where(np.isfinite(step), step, 0.0)
-        moved, start = moved + step, replace(start, state=state)
-    return start, changed, (np.abs(moved) / sizes).max(axis=1)
-
-
 def _newton(
-    sample: _OpenSample, start: _Start, iterations: int, *, least_squares: bool = False, held: Flags | None = None
-) -> _Solution:
+    sample: _OpenSample,
+    start: LoopOperatingPoints,
+    iterations: int,
+    *,
+    least_squares: bool = False,
+    held: Flags | None = None,
+) -> LoopOperatingPoints:
     """Newton's method at all points; one that has come to its end is left alone.
 
     By least squares it takes the shortest step where there are many, as at rest with a law that leaves something free.
     Held states stay as they are.
     """
-    parameters, state, outside, cut = start.parameters, start.state.copy(), start.outside.copy(), start.cut.copy()
-    count, n = len(state), len(sample.kept)
-    facts, slopes = np.full((count, 4), np.nan), np.full((count, n + 5, n + 4), np.nan)
-    residual, left = np.full(count, np.inf), np.full(count, np.inf)
-    carried = start.carried(sample)
+    points = start[np.arange(len(start.state))]
+    n, count = len(sample.kept), len(points.state)
+    excess, left = np.full(count, np.inf), np.full(count, np.inf)
     active = np.arange(count)
     for _ in range(iterations):
-        given = state[active], outside[active], parameters[active], cut[active]
-        following, returned, facts[active], change, slopes[active] = sample.evaluate(*given)
-        values = np.hstack([state[np.ix_(active, sample.kept)], cut[active]])
-        rest = np.hstack([following, returned]) - values
-        matrix, counted, unknown = _equations(sample, rest, change, slopes[active], carried[active])
+        at = points[active]
+        found, at.facts, at.slopes = sample.evaluate(at.state, at.outside, at.parameters, at.leaving)
+        values = np.hstack([at.state[:, sample.kept], at.leaving])
+        rest, matrix, counted, unknown = _equations(sample, found, values, at)
         if held is not None:
             counted[:, :n] &= ~held
             unknown[:, :n] &= ~held
-        last, sizes = residual[active], np.maximum(np.abs(values), 1.0)
-        residual[active] = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
-        residual[active[~np.isfinite(matrix).all(axis=(1, 2))]] = np.inf
-        going = np.isfinite(residual[active])
-        going &= ~((last < RESIDUAL) & (residual[active] >= last / 2) & (left[active] < STEP))
+        last, sizes = excess[active], np.maximum(np.abs(values), 1.0)
+        rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
+        at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
+        beyond = np.where(counted, (np.abs(rest) - rounding) / sizes, 0.0).max(axis=1)
+        excess[active] = np.where(np.isfinite(matrix).all(axis=(1, 2)), beyond, np.inf)
+        points[active] = at
+        going = np.isfinite(excess[active])
+        going &= ~((last < RESIDUAL) & (excess[active] >= last / 2) & (left[active] < STEP))
         active = active[going]
         if not len(active):
             break
         step = _step(matrix[going], rest[going], unknown[going], least_squares=least_squares)
         sizes, step_x = sizes[going], step[:, sample.x].copy()
-        sizes[:, sample.x] = np.maximum(np.abs(outside[active, sample.reference]), 1.0)
+        sizes[:, sample.x] = np.maximum(np.abs(points.outside[active, sample.reference]), 1.0)
         left[active] = (np.abs(step) / sizes).max(axis=1)
-        outside[active, sample.reference] += step_x
+        points.outside[active, sample.reference] += step_x
         step[:, sample.x] = 0.0
-        state[np.ix_(active, sample.kept)] += step[:, :n]
-        cut[active] += step[:, n:]
-    repeats = (residual < RESIDUAL) & (left < STEP)
-    return _Solution(repeats, state, outside, cut, facts, residual, slopes)
+        points.state[np.ix_(active, sample.kept)] += step[:, :n]
+        points.leaving[active] += step[:, n:]
+    points.repeats = (excess < RESIDUAL) & (left < STEP)
+    return points
 
 
 def _equations(
-    sample: _OpenSample, rest: Floats, change: Floats, slopes: Floats, carried: Floats
-) -> tuple[Floats, Flags, Flags]:
+    sample: _OpenSample, found: Floats, values: Floats, at: LoopOperatingPoints
+) -> tuple[Floats, Floats, Flags, Flags]:
     """What Newton's method solves for: the kept states, n of them, and what leaves the openings.
 
-    `rest` is brought into the units of the equations. In the place of the vehicle's position, which is given, the
-    unknown is the reference's.
+    In the place of the vehicle's position, which is given, the unknown is the reference's.
 
     Returns:
-        Matrices (a, n + 3, n + 3), which values something depends on, and which are unknown.
+        What is left of the equations (a, n + 3), their matrices (a, n + 3, n + 3), which values something depends on,
+        and which are unknown.
     """
-    n, ropes, moving = len(sample.kept), sample.ropes, sample.moving
-    units = np.ones(n + 3)
-    units[: len(moving)][moving] = POSITION_UNIT
-    rest[:, : len(moving)][:, moving] -= carried[:, None]
-    rest *= units
-    rest[:, ropes] = change * ROPE_UNIT
-    every = slopes[:, : n + 3].copy()
+    n, ropes, moving = len(sample.kept), sample.ropes, np.append(sample.moving, [False] * 3)
+    units = np.where(moving, POSITION_UNIT, 1.0)
+    rest = (found[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
+    rest[:, ropes] = found[:, n + 3 :] * ROPE_UNIT
+    every = at.slopes[:, : n + 3].copy()
     every[:, :n, :n] -= np.eye(n)
     every[:, n:, n + 1 :] -= np.eye(3)
     every *= units[:, None]
-    every[:, ropes] = slopes[:, n + 3 :] * ROPE_UNIT
+    every[:, ropes] = at.slopes[:, n + 3 :] * ROPE_UNIT
     matrix = np.delete(every, n, axis=2)
     # a state that nothing depends on may grow for ever; one that nothing moves, such as an integral without a gain, is
     # where it began
@@ -603,7 +582,7 @@ def _equations(
     counted[:, n:] = True
     unknown = counted & moved
     matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True
-    return matrix, counted, unknown
+    return rest, matrix, counted, unknown
 
 
 def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) -> Floats:
@@ -621,11 +600,8 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) 
     if least_squares:
         pairs = zip(matrix, right, strict=True)
         return np.array([np.linalg.lstsq(*pair, rcond=1e-13)[0] for pair in pairs]) / columns
-    try:
-        return np.linalg.solve(matrix, right[..., None])[..., 0] / columns
-    except np.linalg.LinAlgError:  # a law at its limits answers to nothing
-        singular = np.linalg.slogdet(matrix)[0] == 0
-        matrix[singular] = np.eye(matrix.shape[1])
-        step = np.linalg.solve(matrix, right[..., None])[..., 0] / columns
-        step[singular] = np.nan
-        return step
+    singular = np.linalg.slogdet(matrix)[0] == 0  # a law at its limits answers to nothing
+    matrix[singular] = np.eye(matrix.shape[1])
+    step = np.linalg.solve(matrix, right[..., None])[..., 0] / columns
+    step[singular] = np.nan
+    return step

@@ -9,7 +9,7 @@ from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.scenarios import Scenarios, check_batch, experiment_of
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, starts
 from dualwinch.simulation.loop.structure import structure_of, zeros_of
 from dualwinch.simulation.metrics.metric import Metric
@@ -63,6 +63,11 @@ class ParameterScenarioGrid:
     def samples(self) -> int:
         """Samples of every run."""
         return self._shared.samples
+
+    @property
+    def engine(self) -> EngineName:
+        """What runs all of them."""
+        return self._shared.simulation.engine
 
     @property
     def sample_time(self) -> float:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from typing import Any, Self
 
@@ -18,7 +19,7 @@ from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity, suggestion
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
-from dualwinch.simulation.batch.scenarios import Progress, Scenarios, run_by_structure
+from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure
 from dualwinch.simulation.batch.threads import cores, run_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
@@ -86,10 +87,7 @@ def rollout(
     if most_slack is not None and not 0 <= most_slack <= 1:
         raise ConfigurationError(f"most_slack = {most_slack:g}: must be a share, 0 to 1")
 
-    def run(together: Scenarios, report: Progress) -> BatchResult:
-        return _rollout(ParameterScenarioGrid(names, parameters, together), stride, most_slack, threads, report)
-
-    return run_by_structure(run, scenarios, progress)
+    return _batch(names, parameters, scenarios, stride, most_slack, threads, progress, alike=True)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,51 +164,78 @@ def run_grid(
         ConfigurationError: the values of an experiment do not fit together.
         DualwinchError: no compiler, or no usable cache folder.
     """
-
-    def run(together: Scenarios, report: Progress) -> BatchResult:
-        return rollout([], np.empty((1, 0)), together, threads=threads, progress=report)
-
-    found = run_by_structure(run, experiments.ravel().tolist(), progress, alike=False)
+    given = experiments.ravel().tolist()
+    found = _batch([], np.empty((1, 0)), given, 0, None, threads, progress, alike=False)
     return found.take(0, axis=0).reshape(experiments.shape)
 
 
-def _rollout(
-    pairs: ParameterScenarioGrid, stride: int, most_slack: float | None, threads: int | None, progress: Progress
+def _batch(
+    names: Sequence[str],
+    parameters: ArrayLike,
+    scenarios: Scenarios,
+    stride: int,
+    most_slack: float | None,
+    threads: int | None,
+    progress: Progress,
+    *,
+    alike: bool,
 ) -> BatchResult:
-    loop, samples = pairs.loop, pairs.samples
+    """`rollout`, structure by structure; `alike`: whether structures may differ in their sub-steps only."""
+    parts = [
+        (ParameterScenarioGrid(names, parameters, together), places, report)
+        for places, together, report in by_structure(scenarios, progress, alike=alike)
+    ]
+    first = parts[0][0]
+    shape, kept = (first.shape[0], len(scenarios)), kept_rows(first.samples, stride)
+    none = not_run(shape, metric_quantities(first.structure.metrics))
+    columns = {name: np.full((*shape, kept), np.nan) for name in first.loop.columns} if stride else {}
+    found = BatchResult(none.outcomes, none.end_times, none.metrics, columns)
+    whole = all(_rollout(pairs, found, places, stride, most_slack, threads, report) for pairs, places, report in parts)
+    return replace(found, interrupted=not whole)
+
+
+def _rollout(
+    pairs: ParameterScenarioGrid,
+    found: BatchResult,
+    places: NDArray[np.int64],
+    stride: int,
+    most_slack: float | None,
+    threads: int | None,
+    progress: Progress,
+) -> bool:
+    """Run the pairs of a structure into their places of a result; whether there was no interrupt."""
+    loop, samples, engine = pairs.loop, pairs.samples, pairs.engine
     slack = loop.states.index("metrics.slack")
     most = np.inf if most_slack is None else most_slack * samples
-    engine = pairs.experiment(0).simulation.engine
-    together = compile_batch(loop) if engine == "compiled" else None
-    alone = None if together else engine_of(loop, engine)
-    shape, kept = pairs.shape, kept_rows(samples, stride)
-    found = not_run(shape, ())
-    columns = {name: np.full((*shape, kept), np.nan) for name in loop.columns} if stride else {}
+    compiled = engine == "compiled"
+    run: Callable[..., Any] = compile_batch(loop) if compiled else partial(_alone, engine_of(loop, engine))
     kept_states = final_states(pairs.structure.metrics)
-    final = np.full((len(kept_states), *shape), np.nan)
+    final = np.full((len(kept_states), *pairs.shape), np.nan)
     summed = [loop.states.index(name) for name in kept_states]
+    lanes = LANES if compiled else 1
 
     def block(chosen: NDArray[np.int64]) -> None:
         filled = np.resize(chosen, (lanes, 2))  # idle lanes repeat the block's pairs
         vectors = pairs.vectors(filled)
         state = pairs.starts(vectors)
-        if together:
-            sources = pairs.sources(filled[:, 1].tolist())
-            outcome, done, rows = together(vectors, sources, state, samples, stride, watched=slack, most=most)
-        else:
-            outcome, done, rows = _alone(alone, vectors[0], pairs.signals(chosen[0, 1]), state[0], stride, slack, most)
+        numbers = filled[:, 1].tolist()
+        signals = pairs.sources(numbers) if compiled else [pairs.signals(number) for number in numbers]
+        outcome, done, rows = run(vectors, signals, state, samples, stride, watched=slack, most=most)
         busy, (sets, scenes) = slice(len(chosen)), chosen.T
         final[:, sets, scenes] = state[busy, summed].T
-        for index, name in enumerate(columns):
-            columns[name][sets, scenes] = rows[busy, :, index]
-        found.end_times[sets, scenes] = done[busy] * pairs.sample_time
-        found.outcomes[sets, scenes] = words_of(outcome[busy])
+        at = sets, places[scenes]
+        for index, name in enumerate(found.columns):
+            found.columns[name][at] = rows[busy, :, index]
+        found.end_times[at] = done[busy] * pairs.sample_time
+        found.outcomes[at] = words_of(outcome[busy])
 
-    lanes = LANES if together else 1
     blocks = [pairs.indices[first : first + lanes] for first in range(0, len(pairs.indices), lanes)]
     whole = run_all([lambda chosen=chosen: block(chosen) for chosen in blocks], threads, progress)
-    metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=found.completed, own=pairs.metrics)
-    return BatchResult(found.outcomes, found.end_times, vars(metrics), columns, interrupted=not whole)
+    completed = found.completed[:, places]
+    metrics = metrics_of(dict(zip(kept_states, final, strict=True)), completed=completed, own=pairs.metrics)
+    for name, values in vars(metrics).items():
+        found.metrics[name][:, places] = values
+    return whole
 
 
 LOOK_EVERY = 64
@@ -218,21 +243,28 @@ LOOK_EVERY = 64
 
 
 def _alone(
-    run: Engine, vector: Floats, signals: Floats, state: Floats, stride: int, watched: int, most: float
+    run: Engine,
+    parameters: Floats,
+    signals: Sequence[Floats],
+    state: Floats,
+    samples: int,
+    stride: int,
+    *,
+    watched: int,
+    most: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """One run by another engine, in the form of a block of one lane; arguments as those of `codegen.drivers.batch`."""
+    """One run by another engine, in the form of a compiled block of one lane (`codegen.drivers.batch.Batch`)."""
     step = max(stride, 1)
-    length = len(signals) if np.isinf(most) else step * -(-LOOK_EVERY // step)
+    length = samples if np.isinf(most) else step * -(-LOOK_EVERY // step)
     outcome, done, kept = Outcome.COMPLETED, 0, []
-    while done < len(signals) and outcome == Outcome.COMPLETED:
-        outcome, stepped, rows = run(vector, signals[done : done + length], state, stride)
+    while done < samples and outcome == Outcome.COMPLETED:
+        outcome, stepped, rows = run(parameters[0], signals[0][done : done + length], state[0], stride)
         done += stepped
         kept.append(rows)
-        if outcome == Outcome.COMPLETED and done < len(signals) and state[watched] > most:
+        if outcome == Outcome.COMPLETED and done < samples and state[0, watched] > most:
             outcome = Outcome.GIVEN_UP
-    rows = np.full((-(-len(signals) // stride) if stride else 0, kept[0].shape[1]), np.nan)
-    found = np.concatenate(kept)
-    rows[: len(found)] = found
+    rows = np.full((kept_rows(samples, stride), kept[0].shape[1]), np.nan)
+    rows[: sum(map(len, kept))] = np.concatenate(kept)
     return np.array([outcome]), np.array([done]), rows[np.newaxis]
 
 

@@ -2,19 +2,18 @@
 
 Scenarios that share an experiment and differ in plain numbers alone are a `ScenarioGroup`: their numbers are columns,
 which are checked as a whole; only members that may be out of range are shown to `prepare`, whose message names what is
-wrong. What one compiled loop can run is of one structure (`run_by_structure`).
+wrong. What one compiled loop can run is of one structure (`by_structure`).
 """
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
@@ -33,7 +32,6 @@ from dualwinch.simulation.loop.structure import (
     structure_of,
 )
 from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
-from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -338,88 +336,42 @@ def _typed(leaf: Leaf, value: float) -> float | int:
 Progress = Callable[[float], None] | None
 
 
-class Interruptible(Protocol):
-    """A result of a batch."""
+def by_structure(
+    scenarios: Scenarios, progress: Progress, *, alike: bool = True
+) -> Iterator[tuple[NDArray[np.int64], Scenarios, Progress]]:
+    """Scenarios that one compiled loop runs: those of one structure, length, sample time and engine.
 
-    @property
-    def interrupted(self) -> bool: ...  # noqa: D102
-
-
-Result = TypeVar("Result", bound=Interruptible)
-
-
-def run_by_structure(
-    run: Callable[[Scenarios, Progress], Result], scenarios: Scenarios, progress: Progress, *, alike: bool = True
-) -> Result:
-    """The result of a batch whose scenarios are run structure by structure: no pair depends on its neighbours.
-
-    One compiled loop runs scenarios of one structure, length, sample time and engine. The sub-steps are part of the
-    structure: they follow from the laws of the ropes.
+    The sub-steps are part of the structure: they follow from the laws of the ropes.
 
     Args:
-        run: gives the result of scenarios that go together; a dataclass of arrays (n, m, ...) and dictionaries of such.
-        scenarios: m of them.
-        progress: called now and then with the share that is done.
+        scenarios: of a batch.
+        progress: called with the share of the batch that is done.
         alike: whether structures may differ in their sub-steps only.
+
+    Yields:
+        Their places in the batch, the scenarios, and what is called with the share of them that is done.
 
     Raises:
         ConfigurationError: scenarios differ in more than their sub-steps, and may not.
     """
     places: dict[tuple[Structure, int, float, EngineName], list[int]] = {}
     for group in scenario_groups(scenarios):
-        experiment = group.experiment
-        simulation = experiment.simulation
+        experiment, simulation = group.experiment, group.experiment.simulation
         shape = structure_of(experiment), experiment.samples, simulation.sample_time, simulation.engine
         places.setdefault(shape, []).extend(group.members.tolist())
-    if len(places) <= 1:
-        return run(scenarios, progress)
-    if alike:
-        shapes = [(replace(structure, substeps=0), *rest) for structure, *rest, _engine in places]
-        for shape, indices in zip(shapes, places.values(), strict=True):
-            if shape != shapes[0]:
-                where = f"scenarios[{indices[0]}]"
-                raise ConfigurationError(
-                    f"{where}: must have the structure and the length of scenarios[0], and its sample time"
-                )
-    results, done = [], 0
-    for indices in places.values():
-        if results and results[-1].interrupted:
-            results.append(_left_out(results[-1], len(indices)))
-            continue
+    shapes = [(replace(structure, substeps=0), *rest) for structure, *rest, _engine in places]
+    for shape, indices in zip(shapes, places.values(), strict=True):
+        if alike and shape != shapes[0]:
+            where = f"scenarios[{indices[0]}]"
+            raise ConfigurationError(
+                f"{where}: must have the structure and the length of scenarios[0], and its sample time"
+            )
+    done = 0
+    for indices in places.values() or [[]]:
 
         def report(share: float, before: int = done, count: int = len(indices)) -> None:
             if progress:
                 progress((before + share * count) / len(scenarios))
 
-        results.append(run([scenarios[index] for index in indices], report))
+        yield np.array(indices, np.int64), [scenarios[index] for index in indices], report
         done += len(indices)
-    return _merged(results, list(places.values()))
-
-
-def _left_out(result: Any, count: int) -> Any:
-    """The result of scenarios that an interrupt left out, shaped like another."""
-
-    def emptied(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {name: emptied(table) for name, table in value.items()}
-        if not isinstance(value, np.ndarray):
-            return value
-        nothing = WORDS[Outcome.NOT_RUN] if value.dtype.kind == "U" else np.nan
-        return np.full((len(value), count, *value.shape[2:]), nothing, value.dtype)
-
-    return replace(result, **{f.name: emptied(getattr(result, f.name)) for f in fields(result)})
-
-
-def _merged(results: list[Result], groups: list[list[int]]) -> Result:
-    """Results of groups as one, the scenarios in their order."""
-    order = np.argsort(np.concatenate(groups))
-
-    def joined(values: list[Any]) -> Any:
-        if isinstance(values[0], np.ndarray):
-            return np.concatenate(values, axis=1)[:, order]
-        if isinstance(values[0], dict):
-            return {name: joined([value[name] for value in values]) for name in values[0]}
-        return any(values) if isinstance(values[0], bool) else values[0]
-
-    first: Any = results[0]
-    return type(first)(**{f.name: joined([getattr(result, f.name) for result in results]) for f in fields(first)})

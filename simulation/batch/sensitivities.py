@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.sensitivity import Kept, Sensitivity, Varied, compile_sensitivity
+from dualwinch.codegen.drivers.sensitivity import Sensitivity, Varied, compile_sensitivity
 from dualwinch.codegen.drivers.unit import kept_rows
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Setpoint, later
@@ -17,7 +17,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
-from dualwinch.simulation.batch.scenarios import Progress, Scenarios, check_shape, experiment_of, run_by_structure
+from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure, check_shape, experiment_of
 from dualwinch.simulation.batch.threads import run_all
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
@@ -237,12 +237,25 @@ def sensitivities(
             instant, a rounding), or an unknown column.
         DualwinchError: as `simulation.batch.rollout.rollout`.
     """
+    asked = tuple(dict.fromkeys(columns))
+    parts = [
+        (TangentSeeds(names, parameters, together), places, report)
+        for places, together, report in by_structure(scenarios, progress)
+    ]
+    found = _not_begun(parts[0][0], len(scenarios), asked, stride)
 
-    def run(together: Scenarios, report: Progress) -> Sensitivities:
-        seeds, asked = TangentSeeds(names, parameters, together), tuple(dict.fromkeys(columns))
-        return _sensitivities(seeds, asked, stride, threads, report)
+    def complete(seeds: TangentSeeds, places: NDArray[np.int64], report: Progress) -> bool:
+        run = _compiled(seeds, asked)
 
-    return run_by_structure(run, scenarios, progress)
+        def one(i: int, j: int) -> None:
+            outside, p = seeds.outside(i, j), len(seeds.names)
+            for first in range(0, p, run.varied.directions):
+                chosen = range(first, min(first + run.varied.directions, p))
+                _differentiate(run, seeds, (i, j), outside, chosen, stride, found, (i, int(places[j])))
+
+        return run_all([lambda i=i, j=j: one(i, j) for i, j in seeds.pairs.indices.tolist()], threads, report)
+
+    return replace(found, interrupted=not all(complete(*part) for part in parts))
 
 
 def compile_ahead(names: Sequence[str], values: Sequence[float], scenario: Experiment | Scenario) -> None:
@@ -274,37 +287,30 @@ def _compiled(seeds: TangentSeeds, columns: tuple[str, ...]) -> Sensitivity:
     )
 
 
-def _sensitivities(
-    seeds: TangentSeeds, columns: tuple[str, ...], stride: int, threads: int | None, progress: Progress
-) -> Sensitivities:
-    pairs = seeds.pairs
+def _not_begun(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], stride: int) -> Sensitivities:
+    """The result of all sets in so many scenarios, to be filled in.
+
+    Raises:
+        ConfigurationError: an unknown column.
+    """
+    pairs, p = seeds.pairs, len(seeds.names)
+    shape = pairs.shape[0], scenarios
     for column in columns:
         if column not in pairs.loop.columns:
             raise ConfigurationError(f"columns: {unknown('column', column, pairs.loop.columns)}")
-    run = _compiled(seeds, columns)
-    shape, p = pairs.shape, len(seeds.names)
     kept = kept_rows(pairs.samples, stride)
-    merits = metric_quantities(pairs.structure.metrics)
-    result = Sensitivities(
+    none = not_run(shape, metric_quantities(pairs.structure.metrics))
+    return Sensitivities(
         names=seeds.names,
-        outcomes=not_run(shape, ()).outcomes,
-        metrics={name: np.full(shape, np.nan) for name in merits},
-        gradients={name: np.full((*shape, p), np.nan) for name in merits},
+        outcomes=none.outcomes,
+        metrics=none.metrics,
+        gradients={name: np.full((*shape, p), np.nan) for name in none.metrics},
         errors=np.full((*shape, kept), np.nan),
         slopes=np.full((*shape, kept, p), np.nan),
         columns={name: np.full((*shape, kept), np.nan) for name in columns},
         column_slopes={name: np.full((*shape, kept, p), np.nan) for name in columns},
         quantities={name: pairs.loop.quantities[name] for name in columns},
     )
-
-    def one(i: int, j: int) -> None:
-        outside = seeds.outside(i, j)
-        for first in range(0, p, run.varied.directions):
-            chosen = range(first, min(first + run.varied.directions, p))
-            _fill(result, (i, j), chosen, seeds, _run(run, seeds, (i, j), outside, chosen, stride), outside, stride)
-
-    whole = run_all([lambda i=i, j=j: one(i, j) for i, j in pairs.indices.tolist()], threads, progress)
-    return replace(result, interrupted=not whole)
 
 
 def steps(structure: Structure) -> frozenset[str]:
@@ -317,61 +323,45 @@ def steps(structure: Structure) -> frozenset[str]:
     return frozenset(key for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks)
 
 
-class _Run(NamedTuple):
-    """A pair's run along some directions: what was kept, and its final state with its tangents (states, directions)."""
-
-    kept: Kept
-    vector: Floats
-    final: Floats
-    tangent: Floats
-
-
-def _run(
-    run: Sensitivity, seeds: TangentSeeds, pair: tuple[int, int], outside: Floats, chosen: range, stride: int
-) -> _Run:
-    pairs, width = seeds.pairs, run.varied.directions
+def _differentiate(
+    run: Sensitivity,
+    seeds: TangentSeeds,
+    pair: tuple[int, int],
+    outside: Floats,
+    chosen: range,
+    stride: int,
+    result: Sensitivities,
+    at: tuple[int, int],
+) -> None:
+    """Run a pair, and put it and its derivatives by some of the names into a place of a result."""
+    pairs, loop, width, count = seeds.pairs, seeds.pairs.loop, run.varied.directions, len(chosen)
     directions = seeds.directions(chosen, width)
     vectors = pairs.vectors(np.array([pair]))
     (vector,), (state,) = vectors, pairs.starts(vectors)
     by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.columns]
     tangent = np.ascontiguousarray(by_parameters @ directions)
-    moved = seeds.moved(*pair, chosen, width)
-    return _Run(run(vector, directions, outside, state, tangent, stride, moved), vector, state, tangent)
+    kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width))
+    completed, rows, among = kept.outcome == Outcome.COMPLETED, len(kept.first), slice(chosen.start, chosen.stop)
+    result.outcomes[at] = WORDS[kept.outcome]
 
-
-def _fill(
-    result: Sensitivities,
-    pair: tuple[int, int],
-    chosen: range,
-    seeds: TangentSeeds,
-    found: _Run,
-    outside: Floats,
-    stride: int,
-) -> None:
-    """Put a pair's run and its derivatives by some of the names into a result."""
-    loop, own, kept = seeds.pairs.loop, seeds.pairs.experiment(pair[1]).metrics, found.kept
-    completed, rows, count = kept.outcome == Outcome.COMPLETED, len(kept.first), len(chosen)
-    among = slice(chosen.start, chosen.stop)
-    result.outcomes[pair] = WORDS[kept.outcome]
-
-    numbers = dict(zip(loop.parameters, found.vector.tolist(), strict=True))
-    at = slice(0, rows * max(stride, 1), max(stride, 1))
-    result.errors[pair][:rows] = kept.first - _wanted(outside, loop.exogenous, numbers)[at]
-    result.slopes[pair][:rows, among] = kept.first_tangents[:, :count]
+    numbers = dict(zip(loop.parameters, vector.tolist(), strict=True))
+    samples = slice(0, rows * max(stride, 1), max(stride, 1))
+    result.errors[at][:rows] = kept.first - _wanted(outside, loop.exogenous, numbers)[samples]
+    result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
     for number in chosen:
         if (name := seeds.names[number]) in FRAME:
             moved = _wanted(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * TINY})
-            result.slopes[pair][:rows, number] -= np.imag(moved)[at] / TINY
+            result.slopes[at][:rows, number] -= np.imag(moved)[samples] / TINY
     for number, name in enumerate(result.columns):
-        result.columns[name][pair][:rows] = kept.rows[:, number]
-        result.column_slopes[name][pair][:rows, among] = kept.row_tangents[:, number, :count]
+        result.columns[name][at][:rows] = kept.rows[:, number]
+        result.column_slopes[name][at][:rows, among] = kept.row_tangents[:, number, :count]
 
-    reached = dict(zip(loop.states, found.final.tolist(), strict=True))
-    metrics = metrics_of(reached, completed=completed, own=own)
-    gradients = _gradients(loop.states, found.final, found.tangent, own, completed=completed)
+    own = pairs.experiment(pair[1]).metrics
+    metrics = metrics_of(dict(zip(loop.states, state.tolist(), strict=True)), completed=completed, own=own)
+    gradients = _gradients(loop.states, state, tangent, own, completed=completed)
     for name, table in result.metrics.items():
-        table[pair] = metrics[name]
-        result.gradients[name][pair][among] = gradients[name][:count]
+        table[at] = metrics[name]
+        result.gradients[name][at][among] = gradients[name][:count]
 
 
 def _wanted(outside: Floats, names: Sequence[str], numbers: Mapping[str, complex]) -> NDArray[Any]:

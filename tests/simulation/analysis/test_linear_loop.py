@@ -5,7 +5,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
-from dualwinch.simulation.analysis.operating_points import loop_operating_point
+from dualwinch.simulation.analysis.operating_points import loop_operating_point, without_round_off
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
@@ -114,3 +114,21 @@ def test_where_nothing_is_steady_it_says_so(x: float, v: float, changes: dict[st
 def test_an_unknown_cut_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="unknown cut 'tau_3'; did you mean 'tau_"):
         linear_broken_loop(PAPER, cut="tau_3")
+
+
+@pytest.mark.parametrize("estimator", ["none", "calibrating-kalman"])
+def test_states_are_the_same_wherever_the_vehicle_is(estimator: str) -> None:
+    """What moves the rest by round-off alone here, and not at all there, is no state: what an estimator knows of."""
+    experiment = override(PAPER, {"controller.estimator": estimator})
+    (states,) = {linear_closed_loop(experiment, x, v).states for x in (5.0, 25.0, 45.0) for v in (0.0, 0.5)}
+    assert not [name for name in states if name.endswith(("information", "filtered"))]
+
+
+def test_derivatives_that_are_round_off_are_zero_in_any_unit() -> None:
+    here, above, below = (
+        np.array([1e-26, 2.0, 0.0, 3e-40]),
+        np.array([1e-9, 2.1, 5.0, 1e-33]),
+        np.array([-1e-9, 2, 0, 1]),
+    )
+    for unit in (1.0, 1e30, 1e-30):
+        assert (without_round_off(unit * here, unit * above, unit * below) != 0).tolist() == [False, True, False, False]

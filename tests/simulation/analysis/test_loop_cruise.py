@@ -8,7 +8,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.margins import margins
-from dualwinch.simulation.analysis.operating_points import LoopOperatingPoint, loop_operating_point
+from dualwinch.simulation.analysis.operating_points import RESIDUAL, STEP, LoopOperatingPoint, loop_operating_point
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.tiers import each_choice
@@ -73,3 +73,12 @@ def test_a_law_that_never_rests_is_told() -> None:
     """A winch that follows a speed without knowing its rope's stretch settles nowhere while it moves."""
     with pytest.raises(ConfigurationError, match="comes to no steady motion"):
         loop_operating_point(override(case(4), {"controller.coordination.kind": "master-slave"}), X, 1.8)
+
+
+@pytest.mark.parametrize(("x", "v"), [(0.1, 0.5), (25.0, 0.0), (25.0, -1.2), (49.9, 0.5), (49.9, -1.2)])
+def test_what_is_left_is_rounding(x: float, v: float) -> None:
+    """Between samples nothing changes by more than 1e-7, but for a short rope's rounding: 5 MN/m times 1e-14 m."""
+    point = loop_operating_point(case(4), x, v)
+    assert (RESIDUAL, STEP) == (1e-10, 1e-6)
+    assert point.residual < (1e-7 if x < 49 else 1e-6)
+    assert error_after(point, v, 200) == pytest.approx(point.row["e"], abs=1e-9)
