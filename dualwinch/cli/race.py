@@ -138,7 +138,7 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     """
     from dualwinch.codegen.files import write_whole
     from dualwinch.config.folders import make_folder
-    from dualwinch.reports.race import write_race_report
+    from dualwinch.reports.tuning import write_race_report
     from dualwinch.simulation.plots import save
 
     write_whole(out / "race.json", json_text(found.to_dict() | version_notes()))

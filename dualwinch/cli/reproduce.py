@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -11,11 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
-from dualwinch.cli.output import measured, styled, terminal, version_notes, versions
+from dualwinch.cli.output import (
+    FigureColumn,
+    FigureTable,
+    json_text,
+    styled,
+    terminal,
+    version_notes,
+    versions,
+)
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import engine_here
 
@@ -89,7 +94,6 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
             step(f"case {number}, {kind}: write data")
             save(result, out / "data" / f"case{number}-{kind}.parquet", version_notes())
         variants = run_variants(numbers, step, engine) if extended else {}
-        _write_metrics(out / "metrics.json", runs, variants)
         images: dict[int, bytes] = {}
         for figure in contents:
             step(f"figure {figure.number}: case {figure.case}, {figure.content}")
@@ -100,15 +104,14 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
         step("report")
         from dualwinch.reports.reproduction import write_report
 
-        found = claims(runs, other_observers(runs, engine) if compared else None)
+        observers = other_observers(runs, engine) if compared else {}
+        found = claims(runs, observers)
+        _write_metrics(out / "metrics.json", runs, variants, observers, found)
         write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions(), found)
     console = terminal()
-    print_tables(console, runs)
+    for table in tables(runs, variants):
+        console.print(table.render())
     print_claims(console, found)
-    if extended:
-        print_variants(
-            console, variants, new_table("Beyond the paper: position laws, and coordinations with fando-nftsm", ())
-        )
     console.print("Figures, data and report are in", styled("bold", str(out), f"; open {out / 'report.html'}"))
 
 
@@ -161,36 +164,35 @@ def _draw(content: str, results: dict[str, Result], out: Path, number: int) -> b
     return path.read_bytes()
 
 
-def _write_metrics(path: Path, runs: Runs, variants: Variants) -> None:
-    from dualwinch.codegen.files import atomic
+def _write_metrics(
+    path: Path, runs: Runs, variants: Variants, observers: Mapping[float, float], found: list[Claim]
+) -> None:
+    from dualwinch.codegen.files import write_whole
     from dualwinch.simulation.metrics.metrics import metric_quantities
     from dualwinch.simulation.paper import REDUCTIONS, reductions
 
-    records = [
-        {"case": number, "controller": kind, "outcome": result.outcome, **_finite(asdict(result.metrics))}
-        for (number, kind), result in runs.items()
-    ]
     content = {
         "versions": versions(),
-        "units": {name: quantity.unit for name, quantity in metric_quantities().items()},
-        "runs": records,
-        "reductions": _finite(reductions(runs) or {}),
+        "units": {name: quantity.unit for name, quantity in metric_quantities().items()}
+        | dict.fromkeys(("reductions", "change"), "1")
+        | {"gain": "1/s"},
+        "runs": [
+            {"case": number, "controller": kind, "outcome": result.outcome, **result.metrics}
+            for (number, kind), result in runs.items()
+        ],
+        "figure": FIGURE_21,
+        "reductions": reductions(runs) or {},
         "paper_reductions": REDUCTIONS,
+        "other_observers": [{"gain": gain, "change": change} for gain, change in observers.items()],
+        "claims": list(map(asdict, found)),
     }
     if variants:
         content["extended"] = [
             {"case": number, "controller": law, "coordination": coordination, "outcome": result.outcome}
-            | _finite(asdict(result.metrics))
+            | dict(result.metrics)
             for (number, law, coordination), result in variants.items()
         ]
-    with atomic(path) as unfinished:
-        unfinished.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-
-
-def _finite(values: dict[str, float]) -> dict[str, float | None]:
-    import numpy as np
-
-    return {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
+    write_whole(path, json_text(content))
 
 
 OTHER_GAINS = (2.5, 50.0)
@@ -212,70 +214,72 @@ def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, 
     return found
 
 
-def new_table(title: str, columns: tuple[str, ...]) -> Table:
-    """A table of runs: case, controller, and numbers under these headings."""
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("case", justify="right")
-    table.add_column("controller", no_wrap=True)
-    for name in columns:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
+TRACKING = ("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse")
+ROPES = ("saturated_share", "peak_tension", "min_tension", "chatter")
+BEYOND = ("mae", "steady_mae", "chatter", "slack_share", "peak_tension", "energy")
+"""Figures of merit of the tables."""
 
 
-def print_tables(console: Console, runs: Mapping[tuple[int, str], Result]) -> None:
-    """Print the figures of merit, and Figure 21's reductions where there are the runs for them."""
-    from dualwinch.simulation.paper import CONTROLLERS, reductions
+def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[str, ...]) -> FigureTable:
+    """Figures of merit of runs; those that were not completed say how they ended.
 
-    whole, steady = ("MAE\nmm", "max |e|\nmm", "MSE\nmm²"), ("steady\nMAE mm", "steady\nmax |e|", "steady\nMSE mm²")
-    tracking = new_table("Tracking error", whole + steady)
-    ropes = new_table("Ropes and limits", ("saturated\n%", "peak tension\nN", "least tension\nN", "chatter\nN/sample"))
-    last = 0
-    for (number, kind), result in runs.items():
-        if last and number != last:
-            tracking.add_section()
-            ropes.add_section()
-        m, ended = result.metrics, "" if result.outcome == "completed" else f" ({result.outcome})"
-        head = (str(number) if number != last else "", CONTROLLERS[kind] + ended)
-        millimetres = (1e3 * m.mae, 1e3 * m.max_abs_error, 1e6 * m.mse)
-        millimetres += (1e3 * m.steady_mae, 1e3 * m.steady_max_abs_error, 1e6 * m.steady_mse)
-        tracking.add_row(*head, *(measured(value, ".3g") for value in millimetres))
-        forces = (100 * m.saturated_share, m.peak_tension, m.min_tension, m.chatter)
-        ropes.add_row(*head, *map(measured, forces))
-        last = number
-    console.print(tracking)
-    console.print(ropes)
-    change = reductions(runs)
-    if change:
-        _print_reductions(console, change)
+    Args:
+        title: of the table.
+        runs: (case, controller in words) → result.
+        names: of the figures of merit.
+    """
+    from dualwinch.simulation.metrics.metrics import metric_quantities
+
+    merits = metric_quantities()
+    columns = [FigureColumn("case"), FigureColumn("controller", "")]
+    columns += [FigureColumn.of_metric(name, merits[name]) for name in names]
+    rows = []
+    for (number, controller), result in runs.items():
+        ended = "" if result.outcome == "completed" else f" ({result.outcome})"
+        rows.append([number, controller + ended, *(result.metrics[name] for name in names)])
+    return FigureTable(title, columns, rows, title)
+
+
+def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
+    """Figures of merit, Figure 21's reductions where there are the runs for them, and the variants.
+
+    A coordination stands for the paper's position law with it, a position law for itself with the paper's coordination.
+    """
+    from dualwinch.simulation.metrics.metrics import metric_quantities
+    from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS, reductions
+
+    named = {(number, CONTROLLERS[kind]): result for (number, kind), result in runs.items()}
+    found = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPES)]
+    if change := reductions(runs):
+        title = "Figure 21: what the observer changes\n(Case 4, steady state)"
+        merits = metric_quantities()
+        columns = [
+            FigureColumn(key, heading=merits[key].label, factor=100, form="+.3g", shown_unit="%") for key in change
+        ]
+        rows = [("here", *change.values()), ("paper", *(REDUCTIONS[key] for key in change))]
+        found.append(FigureTable("reductions", (FigureColumn("", ""), *columns), rows, title))
+    if variants:
+        beyond = {
+            (number, law if coordination == PAPERS_COORDINATION else coordination): result
+            for (number, law, coordination), result in variants.items()
+        }
+        title = "Beyond the paper: position laws, and coordinations with fando-nftsm"
+        found.append(runs_table(title, beyond, BEYOND))
+    return found
 
 
 def print_claims(console: Console, found: list[Claim]) -> None:
     """Print the paper's claims and what became of them."""
-    if not found:
-        return
-    table = Table(
-        title="The paper, claim by claim", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, leading=1
-    )
-    for heading in ("the paper says", "these runs say"):
-        table.add_column(heading, overflow="fold")
-    table.add_column("", no_wrap=True)
     colours = {"holds": "green", "partly": "yellow", "does not hold": "red"}
-    for claim in found:
-        table.add_row(claim.words, claim.here, styled(colours[claim.verdict], claim.verdict))
-    console.print(table)
-
-
-def _print_reductions(console: Console, change: dict[str, float]) -> None:
-    from dualwinch.simulation.paper import REDUCTIONS, percent
-
-    table = Table(
-        title="Figure 21: what the observer changes\n(Case 4, steady state)", title_justify="left", box=box.SIMPLE_HEAD
+    verdicts = {verdict: styled(colour, verdict) for verdict, colour in colours.items()}
+    columns = (
+        FigureColumn("words", "", "the paper says"),
+        FigureColumn("here", "", "these runs say"),
+        FigureColumn("verdict", "", "", words=verdicts),
     )
-    for name in ("", "MAE", "max |e|", "MSE"):
-        table.add_column(name, justify="right" if name else "left")
-    table.add_row("here", *(percent(change[key]) for key in REDUCTIONS))
-    table.add_row("paper", *(percent(share, "+g") for share in REDUCTIONS.values()))
-    console.print(table)
+    rows = [(claim.words, claim.here, claim.verdict) for claim in found]
+    if rows:
+        console.print(FigureTable("claims", columns, rows, "The paper, claim by claim").render())
 
 
 PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"
@@ -309,28 +313,3 @@ def run_variants(numbers: list[int], step: Callable[[str], None], engine: Engine
             experiment = override(case(number, law), {"controller.coordination.kind": coordination})
             runs[number, law, coordination] = simulate(experiment, stride=0, engine=engine)
     return runs
-
-
-def print_variants(console: Console, runs: Variants, table: Table) -> None:
-    """Fill and print a table that has the columns of case and controller: tracking, chatter, slack, energy.
-
-    A coordination stands for the paper's position law with it, a position law for itself with the paper's coordination.
-    """
-    for name in ("MAE\nmm", "steady\nmm", "chatter\nN", "slack\n%", "peak\nN", "energy\nkJ"):
-        table.add_column(name, justify="right", no_wrap=True)
-    last = 0
-    for (number, law, coordination), result in runs.items():
-        if last and number != last:
-            table.add_section()
-        m, ended = result.metrics, "" if result.outcome == "completed" else f" ({result.outcome})"
-        name = law if coordination == PAPERS_COORDINATION else coordination
-        values = (1e3 * m.mae, 1e3 * m.steady_mae, m.chatter, 100 * m.slack_share)
-        forces = (m.peak_tension, m.energy / 1e3)
-        table.add_row(
-            str(number) if number != last else "",
-            name + ended,
-            *(measured(value, ".3g") for value in values),
-            *map(measured, forces),
-        )
-        last = number
-    console.print(table)

@@ -125,7 +125,7 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
         Names of the files that were written.
     """
     from dualwinch.codegen.files import write_whole
-    from dualwinch.reports.stress import show_stress
+    from dualwinch.reports.tuning import show_stress
     from dualwinch.simulation.plots import save
 
     write_whole(out / "stress.json", json_text(to_record(found)))

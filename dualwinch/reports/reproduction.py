@@ -1,59 +1,30 @@
 """The report of ``dualwinch reproduce``: one HTML file with tables, figures, configuration, versions and errata."""
 
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from markupsafe import Markup, escape
 
-from dualwinch.codegen.files import atomic
-from dualwinch.reports.captions import told
 from dualwinch.reports.claims import Claim, claims
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
-from dualwinch.reports.page import template
+from dualwinch.reports.page import data_uri, number_text, write_page
+from dualwinch.simulation.metrics.metric import MetricQuantity
+from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions
+from dualwinch.simulation.plots.runs import COMPARABLE
+from dualwinch.simulation.plots.traces import largest, within
 from dualwinch.simulation.results.result import Result
 
 PAPER = "https://doi.org/10.3390/jmse13061120"
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of the table of metrics.
-
-    Attributes:
-        group: heading above several columns.
-        heading: what it shows.
-        unit: unit of what it shows.
-        metric: field of `simulation.metrics.metrics.Metrics`.
-        scale: factor from that field to the unit shown.
-        high_is_good: whether the largest value is the best; else the smallest.
-    """
-
-    group: str
-    heading: str
-    unit: str
-    metric: str
-    scale: float = 1.0
-    high_is_good: bool = False
-
-
-TABLE = (
-    Column("whole run", "mean |e|", "mm", "mae", 1e3),
-    Column("whole run", "max |e|", "mm", "max_abs_error", 1e3),
-    Column("whole run", "mean e²", "mm²", "mse", 1e6),
-    Column("steady state", "mean |e|", "mm", "steady_mae", 1e3),
-    Column("steady state", "max |e|", "mm", "steady_max_abs_error", 1e3),
-    Column("steady state", "mean e²", "mm²", "steady_mse", 1e6),
-    Column("actuators and ropes", "saturated", "%", "saturated_share", 1e2),
-    Column("actuators and ropes", "peak tension", "kN", "peak_tension", 1e-3),
-    Column("actuators and ropes", "min. tension", "N", "min_tension", high_is_good=True),
-    Column("actuators and ropes", "chatter", "N a sample", "chatter"),
+COLUMNS = (
+    *("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse"),
+    *("saturated_share", "peak_tension", "min_tension", "chatter"),
 )
-
-METRIC_NAMES = {"mae": "mean |e|", "max_abs_error": "largest |e|", "mse": "mean e²"}
+"""Figures of merit of the table."""
 
 TITLES = {
     "trajectory": "tracking trajectory",
@@ -113,38 +84,25 @@ def write_report(
         figures: number of the paper's figure → its content, PNG or SVG; any subset of 5 to 21.
         configuration: the configuration as TOML text.
         versions: name → version of everything the results depend on.
-        found: the paper's claims; default: those that the runs alone tell something of.
+        found: the paper's claims; default: those that the runs alone say something about.
 
     Raises:
         OSError: the file cannot be written.
     """
-    page = render_report(runs, figures, configuration, versions, found)
-    with atomic(path) as unfinished:
-        unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
-
-
-def render_report(
-    runs: Mapping[tuple[int, str], Result],
-    figures: Mapping[int, bytes],
-    configuration: str,
-    versions: Mapping[str, str],
-    found: Sequence[Claim] | None = None,
-) -> str:
-    """The report as HTML text; arguments as for `write_report`."""
-    cases = sorted({number for number, _kind in runs})
-    change = reductions(runs)
+    change, merits = reductions(runs), metric_quantities()
     cards = [
-        {"name": METRIC_NAMES[metric], "here": percent(change[metric]), "paper": percent(paper, "+g")}
+        {"name": merits[metric].label, "here": percent(change[metric]), "paper": percent(paper, "+g")}
         for metric, paper in (REDUCTIONS if change else {}).items()
         if change
     ]
-    return template("report.html.j2").render(
+    write_page(
+        path,
+        "report.html.j2",
         paper=PAPER,
         summary=summary(runs),
         cards=cards,
         claims=claims(runs) if found is None else found,
-        columns=TABLE,
-        groups=_groups(),
+        columns=[merits[name] for name in COLUMNS],
         cases=[
             {
                 "number": number,
@@ -152,7 +110,7 @@ def render_report(
                 "rows": _rows({kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}),
                 "pictures": _pictures(number, runs, figures),
             }
-            for number in cases
+            for number in sorted({number for number, _kind in runs})
         ],
         comparison=_comparison(figures),
         configuration=configuration.strip(),
@@ -172,37 +130,20 @@ def summary(runs: Mapping[tuple[int, str], Result]) -> str:
     change = reductions(runs)
     if change is None:
         return first + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
-    here = _listing([f"{METRIC_NAMES[metric]} by {percent(change[metric])}" for metric in REDUCTIONS])
+    merits = metric_quantities()
+    here = _listing([f"{merits[metric].label} by {percent(change[metric])}" for metric in REDUCTIONS])
     paper = _listing([percent(value, "+g") for value in REDUCTIONS.values()])
     second = f"In the steady state of Case 4 the disturbance observer changes {here}; the paper reports {paper}."
     return f"{first} {second}".replace(" %", "\N{NO-BREAK SPACE}%")
-
-
-def number_text(value: float) -> Markup:
-    """A number for the table: three digits, a power of ten where it is very small or very large."""
-    if not np.isfinite(value):
-        return Markup("–")
-    if value == 0:
-        return Markup("0")
-    mantissa, exponent = f"{value:.2e}".split("e")
-    if 1e-2 <= abs(value) < 1e5:
-        rounded = float(f"{mantissa}e{exponent}")
-        return escape(f"{rounded:.{max(0, 2 - int(exponent))}f}".replace("-", "−"))
-    power = str(int(exponent)).replace("-", "−")
-    return Markup("{}·10<sup>{}</sup>").format(mantissa.replace("-", "−"), power)
 
 
 def _listing(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _groups() -> list[tuple[str, int]]:
-    names = list(dict.fromkeys(column.group for column in TABLE))
-    return [(name, sum(column.group == name for column in TABLE)) for name in names]
-
-
 def _rows(results: Mapping[str, Result]) -> list[dict[str, object]]:
-    best = {column: _best(results, column) for column in TABLE}
+    merits = metric_quantities()
+    best = {name: _best(results, name, merits[name]) for name in COLUMNS}
     return [
         {
             "kind": kind,
@@ -211,26 +152,22 @@ def _rows(results: Mapping[str, Result]) -> list[dict[str, object]]:
             if result.outcome == "completed"
             else f"{result.outcome.replace('_', ' ')} at {result.end_time:.3g} s",
             "cells": [
-                {"text": text, "best": text == best[column]}
-                for column in TABLE
-                for text in [number_text(column.scale * getattr(result.metrics, column.metric))]
+                {"text": text, "best": text == best[name]}
+                for name in COLUMNS
+                for text in [number_text(merits[name].scale * result.metrics[name])]
             ],
         }
         for kind, result in results.items()
     ]
 
 
-def _best(results: Mapping[str, Result], column: Column) -> str | None:
+def _best(results: Mapping[str, Result], name: str, merit: MetricQuantity) -> str | None:
     """Text of the best value of a column; ``None`` where there is nothing to compare or all look the same."""
-    values = [
-        column.scale * getattr(result.metrics, column.metric)
-        for result in results.values()
-        if result.outcome == "completed"
-    ]
+    values = [merit.scale * each.metrics[name] for each in results.values() if each.outcome == "completed"]
     finite = [value for value in values if np.isfinite(value)]
     if len({number_text(value) for value in finite}) < 2:
         return None
-    return number_text(max(finite) if column.high_is_good else min(finite))
+    return number_text(max(finite) if merit.small_is_bad else min(finite))
 
 
 def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapping[int, bytes]) -> list[Picture]:
@@ -245,7 +182,7 @@ def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapp
         if figure.content == "tensions":
             caption += " " + RINGING
         drawn = {kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}
-        caption = " ".join([caption, *told(figure.content, drawn)])
+        caption = " ".join([caption, *remarks(figure.content, drawn)])
         title = f"Case {number}: {TITLES[figure.content]}"
         pictures.append(Picture(figure.number, title, caption, data_uri(figures[figure.number])))
     return pictures
@@ -257,7 +194,47 @@ def _comparison(figures: Mapping[int, bytes]) -> Picture | None:
     return Picture(21, "Case 4: effect of the observer in the steady state", FIGURE_21, data_uri(figures[21]))
 
 
-def data_uri(content: bytes) -> str:
-    """A PNG or SVG as an address that carries its content."""
-    kind = "image/png" if content.startswith(b"\x89PNG") else "image/svg+xml"
-    return f"data:{kind};base64,{b64encode(content).decode()}"
+DRAWN = {"trajectory": ("x",), "error": ("e",), "commands": ("F1_cmd", "F2_cmd"), "tensions": ("F1", "F2")}
+"""What a figure draws → its columns."""
+
+COINCIDE = 0.005
+"""Lines that are nowhere further apart than this share of their panel's height look like a single one."""
+
+
+def remarks(content: str, runs: Mapping[str, Result]) -> list[str]:
+    """Sentences for the caption of a figure.
+
+    Args:
+        content: one of `simulation.paper.CONTENTS`.
+        runs: controller → result, all of one case.
+    """
+    sentences = []
+    together = _together(content, runs)
+    if together:
+        listed = " and ".join(together) if len(together) < 3 else f"{', '.join(together[:-1])} and {together[-1]}"
+        sentences.append(f"At the scale of the whole run the lines of {listed} coincide.")
+    if content == "error":
+        sentences += [f"There, {name} is off the panel; its range is given in words." for name in _off_the_panel(runs)]
+    return sentences
+
+
+def _together(content: str, runs: Mapping[str, Result]) -> list[str]:
+    """Names of the controllers whose lines coincide."""
+    columns = DRAWN[content]
+    rows = min((len(run["t"]) for run in runs.values()), default=0)
+    spans = {name: max((np.ptp(run[name][:rows]) for run in runs.values() if rows), default=0.0) for name in columns}
+    found: list[str] = []
+    for one, other in combinations(runs, 2):
+        apart = [np.abs(runs[one][name][:rows] - runs[other][name][:rows]).max(initial=0.0) for name in columns]
+        if all(distance <= COINCIDE * spans[name] for name, distance in zip(columns, apart, strict=True)):
+            found += [one, other]
+    return [CONTROLLERS[kind] for kind in dict.fromkeys(found)]
+
+
+def _off_the_panel(runs: Mapping[str, Result]) -> list[str]:
+    """Names of the controllers whose steady-state error the panel of the others cannot hold."""
+    sizes = {}
+    for kind, run in runs.items():
+        sizes[kind] = largest(run["e"][within(run["t"], *run.experiment.steady_window)])
+    smallest = min((size for size in sizes.values() if size > 0), default=0.0)
+    return [CONTROLLERS[kind] for kind, size in sizes.items() if size > COMPARABLE * smallest]

@@ -1,17 +1,18 @@
-"""The report of ``dualwinch tune``: one HTML file with scores, figures, gains and where they come from."""
+"""The reports of ``dualwinch tune`` and ``dualwinch race``, and the section on robustness, each one HTML file."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
 
-from dualwinch.codegen.files import atomic
+from dualwinch.codegen.files import write_whole
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.reports.page import template
-from dualwinch.reports.reproduction import data_uri, number_text
-from dualwinch.reports.tuning_words import ASSUMED, costs, gained, next_steps
-from dualwinch.simulation.plots.page import encode
+from dualwinch.reports.page import data_uri, number_text, template, write_page
+from dualwinch.simulation.plots.runs import length_unit
+from dualwinch.tuning.benchmark.comparison import RULE
+from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.plots import (
     before_and_after,
     front,
@@ -24,6 +25,7 @@ from dualwinch.tuning.plots import (
 )
 from dualwinch.tuning.result import (
     TuningResult,
+    advice,
     authority,
     contenders,
     headings,
@@ -32,6 +34,7 @@ from dualwinch.tuning.result import (
     where,
     worth,
 )
+from dualwinch.tuning.robustness.result import RobustnessResult
 
 CAPTIONS = {
     "history": "Each dot is a candidate in all tuning scenarios. Pale ones violate a constraint or were abandoned "
@@ -61,7 +64,9 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
     """
     folder = Path(path).parent
     kept = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
-    page = template("tuning.html.j2").render(
+    write_page(
+        Path(path),
+        "tuning.html.j2",
         summary=_summary(tuned),
         gained=gained(tuned),
         assumed=ASSUMED,
@@ -82,8 +87,6 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         facts={**facts, **_cost(tuned)},
         configuration=configuration.strip(),
     )
-    with atomic(Path(path)) as unfinished:
-        unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def _sentence(words: str) -> str:
@@ -164,8 +167,143 @@ def _pictures(tuned: TuningResult) -> dict[str, list[dict[str, str]]]:
         "parallel": ("Gains of the best candidates", parallel_coordinates(problem, trials)),
     }
     shown = {
-        name: {"title": title, "caption": CAPTIONS[name], "source": data_uri(encode(figure, ".png"))}
+        name: {"title": title, "caption": CAPTIONS[name], "source": data_uri(figure)}
         for name, (title, figure) in figures.items()
         if figure is not None
     }
     return {section: [shown[name] for name in names if name in shown] for section, names in SECTIONS.items()}
+
+
+COSTS = {
+    "mean.chatter": "chatter",
+    "mean.continuous_load": "the motors' load (root mean square torque)",
+    "mean.torque_rate": "the rate of torque",
+    "mean.energy": "energy",
+}
+"""Statistics that better tracking is paid with → their names."""
+
+ASSUMED = (
+    "All of this holds on ropes without mass and drums as light as the configuration's: on an independent plant, gains "
+    "tuned on drums of 1.8 kg m² are lost with 2.36 kg/m of rope, or with 30 kg m² more on the drums."
+)
+"""What tuned gains rest on."""
+
+
+def gained(tuned: TuningResult) -> str:
+    """The typical error of the best, the start and the paper's gains as lengths; empty where it was not measured."""
+    verdict = tuned.verdict
+    errors = {name: verdict.statistics(name).get("mean.mse", math.nan) for name in verdict.shown}
+    if not verdict.improved or not all(0 < error < math.inf for error in errors.values()):
+        return ""
+    before = " and ".join(
+        f"{_length(errors[name])} with {words}"
+        for name, words in (("start", "the start"), ("paper", "the paper's gains"))
+        if name in errors
+    )
+    return f"Root mean square error: {_length(errors['best'])}, where it was {before}." if before else ""
+
+
+def costs(tuned: TuningResult) -> list[str]:
+    """What the best takes more of than the paper's gains, and how near the largest tension is to its limit."""
+    verdict = tuned.verdict
+    ours, theirs = verdict.scored.statistics, verdict.statistics("paper")
+    found = []
+    for name, words in COSTS.items():
+        if ours.get(name, 0) > 0 and theirs.get(name, 0) > 0:
+            ratio = ours[name] / theirs[name]
+            found.append(
+                f"{words[:1].upper()}{words[1:]}: {ratio:.3g} × the paper's{'' if ratio > 1 else ', no cost'}."
+            )
+    peak = ours.get("worst.peak_tension", math.nan)
+    limit = float(tuned.problem.experiment.controller.limits.tension_max)
+    if math.isfinite(peak):
+        found.append(f"Largest tension {peak:.0f} N; commands are limited to {limit:.0f} N.")
+    return found
+
+
+def next_steps(tuned: TuningResult, folder: Path) -> list[tuple[str, str]]:
+    """What to do next: words, and a command, which is empty for mere advice."""
+    best = folder / "best.toml"
+    ensemble = tuned.problem.ensemble
+    steps = [(f"{sentence[:1].upper()}{sentence[1:]}.", "") for sentence in advice(tuned)]
+    if not tuned.verdict.improved:
+        return steps
+    if ensemble is not None:
+        named = f" --ensemble {ensemble.name}"
+        words = "Check it against the paper's gains in scenarios of a new seed, with confidence intervals:"
+        steps.append((words, f"dualwinch compare paper {best}{named} --seed 1000"))
+    steps.append(("Find what breaks it first; this report then shows it:", f"dualwinch stress {best} --out {folder}"))
+    steps.append(("Look at a run:", f"dualwinch simulate --config {best} --plot run.png"))
+    steps.append(("Put it on hardware, as C99:", f"dualwinch export c --config {best} --out firmware"))
+    return steps
+
+
+def _length(mean_square: float) -> str:
+    size = math.sqrt(mean_square)
+    unit, name = length_unit(size)
+    return f"{size / unit:.3g} {name}"
+
+
+BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
+"""Where the section stands in a report; it is empty in a new one."""
+
+
+def show_stress(report: Path, found: RobustnessResult) -> bool:
+    """Put what was found into a report of `dualwinch tune`, in the place of what stands there.
+
+    Args:
+        report: the file; nothing happens where there is none, or one of something else.
+        found: what it is to show.
+
+    Returns:
+        Whether the report shows it.
+
+    Raises:
+        OSError: the report cannot be written.
+    """
+    if not report.is_file():
+        return False
+    before, begin, rest = report.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        return False
+    headings, rows = found.table()
+    section = template("stress.html.j2").render(
+        heading=found.heading,
+        headings=headings,
+        rows=rows,
+        notes=found.notes(),
+        picture=data_uri(found.plot()),
+    )
+    write_whole(report, f"{before}{BEGIN}\n{section}{END}{after}")
+    return True
+
+
+def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, str]) -> None:
+    """Write the report: one self-contained HTML file, which appears whole or not at all.
+
+    Args:
+        path: the file.
+        found: the race.
+        facts: provenance, name → value.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    headings, rows = found.table()
+    write_page(
+        path,
+        "race.html.j2",
+        heading=found.heading,
+        rule=RULE,
+        headings=headings,
+        rows=rows,
+        notes=found.notes(),
+        picture=data_uri(found.plot()),
+        fronts=data_uri(found.plot_fronts()),
+        ablations=found.ablations(),
+        stress=found.stress_rows(),
+        searches=found.search_rows(),
+        facts={"seed": str(found.terms.seed), "method": found.terms.method, **facts},
+        configuration=found.terms.configuration.strip(),
+    )

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.reports.captions import told
 from dualwinch.reports.claims import claims, converged_at
+from dualwinch.reports.reproduction import remarks
 from dualwinch.simulation.paper import CONTROLLERS
 from dualwinch.simulation.results.result import Result
 
@@ -78,9 +78,9 @@ def test_captions_say_what_their_figures_draw(runs: Runs) -> None:
     def drawn(number: int) -> dict[str, Result]:
         return {kind: runs[number, kind] for kind in CONTROLLERS}
 
-    assert told("error", drawn(1)) == ["At the scale of the whole run the lines of FANDO-NFTSM and NFTSM coincide."]
-    assert told("error", drawn(4)) == ["There, PID cascade is off the panel; its range is given in words."]
-    assert told("trajectory", drawn(2)) == [
+    assert remarks("error", drawn(1)) == ["At the scale of the whole run the lines of FANDO-NFTSM and NFTSM coincide."]
+    assert remarks("error", drawn(4)) == ["There, PID cascade is off the panel; its range is given in words."]
+    assert remarks("trajectory", drawn(2)) == [
         "At the scale of the whole run the lines of FANDO-NFTSM, NFTSM and PID cascade coincide."
     ]
-    assert told("tensions", {"nftsm": runs[1, "nftsm"]}) == []
+    assert remarks("tensions", {"nftsm": runs[1, "nftsm"]}) == []
