@@ -8,7 +8,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from benchmarks.growth_point import Point
 from dualwinch.codegen.drivers.batch import LANES
-from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, new_figure
+from dualwinch.simulation.plots.page import new_page
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION
 
 MILLI = 1e3
 
@@ -18,9 +19,9 @@ def growth_figure(found: Sequence[Point]) -> Figure:
     series: dict[str, list[Point]] = {}
     for point in found:
         series.setdefault(point.series, []).append(point)
-    with house_style():
-        figure = new_figure(3.0, "How time grows", "Case 4, FANDO-NFTSM at 1 kHz, adaptive integrator")
-        horizon, candidates, threads = figure.subplots(1, 3)
+    words = "Case 4, FANDO-NFTSM at 1 kHz, adaptive integrator"
+    with new_page(None, 3.0, "How time grows", words) as page:
+        horizon, candidates, threads = page.panels(1, 3)
         _line(horizon, series["horizon"], BLUE, "dualwinch", MILLI)
         _line(horizon, series.get("hand C, horizon", []), VERMILION, "hand-written C", MILLI)
         horizon.set_title("one rollout")
@@ -49,7 +50,7 @@ def growth_figure(found: Sequence[Point]) -> Figure:
         threads.set_title("dotted: in proportion")
         threads.set_xlabel("threads")
         threads.set_ylabel("rollouts a second")
-    return figure
+    return page.figure
 
 
 def _line(axes: Axes, points: Sequence[Point], colour: str, label: str, factor: float) -> None:

@@ -12,7 +12,8 @@ from dualwinch.controllers.laws.predictive.mpc import Mpc
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, new_figure
+from dualwinch.simulation.plots.page import new_page
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -43,9 +44,8 @@ def predictive_figure(hurried: Experiment) -> Figure:
     Args:
         hurried: an experiment whose law is at its limit.
     """
-    with house_style():
-        figure = new_figure(3.0, "What looking ahead does", "Case 2, and a start at 0.15 m/s from rest")
-        corner, start = figure.subplots(1, 2)
+    with new_page(None, 3.0, "What looking ahead does", "Case 2, and a start at 0.15 m/s from rest") as page:
+        corner, start = page.panels(1, 2)
         for law, colour in ((Blind(), GREY), (Mpc(), BLUE)):
             _draw(corner, simulate(case(2, law=law)), "e", 1e6, colour, law.label)
         corner.axvline(CORNER, color=GREY, linewidth=0.8, linestyle=":")
@@ -62,7 +62,7 @@ def predictive_figure(hurried: Experiment) -> Figure:
         for axes in (corner, start):
             axes.set_xlabel("t (s)")
             axes.legend()
-    return figure
+    return page.figure
 
 
 def _with_law(hurried: Experiment, law: Adrc) -> Experiment:

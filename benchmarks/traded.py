@@ -9,15 +9,13 @@ import sys
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from benchmarks.document import put
 from benchmarks.scored import HELD_OUT_SEED, ROLLOUTS, SCENARIOS, SEED, Score, scored, searched
 from dualwinch import tuning_problem
 from dualwinch.controllers.controller import Controller
-from dualwinch.simulation.plots import save
-from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, legend_below, new_figure
+from dualwinch.simulation.plots.page import new_page, save
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION
 from dualwinch.tuning.constraints import NO_PEAK, NO_SLACK
 
 ALLOWED = (0.05, 0.1, 0.15, 0.25, 0.4)
@@ -28,20 +26,18 @@ def front(score: Score) -> Figure:
     """Mean square error against chatter."""
     paper, ours = score.paper, sorted(score.tuned, key=lambda each: each.chatter)
     words = f"{SCENARIOS} held-out scenarios of 'sea' (seed {HELD_OUT_SEED}), searches of {ROLLOUTS} rollouts"
-    with house_style():
-        figure = new_figure(3.8, "What less chatter costs", words)
-        axes = figure.subplots()
-        handles: list[Line2D | Patch] = []
+    with new_page(None, 3.8, "What less chatter costs", words) as page:
+        (axes,) = page.panels()
         for key, label, colour in (("mse", "all scenarios", VERMILION), ("within_authority", "within authority", BLUE)):
             values = [getattr(score, key) for score in ours]
-            handles += axes.plot([score.chatter for score in ours], values, color=colour, marker="o", ms=4, label=label)
+            axes.plot([score.chatter for score in ours], values, color=colour, marker="o", ms=4, label=label)
             axes.plot(paper.chatter, getattr(paper, key), color=colour, marker="x", markersize=6)
-        least = axes.axhline(score.least, color=VERMILION, linestyle=(0, (4, 2)), label="all: no controller has less")
-        quarter = axes.axvline(0.25 * paper.chatter, color=GREY, linestyle=(0, (1, 1.5)), label="paper's chatter / 4")
+        axes.axhline(score.least, color=VERMILION, linestyle=(0, (4, 2)), label="all: no controller has less")
+        axes.axvline(0.25 * paper.chatter, color=GREY, linestyle=(0, (1, 1.5)), label="paper's chatter / 4")
         axes.annotate("paper's gains", (paper.chatter, paper.mse), (-6, -12), textcoords="offset points", ha="right")
         axes.set(xlabel="mean chatter (N)", ylabel="mean MSE (m²)", yscale="log")
-        legend_below(figure, [*handles, least, quarter])
-    return figure
+        page.legend()
+    return page.figure
 
 
 def main() -> None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from dualwinch.identification.unknowns import UnknownParameter
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.reference import Reference, setpoint
-from dualwinch.simulation.plots.page import GivenAxes, Page
-from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, house_style, logarithmic, plain
+from dualwinch.simulation.plots.page import GivenAxes, new_page
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, logarithmic, plain
 
 Floats = NDArray[np.float64]
 
@@ -31,9 +31,8 @@ def identification_figure(
 ) -> Figure:
     """Draw estimates with their intervals beside their starts; see `identification.result.IdentificationResult`."""
     rows = range(len(unknowns))
-    with house_style():
-        page = Page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", headline)
-        estimates, *sensors = page.panels(1, 2)
+    with new_page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", headline) as page:
+        estimates, sensors = page.panels(1, 2)
         by = np.array([unknown.uncertainty for unknown in unknowns]) / 100
         starts = np.array([unknown.start for unknown in unknowns])
         estimates.axvline(0, color=GREY, linewidth=1.0)
@@ -51,8 +50,7 @@ def identification_figure(
         estimates.set_ylim(len(rows) - 0.5, -0.5)
         known = any(unknown.prior for unknown in unknowns)
         estimates.set_xlabel("change, % of " + ("the prior deviation" if known else "the start"))
-        for axes in sensors:
-            _innovation_strips(innovations, verdicts, axes)
+        _innovation_strips(innovations, verdicts, sensors)
     return page.figure
 
 
@@ -102,8 +100,7 @@ def excitation_figure(
 ) -> Figure:
     """Draw a motion, and the deviations to expect of it; see `identification.excitation.ExcitationDesign`."""
     rows = range(len(unknowns))
-    with house_style():
-        page = Page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", headline)
+    with new_page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", headline) as page:
         left, right = page.panels(1, 2)
         t = np.linspace(0, duration, 600)
         left.plot(t, setpoint(t, reference).x, color=BLUE)
@@ -117,5 +114,5 @@ def excitation_figure(
         right.set_ylim(len(rows) - 0.5, -0.5)
         logarithmic(right, between=(1, 2, 5))
         right.set_xlabel("deviation to expect, % of the parameter")
-        page.legend(list(right.get_lines()))
+        page.legend()
     return page.figure

@@ -45,8 +45,13 @@ class PaperFigure:
     content: str
 
 
-CONTENTS = ("trajectory", "error", "commands", "tensions")
-"""What the four figures of a case draw, in the paper's order."""
+CONTENTS = {
+    "trajectory": "tracking trajectory",
+    "error": "tracking error",
+    "commands": "force commands of the coordination",
+    "tensions": "rope tensions",
+}
+"""The four figures of a case and what they show, in the paper's order."""
 
 FIGURES = tuple(
     PaperFigure(number, case, content) for number, (case, content) in enumerate(product(CASES, CONTENTS), start=5)

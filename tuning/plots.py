@@ -1,31 +1,25 @@
-"""Names of gains and statistics as figures and tables show them."""
+"""Figures of a search: its history, its best candidates, and the best beside the paper's gains."""
 
 import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from dualwinch.model.quantities.quantity import behind_number
+from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.plots.style import (
-    BLUE,
-    GREY,
-    INK,
-    LIGHT,
-    SKY,
-    VERMILION,
-    house_style,
-    legend_below,
-    new_figure,
-    time_axis,
-)
+from dualwinch.simulation.plots.page import new_page
+from dualwinch.simulation.plots.runs import draw_limits
+from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMILION
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TEST, TuningProblem
@@ -34,24 +28,11 @@ from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.storage.record import finished_trial
 
-ABBREVIATIONS = ("mse", "mae")
-
 
 def axis_title(statistic: Statistic) -> str:
     """Statistic with its unit, as on an axis."""
-    unit = shown_unit(statistic.unit)
-    return f"{shown_name(statistic.name)}{f' ({unit})' if unit else ''}"
-
-
-def shown_name(name: str) -> str:
-    """Name of a statistic in words."""
-    words = name.replace(".", " ").replace("_", " ").split()
-    return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
-
-
-def shown_unit(unit: str) -> str:
-    """A unit as printed; empty for a pure number."""
-    return "" if unit == "1" else unit.replace("^2", "²")
+    unit = readable_unit(statistic.unit)
+    return f"{statistic.words} ({unit})" if unit else statistic.words
 
 
 def short(name: str) -> str:
@@ -75,30 +56,21 @@ def history(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure:
     values = np.array([trial.objectives[0] for trial in trials])
     feasible = np.array([trial.feasible for trial in trials])
     best = np.minimum.accumulate(np.where(feasible, values, np.inf))
-    known = np.isfinite(values)
-    with house_style():
-        figure = new_figure(3.4, "History of the search", f"{axis_title(objective)} of every trial")
-        axes = figure.subplots()
+    with new_page(None, 3.4, "History of the search", f"{axis_title(objective)} of every trial") as page:
+        (axes,) = page.panels()
         numbers = np.arange(len(trials))
-        for chosen, colour in ((~feasible, LIGHT), (feasible, SKY)):
+        axes.plot(numbers, best, color=BLUE, drawstyle="steps-post", label="best so far")
+        known = np.isfinite(values)
+        for chosen, colour, label in _by_feasibility(feasible):
             shown = _thinned(numbers[chosen & known])
-            axes.plot(shown, values[shown], ".", markersize=3, color=colour, rasterized=True)
-        axes.plot(numbers, best, color=BLUE, drawstyle="steps-post")
+            _dots(axes, shown, values[shown], colour, label)
         start = next((trial.objectives[0] for trial in trials if trial.point == problem.start), None)
         if start:
-            axes.axhline(start, color=VERMILION, linestyle=(0, (4, 2)), linewidth=0.9)
+            axes.axhline(start, **START)
         _scale(axes.set_yscale, values[known])
         axes.set(xlabel="trial", ylabel=axis_title(objective), xlim=(0, max(len(trials) - 1, 1)))
-        legend_below(
-            figure,
-            [
-                Line2D([], [], color=BLUE, label="best so far"),
-                _dots(SKY, "keeps to the constraints"),
-                _dots(LIGHT, "does not"),
-                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="start"),
-            ],
-        )
-    return figure
+        page.legend()
+    return page.figure
 
 
 def importance(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure | None:
@@ -110,18 +82,14 @@ def importance(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure |
     if not shares:
         return None
     names = sorted(shares, key=shares.__getitem__)
-    with house_style():
-        figure = new_figure(
-            0.9 + 0.24 * len(names),
-            "Which gains matter",
-            "Share of what tells the best tenth of the trials from the rest",
-        )
-        axes = figure.subplots()
+    words = "Share of what tells the best tenth of the trials from the rest"
+    with new_page(None, 0.9 + 0.24 * len(names), "Which gains matter", words) as page:
+        (axes,) = page.panels()
         bars = axes.barh([short(name) for name in names], [shares[name] for name in names], color=BLUE, height=0.6)
         axes.bar_label(bars, [f"{100 * shares[name]:.0f} %" for name in names], padding=3, color=INK, fontsize=8)
         axes.set(xlabel="importance", xlim=(0, 1.12 * max(shares.values())))
         axes.grid(visible=False, axis="y")
-    return figure
+    return page.figure
 
 
 def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[str, float]:
@@ -145,18 +113,16 @@ def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation]) -
     """Where the best candidates lie in every dimension, with the start and the bounds."""
     order = [index for index in best_first(trials) if not trials[index].pruned][:SHOWN]
     dimensions = problem.space.dimensions
-    with house_style():
-        figure = new_figure(
-            4.2, "Where the best lie", f"The {len(order)} best trials in every searched gain, best darkest"
-        )
-        axes = figure.subplots()
+    words = f"The {len(order)} best trials in every searched gain, best darkest"
+    with new_page(None, 4.2, "Where the best lie", words) as page:
+        (axes,) = page.panels()
         columns = np.arange(len(dimensions))
         for rank, index in reversed(list(enumerate(order))):
             shade = 0.15 + 0.75 * (1 - rank / len(order)) ** 2
             axes.plot(columns, problem.space.encoded(trials[index].point), color=BLUE, alpha=shade, linewidth=0.8)
-        axes.plot(columns, problem.space.encoded(trials[order[0]].point), color=BLUE, linewidth=2.2)
-        start = problem.space.encoded(problem.start)
-        axes.plot(columns, start, color=VERMILION, linestyle=(0, (4, 2)), linewidth=1.2)
+        best = problem.space.encoded(trials[order[0]].point)
+        axes.plot(columns, best, color=BLUE, linewidth=2.2, label="best where tuned")
+        axes.plot(columns, problem.space.encoded(problem.start), **{**START, "linewidth": 1.2})
         for column, dimension in zip(columns, dimensions, strict=True):
             ends = (
                 (f"{dimension.lower:g}", f"{dimension.upper:g}")
@@ -169,14 +135,8 @@ def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation]) -
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
         axes.set(ylim=(-0.1, 1.1), xlim=(-0.4, len(dimensions) - 0.6))
-        legend_below(
-            figure,
-            [
-                Line2D([], [], color=BLUE, linewidth=2.2, label="best where tuned"),
-                Line2D([], [], color=VERMILION, linestyle=(0, (4, 2)), label="start"),
-            ],
-        )
-    return figure
+        page.legend()
+    return page.figure
 
 
 def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Sequence[Evaluation]) -> Figure:
@@ -193,33 +153,27 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
     points = np.array([[trial.statistics[statistic.name] for statistic in (across, upward)] for trial in whole])
     kept = np.isfinite(points).all(axis=1)
     feasible = np.array([trial.feasible for trial in whole]) & kept
-    with house_style():
-        words = f"{axis_title(upward)} against {axis_title(across)}, complete trials"
-        figure = new_figure(3.8, "What is traded", words)
-        axes = figure.subplots()
-        for chosen, colour in ((kept & ~feasible, LIGHT), (feasible, SKY)):
-            shown = _thinned(np.flatnonzero(chosen))
-            axes.plot(*points[shown].T, ".", markersize=3, color=colour, rasterized=True)
-        handles: list[Line2D] = [_dots(SKY, "keeps to the constraints"), _dots(LIGHT, "does not")]
+    words = f"{axis_title(upward)} against {axis_title(across)}, complete trials"
+    with new_page(None, 3.8, "What is traded", words) as page:
+        (axes,) = page.panels()
+        for chosen, colour, label in _by_feasibility(feasible):
+            shown = points[_thinned(np.flatnonzero(chosen & kept))]
+            _dots(axes, shown[:, 0], shown[:, 1], colour, label)
         if len(problem.objectives) > 1:
             edge, label = points[pareto_front(whole)], "Pareto front"
         else:
             edge, label = points[kept][_lower_edge(points[kept])], "lower edge of all trials"
         if len(edge):
-            axes.plot(*edge.T, color=BLUE, marker="o", markersize=3)
-            handles.append(Line2D([], [], color=BLUE, marker="o", markersize=3, label=label))
+            axes.plot(*edge.T, color=BLUE, marker="o", markersize=3, label=label)
         for constraint in constraints:
             if constraint.statistic == upward:
-                dotted = {"color": GREY, "linestyle": (0, (1, 1.5))}
-                axes.axhline(constraint.bound, **dotted)
-                handles.append(
-                    Line2D([], [], **dotted, label=f"bound {constraint.bound:.3g}{behind_number(upward.unit)}")
-                )
+                words = f"bound {constraint.bound:.3g}{behind_number(upward.unit)}"
+                axes.axhline(constraint.bound, color=GREY, linestyle=(0, (1, 1.5)), label=words)
         _scale(axes.set_xscale, points[kept, 0])
         _scale(axes.set_yscale, points[kept, 1])
         axes.set(xlabel=axis_title(across), ylabel=axis_title(upward))
-        legend_below(figure, [*handles])
-    return figure
+        page.legend()
+    return page.figure
 
 
 def _single(trial: Evaluation) -> Evaluation:
@@ -245,8 +199,18 @@ def _thinned(indices: np.ndarray) -> np.ndarray:
     return indices[:: -(-len(indices) // MANY) or 1]
 
 
-def _dots(colour: str, label: str) -> Line2D:
-    return Line2D([], [], color=colour, marker=".", linestyle="none", markersize=7, label=label)
+START: dict[str, Any] = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 0.9, "label": "start"}
+"""How the gains that a search starts from are drawn."""
+
+
+def _by_feasibility(feasible: np.ndarray) -> tuple[tuple[np.ndarray, str, str], ...]:
+    """Which trials are infeasible and which feasible, each with colour and name."""
+    return (~feasible, LIGHT, "does not"), (feasible, SKY, "keeps to the constraints")
+
+
+def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str) -> None:
+    axes.plot(x, y, ".", markersize=3, color=colour, rasterized=True)
+    axes.plot([], [], ".", markersize=7, color=colour, label=label)
 
 
 ROWS = 2500
@@ -268,40 +232,31 @@ def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure
     """
     runs, words = _runs(problem, verdict)
     experiment = problem.experiment
-    limits = experiment.controller.limits
-    with house_style():
-        figure = new_figure(6.6, "The paper's gains and the best", words)
-        panels = figure.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1.2, 1.2))
+    with new_page(None, 6.6, "The paper's gains and the best", words) as page:
+        panels = page.panels(4, sharex=True, height_ratios=(1, 1, 1.2, 1.2))
         for axes, name in zip(panels, ("paper", "best"), strict=False):
             label, colour = CONTENDERS[name]
-            axes.plot(runs[name]["t"], 1e3 * runs[name]["e"], color=colour, linewidth=0.8)
+            axes.plot(runs[name]["t"], 1e3 * runs[name]["e"], color=colour, linewidth=0.8, label=label)
             axes.set(ylabel="e (mm)", title=f"tracking error, {label}")
         for rope, axes in enumerate(panels[2:], start=1):
-            for name, (_, colour) in CONTENDERS.items():
-                axes.plot(runs[name]["t"], 1e-3 * runs[name][f"F{rope}"], color=colour, linewidth=0.7)
-            for limit in (limits.tension_min, limits.tension_max):
-                axes.axhline(1e-3 * limit, color=GREY, linestyle=(0, (4, 2)), linewidth=0.8)
+            for name, (label, colour) in CONTENDERS.items():
+                axes.plot(runs[name]["t"], 1e-3 * runs[name][f"F{rope}"], color=colour, linewidth=0.7, label=label)
+            draw_limits(axes, experiment, label="limits of the commands,")
             axes.set(ylabel=f"F{rope} (kN)", title=f"tension of rope {rope}")
-        time_axis(panels[-1], experiment)
-        figure.align_ylabels()
-        handles = [Line2D([], [], color=colour, label=label) for label, colour in CONTENDERS.values()]
-        limit = Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="limits of the commands")
-        legend_below(figure, [*handles, limit])
-    return figure
+        page.time_axes(panels, experiment, shaded=False)
+        page.legend()
+    return page.figure
 
 
 def held_out(verdict: SelectionResult) -> Figure | None:
     """Distribution of figures of merit over the test scenarios; ``None`` without an ensemble."""
     if not verdict.has_test_set:
         return None
-    scenarios = verdict.scored.scenarios
-    with house_style():
-        figure = new_figure(
-            4.6, "Test set", f"Distribution over {scenarios} scenarios that took no part in search and choice"
-        )
-        for axes, metric in zip(figure.subplots(2, 2).flat, DISTRIBUTED, strict=True):
+    words = f"Distribution over {verdict.scored.scenarios} scenarios that took no part in search and choice"
+    with new_page(None, 4.6, "Test set", words) as page:
+        for axes, metric in zip(page.panels(2, 2, "C"), DISTRIBUTED, strict=True):
             quantity = metric_quantities()[metric]
-            values = {name: _completed(verdict, name, metric) for name in CONTENDERS}
+            values = {name: quantity.scale * _completed(verdict, name, metric) for name in CONTENDERS}
             everything = np.concatenate(list(values.values()))
             log = bool(len(everything)) and everything.min() > 0 and everything.max() > 20 * everything.min()
             span = (np.log10(everything) if log else everything) if len(everything) else np.zeros(1)
@@ -309,10 +264,9 @@ def held_out(verdict: SelectionResult) -> Figure | None:
             for name, (_, colour) in CONTENDERS.items():
                 axes.hist(values[name], 10**edges if log else edges, color=colour, alpha=0.7, histtype="stepfilled")
             axes.set_xscale("log" if log else "linear")
-            axes.set(xlabel=f"{shown_name(metric)} ({shown_unit(quantity.unit)})", ylabel="scenarios")
-        handles = [Line2D([], [], color=colour, linewidth=5, label=label) for label, colour in CONTENDERS.values()]
-        legend_below(figure, [*handles])
-    return figure
+            axes.set(xlabel=quantity.axis, ylabel="scenarios")
+        page.legend(*(Patch(facecolor=colour, alpha=0.7, label=label) for label, colour in CONTENDERS.values()))
+    return page.figure
 
 
 def _completed(verdict: SelectionResult, name: str, metric: str) -> np.ndarray:

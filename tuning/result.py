@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.model.quantities.tables import page, section, table
+from dualwinch.model.quantities.tables import page, readable_unit, section, table
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import assumptions
 from dualwinch.tuning.optimisers import default_method
-from dualwinch.tuning.plots import short, shown_unit
+from dualwinch.tuning.plots import short
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
 from dualwinch.tuning.scoring.progress import SearchStatus
@@ -139,7 +139,7 @@ def statistics_table(tuned: TuningResult) -> tuple[list[str], list[list[str]]]:
         theirs = verdict.statistics("paper")[name]
         ratio = [number(value / theirs, 3) if theirs else "" for _ in compared]
         values = [number(verdict.statistics(column)[name], 4) for column in columns]
-        rows.append([name, *values, *ratio, shown_unit(tuned.problem.units[name])])
+        rows.append([name, *values, *ratio, readable_unit(tuned.problem.units[name])])
     return ["", *columns.values(), *compared, ""], rows
 
 

@@ -79,19 +79,13 @@ POINTS = 1000
 """Points over time a file keeps of every run."""
 
 
-def runs(found: Preloads) -> dict[str, Result]:
-    """The runs there are, by name."""
-    named = {"constant": found.constant, "best constant": found.best, "scheduled": found.scheduled}
-    return {name: run for name, run in named.items() if run is not None}
-
-
 def preloads_table(found: Preloads) -> FigureTable:
     """A row for every preload: its smallest and largest value, and the figures of merit of the run with it."""
     merits = found.scheduled.metrics.quantities
     columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
     columns += [FigureColumn.of_metric(name, merits[name], form=form) for name, form in SHOWN.items()]
     rows = []
-    for name, run in runs(found).items():
+    for name, run in found.runs.items():
         ended = "" if run.outcome == "completed" else f" ({run.outcome})"
         rows.append([name + ended, _sums(_extremes(run)), *(run.metrics[column.name] for column in columns[2:])])
     reached = _least_metrics(found.least)
@@ -157,7 +151,7 @@ def to_record(found: Preloads) -> dict[str, Any]:
     from dualwinch.config.experiment_file import to_toml
 
     report: dict[str, Any] = {}
-    for name, run in runs(found).items():
+    for name, run in found.runs.items():
         stride = max(1, -(-len(run["t"]) // POINTS))
         report[name.replace(" ", "_")] = {
             "outcome": str(run.outcome),

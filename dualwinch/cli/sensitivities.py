@@ -200,7 +200,7 @@ def content_of(effects: Effects) -> FileContent:
 
     from dualwinch.model.quantities.quantity import Quantity
     from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.results.file_formats import FileContent, plain
+    from dualwinch.simulation.results.file_formats import FileContent
 
     found, sample_time = effects.found, effects.experiment.simulation.sample_time
     t: NDArray[np.float64] = np.arange(effects.experiment.samples, dtype=np.float64) * sample_time
@@ -210,11 +210,8 @@ def content_of(effects: Effects) -> FileContent:
         for key, slope in zip(effects.values, found.column_slopes[name][0, 0].T, strict=True):
             unit = per(quantity.unit, effects.units[key])
             columns[f"{name} by {key}"] = slope, Quantity(unit, f"derivative of {name} by {key}")
-    return FileContent(
-        columns={name: values for name, (values, _) in columns.items()},
-        quantities={name: quantity for name, (_, quantity) in columns.items()},
-        facts={"differentiated_by": ", ".join(effects.values), "experiment": plain(leaves(effects.experiment))},
-    )
+    facts = {"differentiated_by": ", ".join(effects.values), "experiment": leaves(effects.experiment)}
+    return FileContent.of(columns, facts)
 
 
 def to_record(effects: Effects) -> dict[str, Any]:

@@ -165,7 +165,7 @@ def content_of(found: Sweep) -> FileContent:
     """What a file holds: a row for each run, with the values of the keys, outcome, end and figures of merit."""
     from dualwinch.model.quantities.quantity import Quantity
     from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.results.file_formats import FileContent, plain
+    from dualwinch.simulation.results.file_formats import FileContent
 
     points = list(product(*found.values))
     columns: dict[str, tuple[np.ndarray, Quantity]] = {
@@ -177,11 +177,7 @@ def content_of(found: Sweep) -> FileContent:
     }
     merits = found.merits
     columns |= {name: (values.ravel(), merits[name]) for name, values in found.metrics.items()}
-    return FileContent(
-        columns={name: values for name, (values, _) in columns.items()},
-        quantities={name: quantity for name, (_, quantity) in columns.items()},
-        facts={"swept": ", ".join(found.keys), "experiment": plain(leaves(found.experiment))},
-    )
+    return FileContent.of(columns, {"swept": ", ".join(found.keys), "experiment": leaves(found.experiment)})
 
 
 def _column(values: Sequence[Any]) -> np.ndarray:
@@ -196,9 +192,8 @@ def _column(values: Sequence[Any]) -> np.ndarray:
 def to_record(found: Sweep) -> dict[str, Any]:
     """The content as plain data: units, and a mapping for each run."""
     content = content_of(found)
-    rows = zip(*(values.tolist() for values in content.columns.values()), strict=True)
     points = [dict(zip(found.keys, point, strict=True)) for point in product(*found.values)]
-    runs = [dict(zip(content.columns, row, strict=True)) | at for row, at in zip(rows, points, strict=True)]
+    runs = [row | at for row, at in zip(content.rows, points, strict=True)]
     return {"keys": found.keys, "units": content.units, "runs": runs}
 
 

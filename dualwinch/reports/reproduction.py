@@ -12,7 +12,7 @@ from dualwinch.reports.errata import INTRODUCTION, NOTES, places
 from dualwinch.reports.page import data_uri, number_text, write_page
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.paper import CASES, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions
+from dualwinch.simulation.paper import CASES, CONTENTS, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions
 from dualwinch.simulation.plots.runs import COMPARABLE
 from dualwinch.simulation.plots.traces import largest, within
 from dualwinch.simulation.results.result import Result
@@ -25,13 +25,6 @@ COLUMNS = (
     *("saturated_share", "peak_tension", "min_tension", "chatter"),
 )
 """Figures of merit of the table."""
-
-TITLES = {
-    "trajectory": "tracking trajectory",
-    "error": "tracking error",
-    "commands": "force commands of the coordination",
-    "tensions": "rope tensions",
-}
 
 CAPTIONS = {
     "trajectory": "Position and speed of the vehicle; the reference is the dotted black line. The inset enlarges the "
@@ -183,7 +176,7 @@ def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapp
             caption += " " + RINGING
         drawn = {kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}
         caption = " ".join([caption, *remarks(figure.content, drawn)])
-        title = f"Case {number}: {TITLES[figure.content]}"
+        title = f"Case {number}: {CONTENTS[figure.content]}"
         pictures.append(Picture(figure.number, title, caption, data_uri(figures[figure.number])))
     return pictures
 

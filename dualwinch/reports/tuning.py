@@ -8,8 +8,10 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from dualwinch.codegen.files import write_whole
+from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import data_uri, number_text, template, write_page
+from dualwinch.simulation.ensembles.result import in_words
 from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.tuning.benchmark.comparison import RULE
 from dualwinch.tuning.benchmark.result import BenchmarkResult
@@ -20,8 +22,6 @@ from dualwinch.tuning.plots import (
     history,
     importance,
     parallel_coordinates,
-    shown_name,
-    shown_unit,
 )
 from dualwinch.tuning.result import (
     TuningResult,
@@ -112,10 +112,10 @@ def _scores(tuned: TuningResult) -> list[dict[str, Any]]:
         theirs = verdict.statistics("paper")[name]
         rows.append(
             {
-                "name": shown_name(name),
+                "name": in_words(name),
                 "values": [number_text(verdict.statistics(column)[name]) for column in columns],
                 "ratio": number_text(value / theirs) if theirs else "–",
-                "unit": shown_unit(tuned.problem.units[name]),
+                "unit": readable_unit(tuned.problem.units[name]),
             }
         )
     return rows

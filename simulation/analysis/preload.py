@@ -257,6 +257,12 @@ class Preloads:
     least: LeastPreload
 
     @property
+    def runs(self) -> dict[str, Result]:
+        """The runs there are, by name."""
+        named = {"constant": self.constant, "best constant": self.best, "scheduled": self.scheduled}
+        return {name: run for name, run in named.items() if run is not None}
+
+    @property
     def saved(self) -> float:
         """Share of what the least preload saves against the best constant one that the schedule saves; NaN without."""
         if self.best is None:

@@ -32,7 +32,7 @@ from dualwinch.simulation.animation.machine import (
 )
 from dualwinch.simulation.plots.page import case_number, scenario
 from dualwinch.simulation.plots.runs import KILO, length_unit
-from dualwinch.simulation.plots.style import GREY, INK, LIGHT, ROPE_COLOURS, VERMILION, law_colour, law_label
+from dualwinch.simulation.plots.style import GREY, INK, LIGHT, ROPE_COLOURS, VERMILION, law_label, law_look
 from dualwinch.simulation.plots.traces import drawable, largest, thin
 from dualwinch.simulation.results.result import Result
 
@@ -210,7 +210,7 @@ def _panels(result: Result) -> list[Panel]:
         for rope, shade in enumerate(ROPE_COLOURS, start=1)
     )
     highest = 1.08 * max(*(largest(line.values) for line in forces), 1e-9)
-    tracking = (Line("error", law_colour(result.experiment), error / unit),)
+    tracking = (Line("error", law_look(result.experiment)[0], error / unit),)
     return [
         Panel(f"tracking error ({name})", 270, 358, tracking, -reach, reach),
         Panel("rope tension (kN)", 394, 490, forces, 0.0, highest),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.files import atomic
+from dualwinch.codegen.files import write_whole
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts
@@ -20,11 +20,21 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
-from dualwinch.simulation.results.file_formats import FORMATS, FileContent, plain
+from dualwinch.simulation.results.file_formats import MIXED, FileContent, format_of
 from dualwinch.simulation.results.outcomes import RunOutcomes
 
 KINDS = ("mean", "median", "p95", "worst")
 """What a statistic can be: ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
+
+
+ABBREVIATIONS = ("mse", "mae")
+"""Words that are written in capitals."""
+
+
+def in_words(name: str) -> str:
+    """The name of a statistic in words."""
+    words = name.replace(".", " ").replace("_", " ").split()
+    return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,11 @@ class Statistic:
     def name(self) -> str:
         """Such as ``mean.mse``."""
         return f"{self.kind}.{self.metric}"
+
+    @property
+    def words(self) -> str:
+        """Its name in words, such as ``mean MSE``."""
+        return in_words(self.name)
 
     @property
     def quantity(self) -> MetricQuantity:
@@ -231,8 +246,7 @@ def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
             for key, drawn in result.ensemble.distributions.items()
         },
     }
-    values = {name: values for name, (values, _) in columns.items()}
-    return FileContent(values, {name: quantity for name, (_, quantity) in columns.items()}, plain(facts))
+    return FileContent.of(columns, facts)
 
 
 def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
@@ -255,30 +269,19 @@ def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapp
     ensemble_writer(path)(content_of(result, notes or {}), path)
 
 
-def ensemble_writer(path: str | PathLike[str]) -> Callable[[FileContent, Path], None]:
+SUFFIXES = (*MIXED, ".json")
+"""Formats of files of an ensemble."""
+
+
+def ensemble_writer(path: Path) -> Callable[[FileContent, Path], None]:
     """What writes the format of a path's suffix.
 
     Raises:
         ConfigurationError: unknown suffix.
     """
-    path = Path(path)
-    try:
-        return WRITERS[path.suffix.lower()]
-    except KeyError:
-        allowed = ", ".join(WRITERS)
-        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {allowed}") from None
+    return _write_json if path.suffix.lower() == ".json" else format_of(path, SUFFIXES).write
 
 
 def _write_json(content: FileContent, path: Path) -> None:
-    rows = zip(*(values.tolist() for values in content.columns.values()), strict=True)
-    scenarios = [plain(dict(zip(content.columns, row, strict=True))) for row in rows]
-    text = json.dumps({**content.facts, "units": content.units, "scenarios": scenarios}, indent=1, allow_nan=False)
-    with atomic(path) as unfinished:
-        unfinished.write_text(text + "\n", encoding="utf-8")
-
-
-WRITERS: dict[str, Callable[[FileContent, Path], None]] = {
-    **{suffix: FORMATS[suffix].write for suffix in (".csv", ".parquet", ".npz")},
-    ".json": _write_json,
-}
-"""Suffix → what writes it."""
+    facts = {**content.facts, "units": content.units, "scenarios": content.rows}
+    write_whole(path, json.dumps(facts, indent=1, allow_nan=False) + "\n")

@@ -51,9 +51,9 @@ class MetricQuantity(Quantity):
         """Label and unit, as on an axis."""
         return f"{self.label} ({self.shown_unit})" if self.shown_unit else self.label
 
-    def text(self, value: float, form: str = "") -> str:
+    def text(self, value: float) -> str:
         """A value as a table shows it, without its unit; a dash where there was nothing to measure."""
-        return "–" if math.isnan(value) else f"{self.scale * value:{form or self.shown[2]}}"
+        return "–" if math.isnan(value) else f"{self.scale * value:{self.shown[2]}}"
 
 
 class Metric(Part):

@@ -1,16 +1,13 @@
 """Figures of many runs: an ensemble's fan chart, controllers in the same scenarios, sweeps over keys."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
@@ -21,11 +18,10 @@ from dualwinch.simulation.batch.rollout import RunGrid
 from dualwinch.simulation.ensembles.comparison import COMPARED, CONFIDENCE, Comparison
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.plots.page import GivenAxes, Page, scenario
-from dualwinch.simulation.plots.runs import KILO, draw_limits, length_unit, limit_handle
+from dualwinch.simulation.plots.page import STEADY, GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.runs import KILO, draw_limits, length_unit
 from dualwinch.simulation.plots.style import (
     BLUE,
-    DASHES,
     GOLD,
     GREEN,
     GREY,
@@ -35,14 +31,15 @@ from dualwinch.simulation.plots.style import (
     SKY,
     VERMILION,
     WINE,
-    house_style,
-    law_colour,
+    aside,
     law_label,
+    law_look,
     logarithmic,
+    looks,
     plain,
-    shade,
-    steady_handle,
+    zero_line,
 )
+from dualwinch.simulation.plots.traces import Floats
 
 BANDS = ((0.05, 0.95, 0.28), (0.25, 0.75, 0.5))
 """Lower and upper share of a band, and how dark it is."""
@@ -51,8 +48,8 @@ ALL_SHADE = 0.12
 """How dark the band from the smallest to the largest value is."""
 
 
-ASIDE = {"loc": "right", "fontsize": 7.5, "color": GREY}
-"""Style of what is said in words beside a panel's name."""
+SEEN = {"50 %": 0.68, "90 %": 0.37, "all scenarios": ALL_SHADE}
+"""How dark the bands look, one on the other."""
 
 
 def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> Figure:
@@ -65,80 +62,53 @@ def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> Figure:
     Raises:
         ConfigurationError: no traces were kept, or no scenario ran to its end.
     """
-    traces = result.traces
-    if traces is None:
+    if result.traces is None:
         raise ConfigurationError("a fan chart needs traces of scenarios that ran to their end: there are none")
     experiment = result.ensemble.experiment
-    colour = law_colour(experiment)
-    draw = (_error, partial(_tension, rope=1), partial(_tension, rope=2))
-    with house_style():
-        page = Page(ax, 6.4, *_headings(result))
-        panels = page.panels(3, sharex=True, height_ratios=(1.45, 1, 1))
-        for axes, panel in zip(panels, draw, strict=False):
-            shade(axes, experiment)
-            panel(axes, result, traces, colour=colour)
+    colour, _ = law_look(experiment)
+    with new_page(ax, 6.4, *_headings(result)) as page:
+        error, *ropes = panels = page.panels(3, sharex=True, height_ratios=(1.45, 1, 1))
+        unit, name = length_unit(result.statistic("worst.max_abs_error"))
+        _fan(error, result.traces, "e", unit, colour)
+        zero_line(error)
+        error.set(ylabel=rf"error $e = x - x_\mathrm{{ref}}$ ({name})", title="tracking error")
+        rms = np.sqrt(result.statistic("mean.mse")) / unit
+        median, most, worst = (result.statistic(f"{kind}.max_abs_error") / unit for kind in ("median", "p95", "worst"))
+        words = f"RMS {rms:.3g} {name} · largest |e|: median {median:.3g}, 95 % {most:.3g}, worst {worst:.3g} {name}"
+        aside(error, words)
+        for rope, axes in enumerate(ropes, start=1):
+            _fan(axes, result.traces, f"F{rope}", KILO, colour)
+            draw_limits(axes, experiment)
+            axes.set(ylabel=f"tension $F_{rope}$ (kN)", title=f"rope {rope}")
+        median, highest = (result.statistic(f"{kind}.peak_tension") / KILO for kind in ("median", "worst"))
+        mean, longest = (100 * result.statistic(f"{kind}.slack_share") for kind in ("mean", "worst"))
+        words = f"both ropes: peak median {median:.3g}, worst {highest:.3g} kN"
+        aside(ropes[0], words + f" · slack in {mean:.2g} % of the time, worst {longest:.2g} %")
         page.time_axes(panels, experiment)
-        page.align()
-        page.legend([*_handles(colour), limit_handle(experiment), steady_handle()])
+        page.legend(STEADY)
     return page.figure
 
 
 def _headings(result: EnsembleResult) -> tuple[str, str]:
-    ensemble, counts = result.ensemble, result.outcome_counts
-    completed = counts.get("completed", 0)
+    counts = result.outcome_counts
     others = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
-    title = f"{plain(law_label(ensemble.experiment))} in the ensemble “{plain(ensemble.name)}”"
-    words = f"{completed} scenarios, seed {result.seed}"
+    title = f"{plain(law_label(result.ensemble.experiment))} in the ensemble “{plain(result.ensemble.name)}”"
+    words = f"{counts.get('completed', 0)} scenarios, seed {result.seed}"
     return title, words + (f"; not drawn: {', '.join(others)}" if others else "; every one ran to its end")
 
 
-def _error(axes: Axes, result: EnsembleResult, traces: Traces, colour: str) -> None:
-    unit, name = length_unit(result.statistic("worst.max_abs_error"))
-    _fan(axes, traces, "e", unit, colour)
-    axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
-    axes.set_ylabel(rf"error $e = x - x_\mathrm{{ref}}$ ({name})")
-    axes.set_title("tracking error")
-    rms = np.sqrt(result.statistic("mean.mse"))
-    median, most, worst = (result.statistic(f"{kind}.max_abs_error") / unit for kind in ("median", "p95", "worst"))
-    words = f"RMS {rms / unit:.3g} {name} · largest |e|: median {median:.3g}, "
-    axes.set_title(words + f"95 % {most:.3g}, worst {worst:.3g} {name}", **ASIDE)
-
-
-def _tension(axes: Axes, result: EnsembleResult, traces: Traces, colour: str, rope: int) -> None:
-    column = f"F{rope}"
-    _fan(axes, traces, column, KILO, colour)
-    draw_limits(axes, result.ensemble.experiment)
-    axes.set_ylabel(f"tension $F_{rope}$ (kN)")
-    axes.set_title(f"rope {rope}")
-    if rope == 1:
-        median, highest = (result.statistic(f"{kind}.peak_tension") / KILO for kind in ("median", "worst"))
-        mean, longest = (100 * result.statistic(f"{kind}.slack_share") for kind in ("mean", "worst"))
-        words = f"both ropes: peak median {median:.3g}, worst {highest:.3g} kN"
-        words += f" · slack in {mean:.2g} % of the time, worst {longest:.2g} %"
-        axes.set_title(words, **ASIDE)
-
-
 def _fan(axes: Axes, traces: Traces, column: str, unit: float, colour: str) -> None:
-    t = traces.t
-    lowest, highest = traces.lowest[column] / unit, traces.highest[column] / unit
-    axes.fill_between(t, lowest, highest, color=colour, alpha=ALL_SHADE, linewidth=0)
-    for low, high, darkness in BANDS:
-        below, above = traces.quantiles(column, (low, high)) / unit
-        axes.fill_between(t, below, above, color=colour, alpha=darkness, linewidth=0)
+    def band(low: NDArray[Any], high: NDArray[Any], alpha: float) -> None:
+        axes.fill_between(traces.t, low / unit, high / unit, color=colour, alpha=alpha, linewidth=0)
+
     (median,) = traces.quantiles(column, (0.5,)) / unit
-    axes.plot(t, median, color=INK, linewidth=0.9)
-
-
-def _handles(colour: str) -> list[Line2D | Patch]:
-    def patch(alpha: float, words: str) -> Patch:
-        return Patch(facecolor=colour, alpha=alpha, linewidth=0, label=words)
-
-    return [
-        Line2D([], [], color=INK, linewidth=0.9, label="median"),
-        patch(0.68, "50 %"),
-        patch(0.37, "90 %"),
-        patch(ALL_SHADE, "all scenarios"),
-    ]
+    axes.plot(traces.t, median, color=INK, linewidth=0.9, label="median")
+    for label, alpha in SEEN.items():
+        axes.fill_between([], [], color=colour, alpha=alpha, linewidth=0, label=label)
+    band(traces.lowest[column], traces.highest[column], ALL_SHADE)
+    for low, high, darkness in BANDS:
+        below, above = traces.quantiles(column, (low, high))
+        band(below, above, darkness)
 
 
 COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
@@ -155,52 +125,34 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
         result: of controllers in the same scenarios.
         ax: axes for error, chatter and ratios; default: a figure of its own.
     """
-    looks = _looks(list(result.contenders))
+    styles = looks(result.contenders, COLOURS)
     others = list(result.contenders)[1:]
-    height = 3.0 + (0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0)
+    ratios_height = 0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0.0
     words = f"{len(result)} scenarios of “{plain(result.ensemble.name)}”, seed {result.seed}, the same for all"
-    draw: list[Callable[..., None]] = [partial(_shares, metric=metric) for metric in PANELS]
-    top, layout = [*PANELS], {}
+    rows, layout = [[*PANELS]], {}
     if others:
-        draw.append(_ratios)
-        layout = {"height_ratios": (2.2, height - 3.0)}
-    with house_style():
-        page = Page(ax, height, "Controllers in the same scenarios", words)
-        panels = page.mosaic([top, *([["ratios"] * 2] if others else [])], **layout)
-        for axes, panel in zip(panels, draw, strict=False):
-            panel(axes, result, looks)
+        rows, layout = [[*PANELS], ["ratios"] * len(PANELS)], {"height_ratios": (2.2, ratios_height)}
+    with new_page(ax, 3.0 + ratios_height, "Controllers in the same scenarios", words) as page:
+        panels = page.mosaic(rows, **layout)
+        for axes, metric in zip(panels, PANELS, strict=False):
+            quantity = metric_quantities()[metric]
+            for name, contender in result.contenders.items():
+                values = np.sort(quantity.scale * contender.of_completed(metric))
+                shares = np.arange(1, len(values) + 1) / len(values)
+                axes.step(values, shares, where="post", **styles[name], label=plain(name))
+            logarithmic(axes, (1, 2, 5))
+            axes.set(ylim=(0, 1), title=metric.upper() if metric == "mse" else metric, xlabel=quantity.axis)
         panels[0].set_ylabel("share of scenarios")
-        page.legend([Line2D([], [], **look, label=plain(name)) for name, look in looks.items()])
+        for axes in panels[len(PANELS) :]:
+            _ratios(axes, result, styles)
+        page.legend()
     return page.figure
 
 
-def _looks(names: list[str]) -> dict[str, dict[str, Any]]:
-    """Colour and line style of every controller."""
-    return {
-        name: {
-            "color": COLOURS[index % len(COLOURS)],
-            "linestyle": DASHES[index // len(COLOURS) % len(DASHES)],
-        }
-        for index, name in enumerate(names)
-    }
-
-
-def _shares(axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]], *, metric: str) -> None:
-    quantity = metric_quantities()[metric]
-    for name, contender in result.contenders.items():
-        values = np.sort(quantity.scale * contender.metrics[metric][contender.completed])
-        if len(values):
-            axes.step(values, np.arange(1, len(values) + 1) / len(values), where="post", **looks[name])
-    logarithmic(axes, (1, 2, 5))
-    axes.set_ylim(0, 1)
-    axes.set_title(metric.upper() if metric == "mse" else metric)
-    axes.set_xlabel(quantity.axis)
-
-
-def _ratios(axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]]) -> None:
+def _ratios(axes: Axes, result: Comparison, styles: Mapping[str, dict[str, Any]]) -> None:
     first, *others = result.contenders
     for index, name in enumerate(others):
-        offset, colour = 0.6 * (index + 0.5) / len(others) - 0.3, looks[name]["color"]
+        offset, colour = 0.6 * (index + 0.5) / len(others) - 0.3, styles[name]["color"]
         for row, pair in enumerate(result.paired(name).values()):
             ratio = pair.ratio_of_means
             axes.plot((ratio.low, ratio.high), (row + offset,) * 2, color=colour, linewidth=2.2, alpha=0.55)
@@ -208,12 +160,12 @@ def _ratios(axes: Axes, result: Comparison, looks: Mapping[str, dict[str, Any]])
     axes.axvline(1, color=GREY, linewidth=0.8, zorder=1)
     logarithmic(axes, (1, 2, 5))
     axes.set_yticks(range(len(COMPARED)), [name.replace("_", " ") for name in COMPARED])
-    axes.set_ylim(len(COMPARED) - 0.5, -0.5)
-    axes.set_xlabel(f"over {first}; smaller is better")
-    axes.set_title(f"ratio of means with {100 * CONFIDENCE:g} % interval")
+    axes.set(
+        ylim=(len(COMPARED) - 0.5, -0.5),
+        xlabel=f"over {plain(first)}; smaller is better",
+        title=f"ratio of means with {100 * CONFIDENCE:g} % interval",
+    )
 
-
-Floats = NDArray[np.float64]
 
 SPAN = 10
 """Numbers whose largest is fewer times the smallest lie evenly."""
@@ -306,74 +258,55 @@ def sweep_figure(found: RunGrid, metric: str, *, ax: GivenAxes = None) -> Figure
         raise UnknownNameError(unknown("metric", metric, found.metrics))
     if len(found.keys) not in {1, 2}:
         raise ConfigurationError(f"a sweep of {len(found.keys)} keys cannot be drawn; at(key, value) takes one away")
-    axes_of = [swept_axis(values) for values in found.values]
-    merit = found.merits[metric]
+    along = [swept_axis(values) for values in found.values]
+    values, outcomes = found.metrics[metric], found.outcomes
+    for dimension, axis in enumerate(along):
+        values, outcomes = values.take(axis.order, dimension), outcomes.take(axis.order, dimension)
     title = f"{metric} over {' and '.join(key.rsplit('.', 1)[-1] for key in found.keys)}"
     law = "" if "controller.kind" in found.keys else f"{law_label(found.experiment)}; "
-    with house_style():
-        page = Page(ax, 3.2 if len(found.keys) == 1 else 3.8, title, law + scenario(found.experiment))
-        (axes,) = page.panels(1)
-        draw = _line if len(found.keys) == 1 else _map
-        values, outcomes = found.metrics[metric], found.outcomes
-        for dimension, axis in enumerate(axes_of):
-            values, outcomes = values.take(axis.order, dimension), outcomes.take(axis.order, dimension)
-        draw(axes, axes_of, values, outcomes, _named(metric, merit))
-        axes.set_title(readable(merit.meaning))
-        sides: tuple[Literal["x", "y"], ...] = ("x", "y")
-        for key, axis, side in zip(found.keys, axes_of, sides, strict=False):
+    with new_page(ax, 2.6 + 0.6 * len(along), title, law + scenario(found.experiment)) as page:
+        (axes,) = page.panels()
+        draw = _line if len(along) == 1 else _map
+        draw(axes, along, values, _named(metric, found.merits[metric]))
+        for outcome, marker in MARKS.items():
+            ended = np.nonzero(outcomes == outcome)
+            x, *y = (axis.positions[indices] for axis, indices in zip(along, ended, strict=True))
+            below = (np.full(len(x), 0.04), axes.get_xaxis_transform())
+            y, transform = (y[0], axes.transData) if y else below
+            label = outcome.replace("_", " ") if len(x) else None
+            marked = {"marker": marker, "linestyle": "none", "color": VERMILION, "label": label}
+            axes.plot(x, y, **marked, transform=transform, clip_on=len(along) > 1)
+        axes.set_title(readable(found.merits[metric].meaning))
+        for key, axis, side in zip(found.keys, along, ("x", "y"), strict=False):
             axis.draw(axes, side, _named(key, found.quantities[key]))
-        handles = [
-            Line2D([], [], color=VERMILION, marker=marker, linestyle="none", label=outcome.replace("_", " "))
-            for outcome, marker in MARKS.items()
-            if (found.outcomes == outcome).any()
-        ]
-        if handles:
-            page.legend(handles)
+        page.legend()
     return page.figure
 
 
-def _line(axes: Axes, along: list[SweptAxis], values: Floats, outcomes: NDArray[np.str_], name: str) -> None:
+def _line(axes: Axes, along: list[SweptAxis], values: Floats, name: str) -> None:
     (axis,) = along
     line = "none" if axis.categorical else "-"
     axes.plot(axis.positions, values, marker="o", markersize=4, linestyle=line, color=BLUE)
-    for outcome, marker in MARKS.items():
-        ended = axis.positions[outcomes == outcome]
-        axes.plot(
-            ended,
-            np.full(len(ended), 0.04),
-            transform=axes.get_xaxis_transform(),
-            marker=marker,
-            linestyle="none",
-            color=VERMILION,
-            clip_on=False,
-        )
-    if spans_decades(values):
-        axes.set_yscale("log")
-    axes.set_ylabel(name)
+    axes.set(ylabel=name, yscale="log" if spans_decades(values) else "linear")
     if axis.categorical:
         axes.set_xlim(-0.5, len(axis.positions) - 0.5)
 
 
-def _map(axes: Axes, along: list[SweptAxis], values: Floats, outcomes: NDArray[np.str_], name: str) -> None:
+def _map(axes: Axes, along: list[SweptAxis], values: Floats, name: str) -> None:
     across, up = along
     axes.grid(visible=False)
-    axes.set_facecolor(LIGHT)
-    if np.isfinite(values).any():
-        lowest, highest = np.nanmin(values), np.nanmax(values)
-        scale = (LogNorm if spans_decades(values) else Normalize)(lowest, highest)
-        cells = axes.pcolormesh(across.edges, up.edges, values.T, norm=scale, cmap="viridis")
-        bar = axes.figure.colorbar(cells, ax=axes, label=name)
-        bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  # the stub has no Spine here
-        if values.size <= WRITTEN:
-            for i, j in zip(*np.nonzero(np.isfinite(values)), strict=True):
-                at = float(across.positions[i]), float(up.positions[j])
-                colour = "white" if scale(values[i, j]) < 0.6 else INK
-                axes.text(*at, f"{values[i, j]:.3g}", ha="center", va="center", color=colour, size=7)
-    for outcome, marker in MARKS.items():
-        i, j = np.nonzero(outcomes == outcome)
-        axes.plot(across.positions[i], up.positions[j], marker=marker, linestyle="none", color=VERMILION)
-    axes.set_xlim(across.edges[[0, -1]].tolist())
-    axes.set_ylim(up.edges[[0, -1]].tolist())
+    axes.set(facecolor=LIGHT, xlim=across.edges[[0, -1]], ylim=up.edges[[0, -1]])
+    if not np.isfinite(values).any():
+        return
+    scale = (LogNorm if spans_decades(values) else Normalize)(np.nanmin(values), np.nanmax(values))
+    cells = axes.pcolormesh(across.edges, up.edges, values.T, norm=scale, cmap="viridis")
+    bar = axes.figure.colorbar(cells, ax=axes, label=name)
+    bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  # the stub has no Spine here
+    if values.size <= WRITTEN:
+        for i, j in zip(*np.nonzero(np.isfinite(values)), strict=True):
+            colour = "white" if scale(values[i, j]) < 0.6 else INK
+            centred = {"ha": "center", "va": "center", "color": colour, "size": 7}
+            axes.text(float(across.positions[i]), float(up.positions[j]), f"{values[i, j]:.3g}", **centred)
 
 
 def _named(words: str, quantity: Quantity) -> str:

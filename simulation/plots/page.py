@@ -1,6 +1,7 @@
 """The page of a figure, its headings, and files of it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
@@ -16,8 +18,8 @@ from numpy.typing import NDArray
 from dualwinch.codegen.files import atomic
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.paper import CASES, FIGURES, case
-from dualwinch.simulation.plots.style import house_style, legend_below, new_figure, time_axis
+from dualwinch.simulation.paper import CASES, case
+from dualwinch.simulation.plots.style import GREY, LIGHT, SHADE, house_style
 
 
 def case_number(experiment: Experiment) -> int | None:
@@ -48,100 +50,136 @@ def scenario(experiment: Experiment) -> str:
     )
 
 
-def headings(experiments: Sequence[Experiment], content: str, words: str) -> tuple[str, str]:
-    """Title and subtitle of a figure of runs; the paper's number of the figure where all are of one of its cases.
+WIDTH = 7.0
+"""Width of every figure in inches: a page, or half a screen."""
 
-    Args:
-        experiments: what was run.
-        content: one of `simulation.paper.CONTENTS`.
-        words: what is drawn, for the title.
-    """
-    numbers = {case_number(experiment) for experiment in experiments}
-    shown = [figure for figure in FIGURES if {figure.case} == numbers and figure.content == content]
-    title = words[0].upper() + words[1:]
-    for figure in shown:
-        title = f"Figure {figure.number} · Case {figure.case}: {words}"
-    scenarios = dict.fromkeys(map(scenario, experiments))
-    return title, "; ".join(scenarios).capitalize()
+LEGEND_WIDTH, LEGEND_HANDLE = 105, 7
+"""Characters a legend below a figure has room for, and those its line samples take."""
 
+STEADY = Patch(facecolor=SHADE, edgecolor=LIGHT, linewidth=1.0, label="steady state")
+"""Legend entry of the shaded steady-state window."""
 
 GivenAxes: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None
 """Argument `ax` of a figure: axes to draw its panels into, in their order; where there are fewer, only the first panels
 are drawn. ``None``: a figure of its own."""
 
 
+@contextmanager
+def new_page(ax: GivenAxes, height: float, title: str, subtitle: str, gap: float = 0.05) -> Iterator["Page"]:
+    """The page of a figure, to be drawn in the house style; at the end the names of its axes are aligned.
+
+    Args:
+        ax: a caller's axes, which get neither title nor subtitle.
+        height: of a new figure, in inches.
+        title: its first line.
+        subtitle: its second line.
+        gap: half the vertical space between two of its panels, in inches.
+
+    Raises:
+        ConfigurationError: `ax` contains something else than axes, or nothing.
+    """
+    with house_style():
+        page = Page(_new_figure(height, title, subtitle, gap)) if ax is None else _page_of(ax)
+        yield page
+        page.figure.align_ylabels([axes for axes in page.drawn if axes.get_ylabel()])
+
+
+def _new_figure(height: float, title: str, subtitle: str, gap: float) -> Figure:
+    engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=gap, hspace=0.04, wspace=0.03)
+    figure = Figure(figsize=(WIDTH, height), layout=engine)
+    left = 0.06 / WIDTH
+    # the heading's room is reserved by an invisible suptitle of two lines, its text drawn over it in two weights
+    figure.suptitle(" \n ", x=left, ha="left", fontsize=10, linespacing=1.35)
+    figure.text(left, 1 - 0.06 / height, title, ha="left", va="top", fontsize=10.5, fontweight="bold")
+    figure.text(left, 1 - 0.25 / height, subtitle, ha="left", va="top", fontsize=8.5, color=GREY)
+    return figure
+
+
+def _page_of(ax: Axes | Sequence[Axes] | NDArray[Any]) -> "Page":
+    given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+    if not given or not all(isinstance(axes, Axes) for axes in given):
+        raise ConfigurationError("ax: must be matplotlib axes, or a list or array of them")
+    figure = given[0].figure
+    return Page(figure.figure if isinstance(figure, SubFigure) else figure, given)
+
+
 class Page:
-    """A new figure with heading, panels and a legend below them, or a caller's axes, with the legend in the first."""
+    """A new figure with heading, panels and a legend below them, or a caller's axes, with the legend in the first.
 
-    def __init__(self, ax: GivenAxes, height: float, title: str, subtitle: str, gap: float = 0.05) -> None:
-        """Set the page up.
+    Attributes:
+        figure: the figure.
+        drawn: the panels that are seen: all, or the caller's axes.
+    """
 
-        Args:
-            ax: a caller's axes, which get neither title nor subtitle.
-            height: of a new figure, in inches.
-            title: its first line.
-            subtitle: its second line.
-            gap: half the vertical space between two of its panels, in inches.
+    def __init__(self, figure: Figure, given: list[Axes] | None = None) -> None:
+        self.figure, self._given = figure, given
+        self.drawn: list[Axes] = given or []
 
-        Raises:
-            ConfigurationError: `ax` holds something else than axes, or nothing.
+    def panels(self, rows: int = 1, columns: int = 1, order: Literal["C", "F"] = "F", **layout: Any) -> list[Axes]:
+        """The panels of a grid, column by column (`order` "C": row by row); `layout` as for `Figure.subplots`.
+
+        Panels that a caller has no axes for are drawn as well, and thrown away.
         """
-        self._given = None if ax is None else _checked(ax)
-        self.figure = new_figure(height, title, subtitle, gap) if self._given is None else _root(self._given[0])
-        self._panels: list[Axes] = []
-
-    def panels(self, rows: int, columns: int = 1, order: Literal["C", "F"] = "F", **layout: Any) -> list[Axes]:
-        """The panels of a grid, column by column (`order` "C": row by row); `layout` as for `Figure.subplots`."""
-        if self._given is not None:
-            return self._limited(rows * columns)
-        grid = self.figure.subplots(rows, columns, squeeze=False, **layout)
-        self._panels = list(grid.ravel(order))
-        return self._panels
+        if self._given is None:
+            self.drawn = list(self.figure.subplots(rows, columns, squeeze=False, **layout).ravel(order))
+            return self.drawn
+        return self._with_others(rows * columns)
 
     def mosaic(self, names: list[list[str]], **layout: Any) -> list[Axes]:
         """The panels of a mosaic in the order of their names; `layout` as for `Figure.subplot_mosaic`."""
         known = list(dict.fromkeys(name for row in names for name in row))
-        if self._given is not None:
-            return self._limited(len(known))
-        layout |= {"mosaic": names}
-        found = self.figure.subplot_mosaic(**layout)
-        self._panels = [found[name] for name in known]
-        return self._panels
-
-    def time_axes(self, panels: Sequence[Axes], experiment: Experiment) -> None:
-        """Limit panels above each other to the run's duration in s; name the lowest's axis, and each of a caller's."""
-        for axes in panels:
-            time_axis(axes, experiment, named=self._given is not None or axes is panels[-1])
-
-    def align(self) -> None:
-        """Put the names of the panels' vertical axes below each other."""
-        self.figure.align_ylabels(self._panels)
-
-    def legend(self, handles: Sequence[Line2D | Patch]) -> None:
-        """One legend for all panels, where it covers nothing; in a caller's axes inside the first."""
         if self._given is None:
-            legend_below(self.figure, [*handles])
-        else:
-            self._given[0].legend(handles=[*handles])
+            layout |= {"mosaic": names}
+            found = self.figure.subplot_mosaic(**layout)
+            self.drawn = [found[name] for name in known]
+            return self.drawn
+        return self._with_others(len(known))
 
-    def _limited(self, count: int) -> list[Axes]:
-        given = self._given or []
-        if len(given) > count:
-            raise ConfigurationError(f"ax: {len(given)} axes were given; there are {count} panels")
-        self._panels = given
-        return given
+    def _with_others(self, count: int) -> list[Axes]:
+        missing = count - len(self.drawn)
+        if missing < 0:
+            raise ConfigurationError(f"ax: {len(self.drawn)} axes were given; there are {count} panels")
+        return [*self.drawn, *(Figure().subplots() for _ in range(missing))]
 
+    def time_axes(self, panels: Sequence[Axes], experiment: Experiment, *, shaded: bool = True) -> None:
+        """Limit panels above each other to the run's duration in s, and name their axis (`name_x`).
 
-def _checked(ax: Axes | Sequence[Axes] | NDArray[Any]) -> list[Axes]:
-    given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
-    if not given or not all(isinstance(axes, Axes) for axes in given):
-        raise ConfigurationError("ax: must be matplotlib axes, or a list or array of them")
-    return given
+        Args:
+            panels: from the top downwards.
+            experiment: gives duration and steady state.
+            shaded: whether the steady-state window is.
+        """
+        start, end = experiment.steady_window
+        for axes in panels:
+            if shaded:
+                axes.axvspan(start, min(end, experiment.duration), color=SHADE, linewidth=0, zorder=0)
+            axes.set_xlim(0, experiment.duration)
+        self.name_x(panels, "time (s)")
 
+    def name_x(self, panels: Sequence[Axes], name: str) -> None:
+        """Name the horizontal axis of panels above each other: of the lowest, and of each of a caller's."""
+        for axes in panels if self._given else panels[-1:]:
+            axes.set_xlabel(name)
 
-def _root(axes: Axes) -> Figure:
-    figure = axes.figure
-    return figure.figure if isinstance(figure, SubFigure) else figure
+    def legend(self, *others: Line2D | Patch) -> None:
+        """One legend for all panels, where it covers nothing; in a caller's axes inside the first.
+
+        Args:
+            others: entries behind those of the lines and areas that have a label.
+        """
+        found: dict[str, Any] = {}
+        for axes in self.drawn:
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                found.setdefault(label, handle)
+        handles = [*found.values(), *others]
+        if self._given and handles:
+            self._given[0].legend(handles=handles)
+        elif handles:
+            widths = [len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles]
+            rows = -(-sum(widths) // LEGEND_WIDTH)
+            columns = min(-(-len(handles) // rows), max(LEGEND_WIDTH // max(widths), 1))  # as the widest fit
+            placed = {"loc": "outside lower center", "handlelength": 2.6, "columnspacing": 1.6}
+            self.figure.legend(handles=handles, ncols=columns, **placed)
 
 
 RESOLUTION = 200

@@ -1,22 +1,21 @@
-"""Figures of runs over time: the paper's Figures 5 to 20, and any columns."""
+"""Figures of runs over time: the paper's Figures 5 to 20."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
 from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from matplotlib.typing import LineStyleType
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.page import GivenAxes, Page, headings
+from dualwinch.simulation.paper import CONTENTS, FIGURES
+from dualwinch.simulation.plots.page import STEADY, GivenAxes, case_number, new_page, scenario
 from dualwinch.simulation.plots.style import (
     BLUE,
     DASHES,
@@ -28,24 +27,18 @@ from dualwinch.simulation.plots.style import (
     SKY,
     VERMILION,
     WINE,
-    house_style,
-    law_colour,
-    law_dashes,
-    law_kind,
+    Look,
+    aside,
     law_label,
+    law_look,
     plain,
-    shade,
-    steady_handle,
-    time_axis,
+    zero_line,
 )
-from dualwinch.simulation.plots.traces import Floats, drawable, finely, largest, peaks, thin, within
+from dualwinch.simulation.plots.traces import Floats, between_samples, drawable, largest, peaks, thin, within
 from dualwinch.simulation.results.result import Result
 
 Runs: TypeAlias = Mapping[Any, Result] | Iterable[Result] | Result
 """Label → run, runs that are labelled by their position laws, or one run."""
-
-Look: TypeAlias = tuple[str, LineStyleType]
-"""Colour and line style."""
 
 PALETTE = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
 """Colours of runs whose law's own is taken; colours of no law come first."""
@@ -72,13 +65,19 @@ class Curve:
         return self.result.experiment
 
     @property
-    def handle(self) -> Line2D:
-        """Its entry in a legend, with the run's end where it ended early."""
-        return Line2D([], [], color=self.colour, linestyle=self.dashes, label=f"{self.label}{ending(self.result)}")
+    def title(self) -> str:
+        """Its name in legends, with the run's end where it ended early."""
+        if self.result.outcome == "completed":
+            return self.label
+        return f"{self.label} ({self.result.outcome.replace('_', ' ')} at {self.result.end_time:.3g} s)"
 
-    def draw(self, axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
+    def draw(self, axes: Axes, column: str, unit: float = 1.0, rows: slice = slice(None), **style: Any) -> None:
+        """Draw a column over time, in a unit that is `unit` of its own."""
+        self.line(axes, self.result["t"][rows], self.result[column][rows] / unit, **style)
+
+    def line(self, axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
         """Draw a line of the run: times and values (rows,)."""
-        axes.plot(*thin(t, values), **{"color": self.colour, "linestyle": self.dashes, "label": self.label} | style)
+        axes.plot(*thin(t, values), **{"color": self.colour, "linestyle": self.dashes, "label": self.title} | style)
 
 
 def curves(runs: Runs) -> list[Curve]:
@@ -101,23 +100,11 @@ def curves(runs: Runs) -> list[Curve]:
             raise ConfigurationError(f"{label}: a figure draws results of simulate, not {type(result).__name__}")
         if not len(result["t"]):
             raise ConfigurationError(f"the result of {label} keeps no rows: simulate with stride >= 1")
-    looks = _looks([result.experiment for _, result in labelled])
+    looks = _looks([law_look(result.experiment) for _, result in labelled])
     return [
         Curve(_named(label, result), result, colour, dashes)
         for (label, result), (colour, dashes) in zip(labelled, looks, strict=True)
     ]
-
-
-def ending(result: Result) -> str:
-    """How a run ended, in brackets; nothing for one that was completed."""
-    if result.outcome == "completed":
-        return ""
-    return f" ({result.outcome.replace('_', ' ')} at {result.end_time:.3g} s)"
-
-
-def longest(drawn: Iterable[Curve]) -> Experiment:
-    """The experiment that lasts longest: a time axis has room for it."""
-    return max((curve.experiment for curve in drawn), key=lambda experiment: experiment.duration)
 
 
 def _labelled(runs: Runs) -> list[tuple[str, Result]]:
@@ -136,12 +123,11 @@ def _labelled(runs: Runs) -> list[tuple[str, Result]]:
 
 
 def _named(label: str, result: Result) -> str:
-    return plain(law_label(result.experiment) if label == law_kind(result.experiment) else label)
+    return plain(law_label(result.experiment) if label == result.experiment.controller.law.kind else label)
 
 
-def _looks(experiments: list[Experiment]) -> list[Look]:
+def _looks(own: Sequence[Look]) -> list[Look]:
     """Colour and line style of every run: its law's own, or else the first that no other has."""
-    own: list[Look] = [(law_colour(experiment), law_dashes(experiment)) for experiment in experiments]
     taken = list(dict.fromkeys(own))
     looks: list[Look] = []
     for look in own:
@@ -177,10 +163,22 @@ REFERENCE = {"color": INK, "linestyle": ":", "linewidth": 1.0, "label": "referen
 
 def length_unit(largest: float) -> tuple[float, str]:
     """The unit (in m) and its name that show a length in m with few digits."""
-    for unit, name in PREFIXES:
-        if largest >= unit:
-            return unit, name
-    return PREFIXES[-1]
+    return next((prefix for prefix in PREFIXES if largest >= prefix[0]), PREFIXES[-1])
+
+
+def longest(runs: Iterable[Curve]) -> Experiment:
+    """The experiment that lasts longest: a time axis has room for it."""
+    return max((run.experiment for run in runs), key=lambda experiment: experiment.duration)
+
+
+def _headings(runs: Sequence[Curve], content: str) -> tuple[str, str]:
+    """Title and subtitle of a figure of one of the `paper.CONTENTS`; its number, where all are of one paper's case."""
+    words, numbers = CONTENTS[content], {case_number(run.experiment) for run in runs}
+    title = words[0].upper() + words[1:]
+    for figure in FIGURES:
+        if {figure.case} == numbers and figure.content == content:
+            title = f"Figure {figure.number} · Case {figure.case}: {words}"
+    return title, "; ".join(dict.fromkeys(scenario(run.experiment) for run in runs)).capitalize()
 
 
 def trajectory(results: Runs, *, ax: GivenAxes = None) -> Figure:
@@ -194,15 +192,35 @@ def trajectory(results: Runs, *, ax: GivenAxes = None) -> Figure:
         ConfigurationError: there is nothing to draw.
     """
     runs = curves(results)
-    with house_style():
-        page = Page(ax, 5.2, *headings([run.experiment for run in runs], "trajectory", "tracking trajectory"))
-        panels = page.panels(2, sharex=True, height_ratios=(1.6, 1))
-        for axes, draw in zip(panels, (_position, _speed), strict=False):
-            draw(axes, runs)
+    references = list({(run.experiment.reference, run.experiment.duration): run for run in reversed(runs)}.values())
+    lines = [(run, "", {}) for run in runs] + [(run, "_ref", REFERENCE) for run in reversed(references)]
+    with new_page(ax, 5.2, *_headings(runs, "trajectory")) as page:
+        position, speed = panels = page.panels(2, sharex=True, height_ratios=(1.6, 1))
+        for run, kind, style in lines:
+            run.draw(position, f"x{kind}", **style)
+            run.draw(speed, f"v{kind}", **style)
+        position.set_ylabel("position $x$ (m)")
+        speed.set_ylabel("speed $v$ (m/s)")
+        end = min(runs[0].experiment.steady_window[1], runs[0].experiment.duration)
+        _zoom(position, lines, (max(end - ZOOM, 0.0), end))
         page.time_axes(panels, longest(runs))
-        reference = Line2D([], [], color=INK, linestyle=":", label="reference")
-        page.legend([*(run.handle for run in runs), reference, steady_handle()])
+        page.legend(STEADY)
     return page.figure
+
+
+def _zoom(axes: Axes, lines: Iterable[tuple[Curve, str, dict[str, Any]]], window: tuple[float, float]) -> None:
+    """Enlarge a stretch of the position, where the lags that stay are seen."""
+    inset = axes.inset_axes((0.69, 0.13, 0.29, 0.42))
+    for run, kind, style in lines:
+        run.draw(inset, f"x{kind}", rows=within(run.result["t"], *window), **{"linewidth": 1.0} | style)
+    inset.set_xlim(*window)
+    inset.tick_params(labelsize=7, length=2)
+    inset.set_title(f"{window[0]:g} to {window[1]:g} s, enlarged", fontsize=7.5, color=GREY, pad=3)
+    drawn = np.concatenate([np.asarray(line.get_ydata(), float) for line in inset.lines])
+    lowest, highest = np.fmin.reduce(drawn, initial=np.inf), np.fmax.reduce(drawn, initial=-np.inf)
+    if highest > lowest:
+        inset.set_ylim(lowest, highest)
+        axes.indicate_inset((window[0], lowest, window[1] - window[0], highest - lowest), edgecolor=INK)
 
 
 def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
@@ -216,122 +234,53 @@ def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
         ConfigurationError: there is nothing to draw.
     """
     runs = curves(results)
-    with house_style():
-        page = Page(ax, 5.4, *headings([run.experiment for run in runs], "error", "tracking error"))
-        panels = page.mosaic([["whole", "whole"], ["decades", "steady"]], height_ratios=(1.05, 1))
-        for axes, draw in zip(panels, (_whole_error, _error_decades, _steady_error), strict=False):
-            draw(axes, runs)
-        page.legend([*(run.handle for run in runs), steady_handle()])
-    return page.figure
-
-
-def _position(axes: Axes, runs: Sequence[Curve]) -> None:
-    _against_reference(axes, runs, "x", "x_ref")
-    axes.set_ylabel("position $x$ (m)")
-    _zoom(axes, runs, _late_steady_state(runs[0].experiment))
-
-
-def _speed(axes: Axes, runs: Sequence[Curve]) -> None:
-    _against_reference(axes, runs, "v", "v_ref")
-    axes.set_ylabel("speed $v$ (m/s)")
-
-
-def _against_reference(axes: Axes, runs: Sequence[Curve], column: str, reference: str) -> None:
-    shade(axes, runs[0].experiment)
-    for run in runs:
-        run.draw(axes, run.result["t"], run.result[column])
-    for run in _references(runs):
-        run.draw(axes, run.result["t"], run.result[reference], **REFERENCE)
-
-
-def _references(runs: Sequence[Curve]) -> list[Curve]:
-    """A run of every reference."""
-    found: dict[object, Curve] = {}
-    for run in runs:
-        found.setdefault((run.experiment.reference, run.experiment.duration), run)
-    return list(found.values())
-
-
-def _late_steady_state(experiment: Experiment) -> tuple[float, float]:
-    """Start and end in s of the last stretch of the steady state, where the lags that stay are seen."""
-    end = min(experiment.steady_window[1], experiment.duration)
-    return max(end - ZOOM, 0.0), end
-
-
-def _zoom(axes: Axes, runs: Sequence[Curve], window: tuple[float, float]) -> None:
-    inset = axes.inset_axes((0.69, 0.13, 0.29, 0.42))
-    lowest, highest = np.inf, -np.inf
-    lines = [(run, "x", {"linewidth": 1.0}) for run in runs]
-    lines += [(run, "x_ref", REFERENCE) for run in _references(runs)]
-    for run, column, style in lines:
-        rows = within(run.result["t"], *window)
-        t, values = thin(run.result["t"][rows], run.result[column][rows])
-        if np.isfinite(values).any():
-            lowest, highest = min(lowest, np.nanmin(values)), max(highest, np.nanmax(values))
-        run.draw(inset, t, values, **style)
-    inset.set_xlim(*window)
-    inset.tick_params(labelsize=7, length=2)
-    inset.set_title(f"{window[0]:g} to {window[1]:g} s, enlarged", fontsize=7.5, color=GREY, pad=3)
-    if not highest > lowest:
-        return
-    inset.set_ylim(lowest, highest)
-    axes.indicate_inset((window[0], lowest, window[1] - window[0], highest - lowest), edgecolor=INK)
-
-
-def _whole_error(axes: Axes, runs: Sequence[Curve]) -> None:
-    unit, name = length_unit(max(largest(run.result["e"]) for run in runs))
-    shade(axes, runs[0].experiment)
-    for run in runs:
-        run.draw(axes, run.result["t"], run.result["e"] / unit)
-    axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
-    time_axis(axes, longest(runs))
-    axes.set_title("whole run")
-    axes.set_ylabel(rf"error $e = x - x_\mathrm{{ref}}$ ({name})")
-
-
-def _error_decades(axes: Axes, runs: Sequence[Curve]) -> None:
     experiment = longest(runs)
-    width = experiment.duration / INTERVALS
-    shade(axes, runs[0].experiment)
-    for run in runs:
-        run.draw(axes, *peaks(run.result["t"], run.result["e"], width))
-    axes.set_yscale("log")
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(max(bottom, 1e-8), top)
-    axes.yaxis.set_major_locator(LogLocator(base=10, numticks=12))
-    axes.yaxis.set_minor_locator(NullLocator())
-    time_axis(axes, experiment)
-    axes.set_title(f"size of the error (largest in each {width:g} s)")
-    axes.set_ylabel("$|e|$ (m)")
+    with new_page(ax, 5.4, *_headings(runs, "error")) as page:
+        whole, decades, steady = page.mosaic([["whole", "whole"], ["decades", "steady"]], height_ratios=(1.05, 1))
+        unit, name = length_unit(max(largest(run.result["e"]) for run in runs))
+        for run in runs:
+            run.draw(whole, "e", unit)
+            run.line(decades, *peaks(run.result["t"], run.result["e"], experiment.duration / INTERVALS))
+        zero_line(whole)
+        whole.set(title="whole run", ylabel=rf"error $e = x - x_\mathrm{{ref}}$ ({name})")
+        decades.set_yscale("log")
+        bottom, top = decades.get_ylim()
+        decades.set_ylim(max(bottom, 1e-8), top)
+        decades.yaxis.set_major_locator(LogLocator(base=10, numticks=12))
+        decades.yaxis.set_minor_locator(NullLocator())
+        decades.set(title=f"size of the error (largest in each {experiment.duration / INTERVALS:g} s)")
+        decades.set_ylabel("$|e|$ (m)")
+        _steady_error(steady, runs)
+        page.time_axes([whole], experiment)
+        page.time_axes([decades], experiment)
+        page.legend(STEADY)
+    return page.figure
 
 
 def _steady_error(axes: Axes, runs: Sequence[Curve]) -> None:
     experiment = runs[0].experiment
     start, end = experiment.steady_window
-    rows = [within(run.result["t"], start, end) for run in runs]
-    sizes = [largest(run.result["e"][part]) for run, part in zip(runs, rows, strict=True)]
+    windows = [within(run.result["t"], start, end) for run in runs]
+    sizes = [largest(run.result["e"][rows]) for run, rows in zip(runs, windows, strict=True)]
     smallest = min((size for size in sizes if size > 0), default=0.0)
     unit, name = length_unit(max((size for size in sizes if size <= COMPARABLE * smallest), default=np.nan))
     left_out: list[str] = []
-    for run, part, size in zip(runs, rows, sizes, strict=True):
-        values = run.result["e"][part]
+    for run, rows, size in zip(runs, windows, sizes, strict=True):
         if size <= COMPARABLE * smallest:
-            run.draw(axes, run.result["t"][part], values / unit)
+            run.draw(axes, "e", unit, rows)
         else:
             scale, its_name = length_unit(size)
-            shown = drawable(values) / scale
+            shown = drawable(run.result["e"][rows]) / scale
             span = f"{np.nanmin(shown):.3g} to {np.nanmax(shown):.3g}".replace("-", "−")
             left_out.append(f"{run.label}: {span} {its_name}, off this panel")
-    axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
+    zero_line(axes)
     axes.set_xlim(start, max(end, start + experiment.simulation.sample_time))
     if left_out:
         bottom, top = axes.get_ylim()
         axes.set_ylim(bottom, top + 0.16 * len(left_out) * (top - bottom))
         axes.text(0.02, 0.97, "\n".join(left_out), transform=axes.transAxes, va="top", fontsize=7.5)
     axes.set_facecolor("#FAFAFA")
-    axes.set_title("steady-state window")
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel(f"error $e$ ({name})")
+    axes.set(title="steady-state window", xlabel="time (s)", ylabel=f"error $e$ ({name})")
 
 
 KILO = 1e3
@@ -359,8 +308,7 @@ def commands(results: Runs, *, ax: GivenAxes = None) -> Figure:
     Raises:
         ConfigurationError: there is nothing to draw.
     """
-    words = "force commands of the coordination"
-    return _two_ropes(curves(results), "commands", words, "command", ax)
+    return _two_ropes(curves(results), "commands", ax)
 
 
 def tensions(results: Runs, *, ax: GivenAxes = None) -> Figure:
@@ -373,7 +321,7 @@ def tensions(results: Runs, *, ax: GivenAxes = None) -> Figure:
     Raises:
         ConfigurationError: there is nothing to draw.
     """
-    return _two_ropes(curves(results), "tensions", "rope tensions", "tension", ax)
+    return _two_ropes(curves(results), "tensions", ax)
 
 
 def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
@@ -389,69 +337,53 @@ def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
     return joint + BRAKING[0], joint + BRAKING[1], joint, "braking begins"
 
 
-def draw_limits(axes: Axes, experiment: Experiment) -> None:
-    """Draw the limits of the tension commands on an axis in kN."""
+LIMIT = {"color": INK, "linestyle": (0, (2, 2)), "linewidth": 0.8, "zorder": 1.5}
+"""How a limit is drawn."""
+
+
+def draw_limits(axes: Axes, experiment: Experiment, *, label: str | None = "limits") -> None:
+    """Draw the limits of the tension commands on an axis in kN; `label` begins their entry in a legend."""
     limits = experiment.controller.limits
-    for limit in (limits.tension_min, limits.tension_max):
-        axes.axhline(limit / KILO, color=INK, linestyle=(0, (2, 2)), linewidth=0.8, zorder=1.5)
+    low, high = limits.tension_min / KILO, limits.tension_max / KILO
+    axes.axhline(low, **LIMIT, label=label and f"{label} {low:g} and {high:g} kN")
+    axes.axhline(high, **LIMIT)
 
 
-def limit_handle(experiment: Experiment) -> Line2D:
-    """Legend entry of the limits."""
-    limits = experiment.controller.limits
-    words = f"limits {limits.tension_min / KILO:g} and {limits.tension_max / KILO:g} kN"
-    return Line2D([], [], color=INK, linestyle=(0, (2, 2)), linewidth=0.8, label=words)
-
-
-COLUMNS = {"command": ("F1_cmd", "F2_cmd"), "tension": ("F1", "F2")}
-"""What is drawn → its columns, rope 1 and rope 2."""
-
-
-def _two_ropes(runs: Sequence[Curve], content: str, words: str, quantity: str, ax: GivenAxes) -> Figure:
-    experiment = runs[0].experiment
-    zoomed = enlarged(experiment)[0] < experiment.duration
-    draw = [partial(_whole_run, quantity=quantity, rope=rope) for rope in (1, 2)]
-    if zoomed:
-        draw += [partial(_enlarged_run, quantity=quantity, rope=rope) for rope in (1, 2)]
-    with house_style():
-        page = Page(ax, 5.2, *headings([run.experiment for run in runs], content, words))
+def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
+    """Tensions or their commands, over the whole run and enlarged."""
+    experiment, kind = runs[0].experiment, "_cmd" if content == "commands" else ""
+    start, _, origin, event = enlarged(experiment)
+    zoomed = start < experiment.duration
+    with new_page(ax, 5.2, *_headings(runs, content)) as page:
         panels = page.panels(2, 1 + zoomed, sharex="col", width_ratios=(2.3, 1)[: 1 + zoomed])
-        for axes, panel in zip(panels, draw, strict=False):
-            panel(axes, runs)
+        for rope, axes in enumerate(panels[:2], start=1):
+            for run in runs:
+                run.draw(axes, f"F{rope}{kind}", KILO)
+            draw_limits(axes, experiment)
+            axes.set(ylabel=f"{content[:-1]} $F_{rope}$ (kN)", title=f"rope {rope}")
+            if not kind:
+                aside(axes, _extremes(runs, f"F{rope}"))
+        for rope, axes in enumerate(panels[2:], start=1):
+            _enlarged_run(axes, runs, f"F{rope}{kind}")
         page.time_axes(panels[:2], longest(runs))
-        _start, _end, origin, event = enlarged(experiment)
-        for axes in panels[2:3]:
-            axes.set_title(event + ", enlarged")
-        for axes in panels[2:][-1:]:
-            axes.set_xlabel(f"time after {origin:g} s (ms)" if origin else "time (ms)")
-        page.legend([*(run.handle for run in runs), limit_handle(experiment), steady_handle()])
+        if zoomed:
+            panels[2].set_title(event + ", enlarged")
+            page.name_x(panels[2:], f"time after {origin:g} s (ms)" if origin else "time (ms)")
+        page.legend(STEADY)
     return page.figure
 
 
-def _whole_run(axes: Axes, runs: Sequence[Curve], quantity: str, rope: int) -> None:
-    column = COLUMNS[quantity][rope - 1]
-    shade(axes, runs[0].experiment)
-    for run in runs:
-        run.draw(axes, run.result["t"], run.result[column] / KILO)
-    draw_limits(axes, runs[0].experiment)
-    axes.set_ylabel(f"{quantity} $F_{rope}$ (kN)")
-    axes.set_title(f"rope {rope}")
-    if quantity == "tension":
-        axes.set_title(_extremes(runs, column), loc="right", fontsize=7.5, color=GREY)
-
-
-def _enlarged_run(axes: Axes, runs: Sequence[Curve], quantity: str, rope: int) -> None:
+def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
     """Commands as they are held from sample to sample, tensions as they ring between samples."""
     experiment = runs[0].experiment
     start, end, origin, _event = enlarged(experiment)
     for run in runs:
         rows = within(run.result["t"], start, end)
-        if quantity == "tension":
-            t, *forces = finely(run.result, rows)
-            run.draw(axes, (t - origin) * 1e3, forces[rope - 1] / KILO)
-        else:
-            command = run.result[COLUMNS[quantity][rope - 1]][rows] / KILO
-            run.draw(axes, (run.result["t"][rows] - origin) * 1e3, command, drawstyle="steps-post")
+        t, values, style = run.result["t"][rows], run.result[column][rows], {"drawstyle": "steps-post"}
+        if column in {"F1", "F2"}:
+            t, forces = between_samples(run.result, rows)
+            values, style = forces[column], {}
+        run.line(axes, (t - origin) * 1e3, values / KILO, **style)
     axes.set_xlim((start - origin) * 1e3, (min(end, experiment.duration) - origin) * 1e3)
     bottom, top = axes.get_ylim()
     spare = max(SMALLEST_SPAN - (top - bottom), 0.0) / 2
@@ -461,16 +393,13 @@ def _enlarged_run(axes: Axes, runs: Sequence[Curve], quantity: str, rope: int) -
 
 def _extremes(runs: Sequence[Curve], column: str) -> str:
     """Say in words what a line of a few milliseconds cannot show at this width."""
-    limit = runs[0].experiment.controller.limits.tension_max
     drawn = [run for run in runs if np.isfinite(run.result[column]).any()]
-    if not drawn:
-        return ""
-    slack = [(run.label, _slack_time(run.result, column)) for run in drawn]
-    if any(time for _, time in slack):
-        return "slack: " + ", ".join(f"{label} {_moment(time)}" for label, time in slack if time)
+    slack = {run.label: _slack_time(run.result["t"], run.result[column]) for run in drawn}
+    if any(slack.values()):
+        return "slack: " + ", ".join(f"{label} {_moment(time)}" for label, time in slack.items() if time)
     peaks = [float(np.nanmax(run.result[column])) for run in drawn]
-    highest = max(peaks)
-    if highest <= OVERSHOOT * limit:
+    highest = max(peaks, default=0.0)
+    if highest <= OVERSHOOT * runs[0].experiment.controller.limits.tension_max:
         return ""
     first = drawn[peaks.index(highest)].result
     at = first["t"][np.nanargmax(first[column])]
@@ -478,9 +407,8 @@ def _extremes(runs: Sequence[Curve], column: str) -> str:
     return f"peak {highest / KILO:.2f} kN at {_moment(at)} ({', '.join(reached)})"
 
 
-def _slack_time(result: Result, column: str) -> float:
-    spacing = result["t"][1] - result["t"][0] if len(result["t"]) > 1 else 0.0
-    return float(np.count_nonzero(result[column] <= 0) * spacing)
+def _slack_time(t: Floats, tension: Floats) -> float:
+    return float(np.count_nonzero(tension <= 0) * (t[1] - t[0])) if len(t) > 1 else 0.0
 
 
 def _moment(seconds: float) -> str:

@@ -1,28 +1,25 @@
-"""The house style of every figure: colours, sizes, headings, legends."""
+"""The house style of every figure: colours, line styles, sizes, axes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from itertools import cycle
+from typing import Any, TypeAlias
 
 import matplotlib as mpl
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.typing import LineStyleType
 
 from dualwinch.codegen.text import one_line
 from dualwinch.simulation.experiment import Experiment
 
-WIDTH = 7.0
-"""Width of every figure in inches: a page, or half a screen."""
-
 BLUE, VERMILION, GREEN, GOLD, WINE = "#0072B2", "#D55E00", "#009E73", "#A87900", "#882255"
 PURPLE, SKY = "#CC79A7", "#56B4E9"
 INK, GREY, LIGHT, SHADE = "#1A1A1A", "#6B6B6B", "#D9D9D9", "#F0F0F0"
+
+Look: TypeAlias = tuple[str, LineStyleType]
+"""Colour and line style."""
 
 DASHES: tuple[LineStyleType, ...] = (
     "-",
@@ -35,9 +32,6 @@ DASHES: tuple[LineStyleType, ...] = (
 
 ROPE_COLOURS = (WINE, GOLD)
 """Rope 1 and rope 2, where one panel shows both."""
-
-LEGEND_WIDTH, LEGEND_HANDLE = 105, 7
-"""Characters a legend below a figure has room for, and those its line samples take."""
 
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -87,30 +81,6 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def new_figure(height: float, title: str, subtitle: str, gap: float = 0.05) -> Figure:
-    """An empty figure with its heading; panels and legend are laid out without overlaps.
-
-    Args:
-        height: in inches.
-        title: first line, bold.
-        subtitle: second line.
-        gap: half the vertical space between two panels, in inches.
-    """
-    engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=gap, hspace=0.04, wspace=0.03)
-    figure = Figure(figsize=(WIDTH, height), layout=engine)
-    left = 0.06 / WIDTH
-    # the heading's room is reserved by an invisible suptitle of two lines, its text drawn over it in two weights
-    figure.suptitle(" \n ", x=left, ha="left", fontsize=10, linespacing=1.35)
-    figure.text(left, 1 - 0.06 / height, title, ha="left", va="top", fontsize=10.5, fontweight="bold")
-    figure.text(left, 1 - 0.25 / height, subtitle, ha="left", va="top", fontsize=8.5, color=GREY)
-    return figure
-
-
-def law_kind(experiment: Experiment) -> str:
-    """Name of an experiment's position law in configurations."""
-    return experiment.controller.law.kind
-
-
 def plain(text: str) -> str:
     r"""A user's name, for matplotlib: ``$`` begins no formula, a leading ``_`` leaves no label out."""
     shown = one_line(text).replace("$", r"\$")
@@ -119,25 +89,30 @@ def plain(text: str) -> str:
 
 def law_label(experiment: Experiment) -> str:
     """Name of an experiment's position law in figures."""
-    return experiment.controller.law.label or law_kind(experiment)
+    law = experiment.controller.law
+    return law.label or law.kind
 
 
-def law_colour(experiment: Experiment) -> str:
-    """Colour of an experiment's position law."""
-    return experiment.controller.law.colour or BLUE
+def law_look(experiment: Experiment) -> Look:
+    """Colour and line style of an experiment's position law."""
+    law = experiment.controller.law
+    return law.colour or BLUE, law.dashes or "-"
 
 
-def law_dashes(experiment: Experiment) -> LineStyleType:
-    """Line style of an experiment's position law."""
-    return experiment.controller.law.dashes or "-"
+def looks(names: Iterable[str], colours: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Name → colour and line style: the colours in turn, then again with other dashes."""
+    styles = ({"color": colour, "linestyle": dashes} for dashes in DASHES for colour in colours)
+    return dict(zip(names, cycle(styles), strict=False))
 
 
-def legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:
-    """One legend for all panels, below them, where it covers nothing."""
-    widths = [len(str(handle.get_label())) + LEGEND_HANDLE for handle in handles]
-    rows = -(-sum(widths) // LEGEND_WIDTH)
-    columns = min(-(-len(handles) // rows), max(LEGEND_WIDTH // max(widths), 1))  # so many as wide as the widest fit
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6, columnspacing=1.6)
+def aside(axes: Axes, words: str) -> None:
+    """Say something in small words at the right above a panel."""
+    axes.set_title(words, loc="right", fontsize=7.5, color=GREY)
+
+
+def zero_line(axes: Axes) -> None:
+    """A thin line at zero, behind the signals."""
+    axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
 
 
 FEW_DECADES = 300
@@ -151,21 +126,3 @@ def logarithmic(axes: Axes, between: tuple[int, ...]) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=between if high < FEW_DECADES * low else (1,)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-def steady_handle() -> Patch:
-    """Legend entry of the shaded steady-state window."""
-    return Patch(facecolor=SHADE, edgecolor=LIGHT, label="steady state")
-
-
-def shade(axes: Axes, experiment: Experiment) -> None:
-    """Shade the steady-state window on a time axis in s."""
-    start, end = experiment.steady_window
-    axes.axvspan(start, min(end, experiment.duration), color=SHADE, linewidth=0, zorder=0)
-
-
-def time_axis(axes: Axes, experiment: Experiment, *, named: bool = True) -> None:
-    """Limit an axis to the run's duration in s and name it."""
-    axes.set_xlim(0, experiment.duration)
-    if named:
-        axes.set_xlabel("time (s)")

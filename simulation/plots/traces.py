@@ -3,9 +3,10 @@
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
-from dualwinch.model.plant import Plant, PlantState, tensions
-from dualwinch.model.winch import drum_acceleration, winding
+from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques, derivative, tensions
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.results.result import Result
 
 Floats = NDArray[np.float64]
@@ -81,86 +82,56 @@ CONSISTENT, SAME = 1e-4, 1.0
 """How far a drum may be from its next row in rad/s, and a tension from its own in N, where the rows say it all."""
 
 DRUMS = ("theta_1", "omega_1", "theta_2", "omega_2")
-ENDS = ("x", "v", "next_x", "next_v")
 
 
-def finely(result: Result, rows: slice) -> tuple[Floats, Floats, Floats]:
+def between_samples(result: Result, rows: slice) -> tuple[Floats, dict[str, Floats]]:
     """Times and tensions of both ropes in a stretch of a run, `POINTS` a sample.
 
-    From each row on the drums are integrated once more, under the torques that the row holds; the vehicle, ten tonnes
-    that no rope shakes within a millisecond, moves along the cubic through its rows. Where that does not lead to the
-    next row (motors with a lag, jittering samples, rows left out), the rows themselves are returned.
+    From each row on the drums are integrated once more (Runge–Kutta, fourth order) under the torques of the row; the
+    vehicle, ten tonnes that no rope shakes within a millisecond, moves along the cubic Hermite spline through its rows.
+    Where that does not lead to the next row (motors with a lag, jittering samples, rows left out), the rows themselves
+    are returned.
 
     Args:
         result: a run.
         rows: of its stretch.
 
     Returns:
-        Times in s, tensions F1 and F2 in N, each (points,).
+        Times in s, and the tensions ``F1`` and ``F2`` in N, each (points,).
     """
-    kept = {name: result[name][rows] for name in ("t", "x", "v", "tau_1", "tau_2", "F1", "F2", *DRUMS)}
-    t, span = kept["t"], result.experiment.simulation.sample_time
-    as_kept = t, kept["F1"], kept["F2"]
-    if len(t) < 2 or not np.allclose(np.diff(t), span, rtol=1e-6) or not all(map(_finite, kept.values())):
+    names = ("x", "v", "tau_1", "tau_2", "F1", "F2", *DRUMS)
+    t, span = result["t"][rows], result.experiment.simulation.sample_time
+    x, v, *held = columns = np.array([result[name][rows] for name in names])
+    torques, F, drums = np.split(np.array(held), (2, 4))
+    as_kept = t, {"F1": F[0], "F2": F[1]}
+    if len(t) < 2 or not np.allclose(np.diff(t), span, rtol=1e-6) or not np.isfinite(columns).all():
         return as_kept
-    step = _substep(result.experiment.plant, span).map(len(t) - 1)
-    drums = np.array([kept[name][:-1] for name in DRUMS])
-    ends = np.array([kept["x"][:-1], kept["v"][:-1], kept["x"][1:], kept["v"][1:]])
-    torques = np.array([kept["tau_1"][:-1], kept["tau_2"][:-1]])
-    forces = []
-    for point in range(POINTS):
-        drums, pulls = (np.array(out) for out in step(drums, ends, torques, point / POINTS))
-        forces.append(pulls)
-    missed = np.abs(drums - np.array([kept[name][1:] for name in DRUMS])).max()
-    at_rows = np.abs(forces[0] - np.array([kept["F1"][:-1], kept["F2"][:-1]])).max()
-    if not (missed <= CONSISTENT and at_rows <= SAME):
+    step, forces = _drum_motion(result.experiment.plant)
+    given = np.vstack([CubicHermiteSpline(t, x, v).c, torques[:, :-1]])
+    at, found = np.vstack([drums[:, :-1], np.zeros(len(t) - 1)]), []
+    for _ in range(POINTS):
+        found.append(forces(at, given).full())
+        at = step(at, given, span / POINTS).full()
+    missed, apart = np.abs(at[:4] - drums[:, 1:]).max(), np.abs(found[0] - F[:, :-1]).max()
+    if not (missed <= CONSISTENT and apart <= SAME):
         return as_kept
     fine = (t[:-1, np.newaxis] + span * np.arange(POINTS) / POINTS).ravel()
-    pulled = np.array(forces).transpose(1, 2, 0).reshape(2, -1)
-    last = [kept["F1"][-1], kept["F2"][-1]]
-    return np.append(fine, t[-1]), np.append(pulled[0], last[0]), np.append(pulled[1], last[1])
+    finely = np.hstack([np.array(found).transpose(1, 2, 0).reshape(2, -1), F[:, -1:]])
+    return np.append(fine, t[-1]), {"F1": finely[0], "F2": finely[1]}
 
 
-def _finite(values: Floats) -> bool:
-    return bool(np.isfinite(values).all())
+def _drum_motion(plant: Plant) -> tuple[ca.Function, ca.Function]:
+    """A step of the drums' motion, and the tensions, amid a sample.
 
-
-def _substep(plant: Plant, span: float) -> ca.Function:
-    """``(drums, ends, torques, share) -> (drums, tensions)``: one of `POINTS` steps of a sample, from its beginning."""
-    drums, ends, torques = ca.SX.sym("drums", len(DRUMS)), ca.SX.sym("ends", len(ENDS)), ca.SX.sym("torques", 2)
-    share = ca.SX.sym("share")
-
-    def pulls(at: ca.SX, now: ca.SX) -> tuple[ca.SX, ca.SX]:
-        begin_x, begin_v, next_x, next_v = ca.vertsplit(ends)
-        x, v = _cubic(begin_x, begin_v, next_x, next_v, span, now)
-        theta_1, omega_1, theta_2, omega_2 = ca.vertsplit(at)
-        return tensions(PlantState(x, v, theta_1, omega_1, theta_2, omega_2), plant)
-
-    def rate(at: ca.SX, now: ca.SX) -> ca.SX:
-        force_1, force_2 = pulls(at, now)
-        rates = []
-        for (theta, omega), force, torque, winch in zip(
-            ((at[0], at[1]), (at[2], at[3])),
-            (force_1, force_2),
-            ca.vertsplit(torques),
-            (plant.winch_1, plant.winch_2),
-            strict=True,
-        ):
-            rates += [omega, drum_acceleration(omega, force, torque, winch, winding(theta, winch).radius)]
-        return ca.vertcat(*rates)
-
-    h, part = span / POINTS, 1 / POINTS
-    k1 = rate(drums, share)
-    k2 = rate(drums + h / 2 * k1, share + part / 2)
-    k3 = rate(drums + h / 2 * k2, share + part / 2)
-    k4 = rate(drums + h * k3, share + part)
-    moved = drums + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return ca.Function("substep", [drums, ends, torques, share], [moved, ca.vertcat(*pulls(drums, share))])
-
-
-def _cubic(x: ca.SX, v: ca.SX, next_x: ca.SX, next_v: ca.SX, span: float, share: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Position and speed on the cubic between two rows, at a share of the way."""
-    bend = 3 * (next_x - x) - span * (2 * v + next_v)
-    twist = span * (v + next_v) - 2 * (next_x - x)
-    position = x + share * (span * v + share * (bend + share * twist))
-    return position, v + share * (2 * bend + 3 * share * twist) / span
+    Both take the drums' states and the time since the row in s, and the coefficients of the vehicle's cubic and the
+    torques.
+    """
+    at, given = ca.SX.sym("at", len(DRUMS) + 1), ca.SX.sym("given", 6)
+    *drums, time = ca.vertsplit(at)
+    *cubic, tau_1, tau_2 = ca.vertsplit(given)
+    x = ca.polyval(ca.vertcat(*cubic), time)
+    state = PlantState(x, ca.jacobian(x, time), *drums)
+    rates = leaves(derivative(state, Torques(tau_1, tau_2), DisturbanceInputs(), plant))
+    slope = ca.Function("slope", [at, given], [ca.vertcat(*(rates[name] for name in DRUMS), 1)])
+    forces = ca.Function("forces", [at, given], [ca.vertcat(*tensions(state, plant))])
+    return ca.simpleRK(slope, 1), forces

@@ -3,10 +3,10 @@
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,22 +21,39 @@ INFINITE = {"INF": math.inf, "-INF": -math.inf}
 
 @dataclass(frozen=True)
 class FileContent:
-    """What a file holds.
+    """What is in a file.
 
     Attributes:
         columns: name → (rows,).
         quantities: name → unit and meaning of every column.
-        facts: name → text, or what JSON holds (`plain`).
+        facts: name → text, or what JSON can express (`plain`).
     """
 
     columns: Mapping[str, NDArray[Any]]
     quantities: Mapping[str, Quantity]
     facts: Mapping[str, Any]
 
+    @classmethod
+    def of(cls, columns: Mapping[str, tuple[NDArray[Any], Quantity]], facts: Mapping[str, Any]) -> Self:
+        """The content of columns that come with their quantities, and of any facts."""
+        values = {name: values for name, (values, _) in columns.items()}
+        return cls(values, {name: quantity for name, (_, quantity) in columns.items()}, plain(facts))
+
     @property
     def units(self) -> dict[str, str]:
         """Column → unit."""
         return {name: quantity.unit for name, quantity in self.quantities.items()}
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Name → value of every row, for JSON."""
+        rows = zip(*(values.tolist() for values in self.columns.values()), strict=True)
+        return [plain(dict(zip(self.columns, row, strict=True))) for row in rows]
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """The facts as texts: what is none, as JSON."""
+        return {key: value if isinstance(value, str) else json.dumps(value) for key, value in self.facts.items()}
 
 
 def plain(value: Any) -> Any:
@@ -190,8 +207,8 @@ def _write_numpy(content: FileContent, path: Path) -> None:
         ConfigurationError: a column has the name of another entry.
     """
     described = {name: about(quantity) for name, quantity in content.quantities.items()}
-    facts = {"units": content.units, "columns": described, **content.facts}
-    texts = {key: np.array(value if isinstance(value, str) else json.dumps(value)) for key, value in facts.items()}
+    facts = {"units": json.dumps(content.units), "columns": json.dumps(described), **content.texts}
+    texts = {key: np.array(text) for key, text in facts.items()}
     for name in sorted(texts.keys() & content.columns.keys()):
         raise ConfigurationError(f"column '{name}': .npz files have another entry of this name; save as .parquet")
     with atomic(path) as unfinished:
@@ -226,7 +243,7 @@ def _write_parquet(content: FileContent, path: Path) -> None:
         pa.field(name, array.type, metadata=about(quantity))
         for array, (name, quantity) in zip(arrays, content.quantities.items(), strict=True)
     ]
-    facts = {OURS + key: value if isinstance(value, str) else json.dumps(value) for key, value in content.facts.items()}
+    facts = {OURS + key: text for key, text in content.texts.items()}
     with atomic(path) as unfinished:
         table = pa.table(arrays, schema=pa.schema(fields, metadata=facts))
         parquet.write_table(table, unfinished, compression="zstd")
@@ -271,15 +288,16 @@ FORMATS = {
 """Suffix → format."""
 
 
-def format_of(path: Path) -> Format:
+MIXED = (".csv", ".parquet", ".npz")
+"""Suffixes of formats that have texts beside numbers."""
+
+
+def format_of(path: Path, suffixes: Collection[str] = FORMATS) -> Format:
     """The format of a path's suffix.
 
     Raises:
-        ConfigurationError: unknown suffix.
+        ConfigurationError: it is none of the `suffixes`.
     """
-    try:
-        return FORMATS[path.suffix.lower()]
-    except KeyError:
-        raise ConfigurationError(
-            f"{path.name}: unknown suffix {path.suffix!r}; must be one of {', '.join(FORMATS)}"
-        ) from None
+    if path.suffix.lower() not in suffixes:
+        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {', '.join(suffixes)}")
+    return FORMATS[path.suffix.lower()]

@@ -1,6 +1,5 @@
 """What runs came to: how each ended, when, and its figures of merit."""
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.simulation.results.file_formats import plain
 
 WORDS = {
     Outcome.COMPLETED: "completed",
@@ -71,12 +71,12 @@ class RunOutcomes:
         return replace(self, **changed, metrics={name: change(values) for name, values in self.metrics.items()})
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON holds it: what is not finite as null."""
+        """As JSON expresses it (`file_formats.plain`)."""
         return {
             "outcomes": self.outcomes.tolist(),
             "counts": self.outcome_counts,
-            "end_times": _plain(self.end_times),
-            "metrics": {name: _plain(values) for name, values in self.metrics.items()},
+            "end_times": plain(self.end_times),
+            "metrics": plain(self.metrics),
         }
 
 
@@ -111,12 +111,3 @@ def concatenated(parts: Sequence[RunOutcomes], axis: int = -1) -> RunOutcomes:
         end_times=np.concatenate([part.end_times for part in parts], axis),
         metrics={name: np.concatenate([part.metrics[name] for part in parts], axis) for name in parts[0].metrics},
     )
-
-
-def _plain(values: Any) -> Any:
-    """Nested lists of numbers, with None for what is not finite."""
-    if isinstance(values, np.ndarray):
-        return _plain(values.tolist())
-    if isinstance(values, list):
-        return [_plain(value) for value in values]
-    return values if math.isfinite(values) else None

@@ -15,10 +15,10 @@ from matplotlib.ticker import FuncFormatter
 from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.simulation.ensembles.comparison import CONFIDENCE
 from dualwinch.simulation.ensembles.result import Statistic
-from dualwinch.simulation.plots.page import GivenAxes, Page
+from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.style import (
     BLUE,
-    DASHES,
     GOLD,
     GREEN,
     GREY,
@@ -27,8 +27,8 @@ from dualwinch.simulation.plots.style import (
     SKY,
     VERMILION,
     WINE,
-    house_style,
     logarithmic,
+    looks,
     plain,
 )
 from dualwinch.tuning.benchmark.comparison import (
@@ -370,9 +370,6 @@ CLUSTER = 6.0
 HEADING, A_ROW = 1.45, 0.27
 """Heights in inches."""
 
-AXES = {"chatter": "mean chatter (N)", "continuous_load": "mean continuous load (N m)"}
-"""Figure of merit → name of its axis."""
-
 WIDE = frozenset({"chatter"})
 """Figures of merit that differ by factors."""
 
@@ -389,9 +386,8 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
         f"{terms.rollouts} rollouts in “{plain(terms.ensemble)}” to tune each, "
         f"scored in {terms.held_out} scenarios that nobody has seen"
     )
-    with house_style():
-        page = Page(ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: who tracks best?", words)
-        (axes,) = page.panels(1)
+    with new_page(ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: who tracks best?", words) as page:
+        (axes,) = page.panels()
         first = found.ranking[0].entry.key if found.entries else ""
         tied = {first, *found.alike(first)} if first else set()
         for row, scored in enumerate(found.ranking):
@@ -414,7 +410,7 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
         ]
         if len(found.entries) > len(found.ranking):
             handles.insert(3, dot(color=INK, marker="|", markersize=8, label="its searches"))
-        page.legend(handles)
+        page.legend(*handles)
     return page.figure
 
 
@@ -454,32 +450,25 @@ def _share(ratio: float) -> str:
 
 
 def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
-    looks = {
-        scored.entry.key: {
-            "color": COLOURS[rank % len(COLOURS)],
-            "linestyle": DASHES[rank // len(COLOURS) % len(DASHES)],
-        }
-        for rank, scored in enumerate(found.ranking)
-    }
+    styles = looks((scored.entry.key for scored in found.ranking), COLOURS)
     words = (
         f"Trials that keep to every constraint, in {found.terms.held_out} unseen scenarios; ●: the best, ×: the paper's"
     )
-    with house_style():
-        page = Page(ax, 3.4 + 0.1 * len(looks), "What less chatter and less load cost", words)
+    with new_page(ax, 3.4 + 0.1 * len(styles), "What less chatter and less load cost", words) as page:
         panels = page.panels(1, len(COSTS), "C", sharey=True)
-        for axes, cost in zip(panels, COSTS, strict=False):
+        for axes, cost in zip(panels, COSTS, strict=True):
             for scored in found.ranking:
-                _front(axes, scored, cost, looks[scored.entry.key])
+                _front(axes, scored, cost, styles[scored.entry.key])
             axes.plot(*_means(found.paper.runs, cost), "x", color=VERMILION, markersize=6)
             if cost in WIDE:
                 logarithmic(axes, (1, 2, 3, 5))
-            axes.set_xlabel(AXES[cost])
-            _least(axes, found)
+            axes.set_xlabel(f"mean {metric_quantities()[cost].axis}")
+            for value, dashes, name in _least_lines(found):
+                axes.axhline(value, color=GREY, linestyle=dashes, linewidth=1.0, label=name)
         panels[0].set_yscale("log")
         panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         panels[0].set_ylabel("RMS error (mm)")
-        handles = [Line2D([], [], **look, label=plain(found.names[key])) for key, look in looks.items()]
-        page.legend([*handles, *_least_handles(found)])
+        page.legend(*(Line2D([], [], **style, label=plain(found.names[key])) for key, style in styles.items()))
     return page.figure
 
 
@@ -514,12 +503,3 @@ def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tup
         value = _rms(float(values.mean()))
         if value > NEAR * nearest:
             yield value, dashes, name
-
-
-def _least(axes: Axes, found: BenchmarkResult) -> None:
-    for value, dashes, _ in _least_lines(found):
-        axes.axhline(value, color=GREY, linestyle=dashes, linewidth=1.0)
-
-
-def _least_handles(found: BenchmarkResult) -> list[Line2D]:
-    return [Line2D([], [], color=GREY, linestyle=dashes, label=name) for _, dashes, name in _least_lines(found)]

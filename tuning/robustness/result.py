@@ -14,8 +14,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.plots.page import GivenAxes, Page
-from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION, house_style, plain
+from dualwinch.simulation.plots.page import GivenAxes, new_page
+from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION, plain
 from dualwinch.tuning.robustness.imperfections import Imperfection, ImperfectionSize, ScaledEnsemble, amount_of
 from dualwinch.tuning.robustness.limits import SHARE, BrokenLimit, RobustnessLimit, multiple
 from dualwinch.tuning.robustness.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
@@ -248,9 +248,8 @@ def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
         f"Imperfections of “{plain(scaling.ensemble.name)}” on top of “{plain(scaling.base.name)}”, "
         f"{scaling.count} scenarios, seed {scaling.seed}; the worst scenario counts"
     )
-    with house_style():
-        page = Page(ax, HEADING + A_ROW * max(len(found.rows), 3), title, words)
-        (axes,) = page.panels(1)
+    with new_page(ax, HEADING + A_ROW * max(len(found.rows), 3), title, words) as page:
+        (axes,) = page.panels()
         for height, row in enumerate(found.ranking):
             for index, name in enumerate(found.names):
                 offset = APART * (2 * index / (len(found.names) - 1) - 1) if len(found.names) > 1 else 0.0
@@ -260,7 +259,7 @@ def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
             Line2D([], [], color=colour, marker="o", markersize=5, linestyle="none", label=_legend(found, name))
             for name, colour in looks.items()
         ]
-        page.legend([*handles, Line2D([], [], color=GREY, marker=">", markersize=5, label="holds", linestyle="none")])
+        page.legend(*handles, Line2D([], [], color=GREY, marker=">", markersize=5, label="holds", linestyle="none"))
     return page.figure
 
 

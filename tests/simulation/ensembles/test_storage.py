@@ -8,7 +8,7 @@ import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.result import WRITERS, EnsembleResult, save_ensemble
+from dualwinch.simulation.ensembles.result import SUFFIXES, EnsembleResult, save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN
 
@@ -47,7 +47,7 @@ def read(path: Path) -> tuple[dict[str, list[Any]], dict[str, str], dict[str, An
     return {name: [row[name] for row in rows] for name in rows[0]}, content["units"], content
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_every_format_keeps_rows_units_seed_and_statistics(suffix: str, result: EnsembleResult, tmp_path: Path) -> None:
     path = tmp_path / f"sea{suffix}"
     save_ensemble(result, str(path), {"configuration": "the whole file"})

@@ -11,7 +11,7 @@ from dualwinch.model.actuators import Motor
 from dualwinch.model.plant import DisturbanceInputs, PlantState, Torques, derivative, tensions
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.traces import POINTS, finely
+from dualwinch.simulation.plots.traces import POINTS, between_samples
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -25,7 +25,7 @@ def run(paper_run: Callable[[int, str], Result]) -> Result:
 
 @pytest.mark.parametrize("row", [0, 3, 11])
 def test_it_is_what_a_stiff_solver_finds(run: Result, row: int) -> None:
-    t, *forces = finely(run, START)
+    t, forces = between_samples(run, START)
     assert len(t) == 20 * POINTS + 1
     plant, torques = run.experiment.plant, Torques(run["tau_1"][row], run["tau_2"][row])
     start = [run[name][row] for name in ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2")]
@@ -36,23 +36,23 @@ def test_it_is_what_a_stiff_solver_finds(run: Result, row: int) -> None:
     at = np.arange(POINTS) * 1e-3 / POINTS
     found = solve_ivp(rate, (0, 1e-3), start, method="Radau", t_eval=at, rtol=1e-10, atol=1e-12)
     wanted = np.array([tensions(PlantState(*state), plant) for state in found.y.T]).T
-    for force, exact in zip(forces, wanted, strict=True):
+    for force, exact in zip(forces.values(), wanted, strict=True):
         np.testing.assert_allclose(force[row * POINTS : (row + 1) * POINTS], exact, atol=2.0)
 
 
 def test_samples_hide_what_it_shows(run: Result) -> None:
-    _t, _rope_1, rope_2 = finely(run, START)
+    _t, forces = between_samples(run, START)
 
     def turns(force: np.ndarray) -> int:
         return int(np.count_nonzero(np.diff(np.sign(np.diff(force)))))
 
-    assert turns(rope_2) > 1.5 * turns(run["F2"][START])
+    assert turns(forces["F2"]) > 1.5 * turns(run["F2"][START])
 
 
 @pytest.mark.parametrize(("change", "stride"), [({"actuator": Motor()}, 1), ({}, 3)])
 def test_where_rows_do_not_say_enough_they_are_what_is_shown(change: dict, stride: int) -> None:
     run = simulate(replace(case(1), **change), stride=stride)
-    t, rope_1, rope_2 = finely(run, START)
+    t, forces = between_samples(run, START)
     np.testing.assert_array_equal(t, run["t"][START])
-    np.testing.assert_array_equal(rope_1, run["F1"][START])
-    np.testing.assert_array_equal(rope_2, run["F2"][START])
+    np.testing.assert_array_equal(forces["F1"], run["F1"][START])
+    np.testing.assert_array_equal(forces["F2"], run["F2"][START])

@@ -21,7 +21,7 @@ from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import CONTROLLERS, FIGURES, case, percent, reductions, steady_change
 from dualwinch.simulation.plots.runs import length_unit
-from dualwinch.simulation.plots.style import law_colour
+from dualwinch.simulation.plots.style import law_look
 from dualwinch.simulation.plots.traces import peaks, thin
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
@@ -108,7 +108,7 @@ def test_each_controller_keeps_its_colour(case_4: Results, content: str) -> None
         for line in axes.lines:
             for kind, name in CONTROLLERS.items():
                 if line.get_label() == name:
-                    assert same_color(line.get_color(), law_colour(case(4, kind)))
+                    assert same_color(line.get_color(), law_look(case(4, kind))[0])
     assert legend_of(figure)[:3] == list(CONTROLLERS.values())
 
 
