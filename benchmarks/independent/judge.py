@@ -1,10 +1,11 @@
 """Builds exported controllers into the machine of machine.c, and runs them."""
 
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +27,21 @@ SENSED = {
     "F2": "F[1]",
     "theta_1": "theta[0]",
     "theta_2": "theta[1]",
+    "omega_1": "omega[0]",
+    "omega_2": "omega[1]",
     "x_ref": "reference[0]",
     "v_ref": "reference[1]",
     "a_ref": "reference[2]",
 }
 """Input of a controller → where the machine has it."""
+
+Settings: TypeAlias = Callable[[int], Mapping[str, float]]
+
+
+def nothing(_seed: int) -> Mapping[str, float]:
+    """No effects, and the controller as it is."""
+    return {}
+
 
 SAMPLES = 50_000
 """Of a whole run: Case 4's, at a sample time of 1 ms."""
@@ -65,7 +76,10 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Runs:
-    """What runs came to, each (runs,): counts of samples, errors in m² and m, tensions, chatter and force in N."""
+    """What runs came to, each (runs,): counts of samples, errors in m² and m, tensions, chatter and force in N.
+
+    `least_gear` is the smallest torque between the teeth of gearboxes that give, in N m at the drum; else 0.
+    """
 
     samples: NDArray[np.float64]
     refused: NDArray[np.float64]
@@ -76,6 +90,7 @@ class Runs:
     chatter: NDArray[np.float64]
     slack: NDArray[np.float64]
     needed: NDArray[np.float64]
+    least_gear: NDArray[np.float64]
 
     @property
     def completed(self) -> NDArray[np.bool_]:
@@ -108,19 +123,42 @@ class Judge:
         for file, text in {**package, "sensed.h": _header(law)}.items():
             (folder / file).write_text(text)
         self._program, self._preload = folder / "machine", experiment.controller.limits.preload
-        command = [*find_compiler().command, "-std=c99", "-O2", "-I", str(folder), str(SOURCE)]
+        command = [
+            *find_compiler().command,
+            "-std=c99",
+            "-O2",
+            "-I",
+            str(folder),
+            "-I",
+            str(SOURCE.parent),
+            str(SOURCE),
+        ]
         command += [str(folder / "dualwinch_controller.c"), "-o", str(self._program), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise RuntimeError(done.stderr[:2000])
 
-    def run(self, conditions: Conditions, seeds: Sequence[int]) -> Runs:
-        """A run for each seed, that of its machine and noise, on all cores."""
+    def run(self, conditions: Conditions, seeds: Sequence[int], settings: Settings = nothing) -> Runs:
+        """A run for each seed, that of its machine and noise, on all cores.
+
+        Args:
+            conditions: what all machines are put through.
+            seeds: of the runs.
+            settings: seed → effects (effects.h), and parameters of the controller by their names in C.
+
+        Raises:
+            ValueError: there is no such effect or parameter.
+        """
 
         def one(seed: int) -> list[float]:
-            command = [str(self._program), str(seed), "1", str(self._preload), *conditions.arguments]
-            line = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-            return [float(word) for word in line.split()]
+            given = settings(seed)
+            preload = given.get("controller_coordination_preload", self._preload)
+            command = [str(self._program), str(seed), "1", str(preload), *conditions.arguments]
+            command += [f"{name}={value!r}" for name, value in given.items()]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise ValueError(done.stderr.strip())
+            return [float(word) for word in done.stdout.split()]
 
         with ThreadPoolExecutor(cores()) as pool:
             rows = list(pool.map(one, seeds))
@@ -136,13 +174,32 @@ def _header(law: Block) -> str:
     given = "\n".join(
         f"  input->{name} = (dualwinch_controller_real)sensed->{where};" for name, where in inputs.items()
     )
-    return f"""#include "dualwinch_controller.h"
+    names = [variable.name.replace(".", "_") for variable in law.parameters]
+    known = ",\n".join(f'    {{"{name}", offsetof(dualwinch_controller_parameters, {name})}}' for name in names)
+    return f"""#include <stddef.h>
+#include <string.h>
+
+#include "dualwinch_controller.h"
 
 struct sensed {{
-  double x, v, F[2], theta[2], reference[3];
+  double x, v, F[2], theta[2], omega[2], reference[3];
 }};
 
 static void give(dualwinch_controller_input *input, const struct sensed *sensed) {{
 {given}
+}}
+
+static int set_parameter(dualwinch_controller_parameters *parameters, const char *name, size_t length, double value) {{
+  static const struct {{
+    const char *name;
+    size_t offset;
+  }} known[] = {{
+{known}}};
+  for (size_t k = 0; k < sizeof known / sizeof *known; k++) {{
+    if (strlen(known[k].name) != length || strncmp(known[k].name, name, length) != 0) continue;
+    *(dualwinch_controller_real *)((char *)parameters + known[k].offset) = (dualwinch_controller_real)value;
+    return 1;
+  }}
+  return 0;
 }}
 """

@@ -1,26 +1,22 @@
-/* A machine of the rig, or of the sea, around an exported controller: vehicle, ropes, winches, motors and sensors, written
-   by hand from the specification, with random numbers of its own. It shares nothing with the product but the controller's
-   package; sensed.h, which says what the controller takes, is written beside it.
+/* A machine of the rig, or of the sea, around an exported controller: the plant of plant.h, sensors and random numbers of
+   its own, written by hand from the specification. It shares nothing with the product but the controller's package;
+   sensed.h, which says what the controller takes and sets its parameters, is written beside it.
 
-   Arguments: first seed, number of runs, and the conditions of `read_conditions`. A line for each run: samples, samples
-   whose readings the controller refused, mean square error (m^2), largest error (m), largest tension (N), smallest (N),
-   chatter (N), samples with a slack rope, largest net force that the reference asks for (N). */
+   Arguments: first seed, number of runs, and the conditions of `read_conditions`; then any number of name=value, of
+   effects.h, of the controller's parameters, or of `struct extent`. A line for each run: samples, samples whose readings
+   the controller refused, mean square error (m^2), largest error (m), largest tension (N), smallest (N), chatter (N),
+   samples with a slack rope, largest net force that the reference asks for (N), smallest torque between the gearboxes'
+   teeth, at the drum (N m; 0 without). */
 
-#include <math.h>
 #include <stdint.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
+#include "plant.h"
 #include "sensed.h"
 
-#define SUBSTEPS 64
 #define LONGEST_DELAY 8
 
-static const double PI = 3.14159265358979323846;
-static const double DRUM = 0.8, RATIO = 36.0, AREA = 4.52e-4, TRACK = 50.0, OFFSET = 0.5, OVERRUN = 0.25;
-static const double RAIL_LOAD = 4900.0, RAIL_SPEED = 0.01, HALF_WATER = 0.5 * 1000.0 * 6.0, HULL = 2.0, VORTICES = 0.2;
-static const double DRUM_FRICTION = 96.0, DRUM_SPEED = 0.01, LAPS = 20.0, CREEPING = 60.0, WAVES = 6.0;
+static const double DRUM_FRICTION = 96.0;
 
 /* ---- random numbers: SplitMix64, Box-Muller ---- */
 
@@ -40,6 +36,14 @@ static double normal(void) {
   return size * cos(2.0 * PI * uniform(0.0, 1.0));
 }
 
+/* Of a stream of its own, so that what it is for changes nothing else. */
+static double normal_aside(uint64_t *stream) {
+  uint64_t kept = random_state;
+  double value;
+  random_state = *stream, value = normal(), *stream = random_state, random_state = kept;
+  return value;
+}
+
 /* First-order Gauss-Markov, from sample to sample. */
 static double go_on(double value, double sigma, double decay) {
   return decay * value + sqrt(1.0 - decay * decay) * sigma * normal();
@@ -53,25 +57,16 @@ struct conditions {
   double outage_length, outage_period; /* s; 0: none */
 };
 
-struct winch {
-  double inertia, radius_error, eccentricity, run_out_angle, layer, torque_error, ripple, ripple_angle;
-  double modulus, damping, creep, encoder_zero, cell_error, cell_zero;
-};
-
-struct machine {
-  double mass, drag, friction, strouhal, motor_lag, bias, drift, jitter;
-  double position_noise, resolution, speed_noise, tension_noise, counts, current_sigma, load_sigma, coulomb;
-  struct winch winch[2];
-};
-
 static double around(double size, double low, double high) {
   double middle = (low + high) / 2;
   return middle + size * (uniform(low, high) - middle);
 }
 
-static struct machine drawn(const struct conditions *how) {
+static struct machine drawn(const struct conditions *how, const struct effects *effects) {
   double size = how->spread, off = how->imperfect, lag;
   struct machine m;
+  m.is = *effects;
+  m.plain = plain(effects);
   m.mass = 1e4 * around(size, 0.9, 1.1);
   m.drag = 0.3 * around(size, 0.8, 1.2);
   m.friction = 0.1 * around(size, 0.5, 1.5);
@@ -109,83 +104,6 @@ static struct machine drawn(const struct conditions *how) {
   return m;
 }
 
-/* ---- the machine's motion: position, two drum angles, their speeds, two motor torques ---- */
-
-enum { X, THETA, V = 3, OMEGA, TORQUE = 6, STATES = 8 };
-
-struct held {
-  double asked[2], current, load; /* N m, m/s, N */
-};
-
-static double direction(int i) { return i ? -1.0 : 1.0; }
-
-static double free_length(int i, double x) { return (i ? x : TRACK - x) + OFFSET; }
-
-static double radius(const struct winch *w, double theta) {
-  return DRUM * (1.0 + w->radius_error) + w->layer / LAPS / (2.0 * PI) * theta +
-         w->eccentricity * cos(theta + w->run_out_angle);
-}
-
-static double wound(const struct winch *w, double theta) {
-  double run_out = w->eccentricity * (sin(theta + w->run_out_angle) - sin(w->run_out_angle));
-  return DRUM * (1.0 + w->radius_error) * theta + w->layer / LAPS / (4.0 * PI) * theta * theta + run_out;
-}
-
-static double angle_of(const struct winch *w, double rope) {
-  double theta = rope / DRUM;
-  for (int k = 0; k < 50; k++) theta -= (wound(w, theta) - rope) / radius(w, theta);
-  return theta;
-}
-
-static void pull(const struct machine *m, double t, const double *state, double *tension) {
-  for (int i = 0; i < 2; i++) {
-    const struct winch *w = &m->winch[i];
-    double longer = w->creep * (1.0 - exp(-t / CREEPING)), lengthening = w->creep * exp(-t / CREEPING) / CREEPING;
-    double stretch = wound(w, state[THETA + i]) - direction(i) * state[X] - longer;
-    double rate = radius(w, state[THETA + i]) * state[OMEGA + i] - direction(i) * state[V] - lengthening;
-    double force = w->modulus * AREA / free_length(i, state[X]) * stretch + w->damping * rate;
-    tension[i] = stretch > 0.0 && force > 0.0 ? force : 0.0;
-  }
-}
-
-static double resistance(const struct machine *m, double t, double v, const struct held *held) {
-  double through = v - held->current, shedding = 2.0 * PI * m->strouhal / HULL * v * t;
-  return m->friction * (RAIL_LOAD + held->load) * tanh(v / RAIL_SPEED) +
-         HALF_WATER * m->drag * (through * fabs(through) - VORTICES * v * fabs(v) * sin(shedding));
-}
-
-static void slope(const struct machine *m, double t, const double *state, const struct held *held, double *rate) {
-  double tension[2], v = state[V];
-  pull(m, t, state, tension);
-  rate[X] = v;
-  rate[V] = (tension[0] - tension[1] - resistance(m, t, v, held)) / m->mass;
-  for (int i = 0; i < 2; i++) {
-    const struct winch *w = &m->winch[i];
-    double theta = state[THETA + i], omega = state[OMEGA + i];
-    double wave = w->ripple * sin(w->ripple_angle + WAVES * RATIO * theta);
-    double torque = (m->motor_lag > 0.0 ? state[TORQUE + i] : held->asked[i]) * (1.0 + w->torque_error + wave);
-    double opposing = radius(w, theta) * tension[i] + m->coulomb * tanh(omega / DRUM_SPEED);
-    rate[THETA + i] = omega;
-    rate[OMEGA + i] = (RATIO * torque - opposing) / w->inertia;
-    rate[TORQUE + i] = m->motor_lag > 0.0 ? (held->asked[i] - state[TORQUE + i]) / m->motor_lag : 0.0;
-  }
-}
-
-/* Classical Runge-Kutta steps. */
-static void move(const struct machine *m, double t, double duration, double *state, const struct held *held) {
-  static const double reach[4] = {0.0, 0.5, 0.5, 1.0}, weight[4] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
-  double h = duration / SUBSTEPS;
-  for (int step = 0; step < SUBSTEPS; step++) {
-    double rate[STATES] = {0.0}, at[STATES], change[STATES] = {0.0};
-    for (int stage = 0; stage < 4; stage++) {
-      for (int k = 0; k < STATES; k++) at[k] = state[k] + reach[stage] * h * rate[k];
-      slope(m, t + (step + reach[stage]) * h, at, held, rate);
-      for (int k = 0; k < STATES; k++) change[k] += weight[stage] * h * rate[k];
-    }
-    for (int k = 0; k < STATES; k++) state[k] += change[k];
-  }
-}
-
 /* ---- reference, sensors, and the run ---- */
 
 static void reference(double t, double *wanted) {
@@ -208,39 +126,64 @@ static double needed(const struct machine *m, const double *wanted, const struct
          HALF_WATER * m->drag * (through * fabs(through) + VORTICES * v * v);
 }
 
-static void run(uint64_t seed, const struct conditions *how) {
+/* Of a run: a line for every so many samples (0: none), and the error in m at which it is lost and ends. */
+struct extent {
+  long trace;
+  double give_up;
+};
+
+/* Speed of a motor's shaft, as at the drum, as its drive measures it. */
+static double shaft_speed(const struct machine *m, const double *state, int i, uint64_t *noise) {
+  double speed = state[(gives(m, i) ? SPIN : OMEGA) + i];
+  return m->is.speed_noise > 0.0 ? speed + m->is.speed_noise * normal_aside(noise) : speed;
+}
+
+/* Damping of drum speeds, within the torques that the controller's limits allow. */
+static void damp(const struct machine *m, const dualwinch_controller_parameters *parameters, const double *omega,
+                 const double *wanted, double sample, double *speed, double *torque) {
+  const struct effects *is = &m->is;
+  double lever = DRUM / RATIO, least = lever * (double)parameters->controller_coordination_tension_min;
+  double most = lever * (double)parameters->controller_coordination_tension_max;
+  for (int i = 0; i < 2; i++) {
+    speed[i] += sample / (is->speed_lag + sample) * (omega[i] - speed[i]);
+    torque[i] -= is->speed_damping * (speed[i] - direction(i) * wanted[1] / DRUM);
+    torque[i] = fmax(least, fmin(most, torque[i]));
+  }
+}
+
+static void run(uint64_t seed, const struct conditions *how, const struct effects *effects,
+                const dualwinch_controller_parameters *given, const struct extent *extent) {
   dualwinch_controller_state memory;
-  dualwinch_controller_parameters parameters;
+  dualwinch_controller_parameters parameters = *given;
   dualwinch_controller_prepared prepared;
   dualwinch_controller_input input;
   dualwinch_controller_output output;
   struct machine m;
   struct held held = {{0.0, 0.0}, 0.0, 0.0};
   struct sensed sensed;
-  double state[STATES] = {0.0}, queue[LONGEST_DELAY + 1][2], before[2] = {0.0, 0.0}, wanted[3];
+  struct forces forces;
+  double state[STATES], queue[LONGEST_DELAY + 1][2], before[2] = {0.0, 0.0}, wanted[3];
   double square = 0.0, furthest = 0.0, largest = 0.0, smallest = INFINITY, change = 0.0, most = 0.0;
-  double sample, current, load, drift = 0.0, late = 0.0, shown = 0.0, rest = DRUM / RATIO * how->preload / 2.0;
-  long refused = dualwinch_controller_init(&memory, &parameters, &prepared) != 0, slack = 0, samples, k;
+  double sample, current, load, drift = 0.0, late = 0.0, shown = 0.0, least_gear = INFINITY, speed[2] = {0.0, 0.0};
+  double resting = DRUM / RATIO * how->preload / 2.0, equal[2] = {how->preload / 2.0, how->preload / 2.0};
+  double resting_torques[2] = {resting, resting};
+  uint64_t speed_stream = seed * 104729u + 7u;
+  long refused = dualwinch_controller_prepare(&parameters, &prepared) != 0, slack = 0, samples, k;
   long silent_from = 0, silent_to = 0, period;
 
+  refused += dualwinch_controller_reset(&memory, &prepared) != 0;
   random_state = seed * 7919u + 13u;
-  m = drawn(how);
+  m = drawn(how, effects);
   sample = (double)parameters.simulation_sample_time;
   samples = lround(50.0 / sample);
   period = lround(how->outage_period / sample);
-  state[X] = -m.bias;
-  for (int i = 0; i < 2; i++) {
-    const struct winch *w = &m.winch[i];
-    double stretch = how->preload / 2.0 * free_length(i, state[X]) / (w->modulus * AREA);
-    state[THETA + i] = angle_of(w, stretch + direction(i) * state[X]);
-    state[TORQUE + i] = rest;
-    for (int n = 0; n <= LONGEST_DELAY; n++) queue[n][i] = rest;
-  }
+  rest(&m, -m.bias, equal, resting_torques, state);
+  for (int n = 0; n <= LONGEST_DELAY; n++) queue[n][0] = queue[n][1] = resting;
   current = m.current_sigma * normal(), load = m.load_sigma * normal();
 
   for (k = 0; k < samples; k++) {
     double t = (double)k * sample + late, off = m.bias + m.drift * drift, next_late, tension[2], error;
-    pull(&m, t, state, tension);
+    pull(&m, t, state, &forces);
     reference((double)k * sample, wanted);
     if (period > 0 && k % period == 0) {
       long length = lround(how->outage_length / sample * uniform(0.5, 1.5));
@@ -249,12 +192,14 @@ static void run(uint64_t seed, const struct conditions *how) {
     sensed.x = rounded(state[X] + off + m.position_noise * normal(), m.resolution);
     if (k >= silent_from && k < silent_to) sensed.x = how->missing ? NAN : shown;
     if (isfinite(sensed.x)) shown = sensed.x;
-    sensed.v = state[V] + m.speed_noise * normal();
+    sensed.v = state[V] * (1.0 + m.is.wheel_error) + m.speed_noise * normal();
     for (int i = 0; i < 2; i++) {
       const struct winch *w = &m.winch[i];
       double count = m.counts > 0.0 ? 2.0 * PI / (RATIO * m.counts) : 0.0;
-      sensed.F[i] = tension[i] * (1.0 + w->cell_error) + w->cell_zero + m.tension_noise * normal();
-      sensed.theta[i] = rounded(state[THETA + i] + w->encoder_zero / DRUM, count);
+      double cell = m.is.cell_bandwidth > 0.0 ? state[CELL + i] : cell_tension(&m, &forces, i);
+      sensed.F[i] = cell * (1.0 + w->cell_error) + w->cell_zero + m.tension_noise * normal();
+      sensed.omega[i] = shaft_speed(&m, state, i, &speed_stream);
+      sensed.theta[i] = rounded(state[(gives(&m, i) ? TURN : THETA) + i] + w->encoder_zero / DRUM, count);
     }
     memcpy(sensed.reference, wanted, sizeof wanted);
     give(&input, &sensed);
@@ -264,14 +209,26 @@ static void run(uint64_t seed, const struct conditions *how) {
     square += error * error;
     furthest = fmax(furthest, fabs(error));
     for (int i = 0; i < 2; i++) {
-      largest = fmax(largest, tension[i]), smallest = fmin(smallest, tension[i]);
-      slack += tension[i] <= 0.0;
+      double lowest = INFINITY;
+      tension[i] = cell_tension(&m, &forces, i);
+      for (int j = 0; j < segments(&m, i); j++) {
+        largest = fmax(largest, forces.rope[i][j].tension), lowest = fmin(lowest, forces.rope[i][j].tension);
+      }
+      smallest = fmin(smallest, lowest);
+      slack += lowest <= m.is.slack_below;
+      if (gives(&m, i)) least_gear = fmin(least_gear, forces.gear[i].tension);
       change += k ? fabs(tension[i] - before[i]) : 0.0;
       before[i] = tension[i];
     }
 
+    held.asked[0] = (double)output.tau_1, held.asked[1] = (double)output.tau_2;
+    if (m.is.speed_damping > 0.0) damp(&m, &parameters, sensed.omega, wanted, sample, speed, held.asked);
+    if (extent->trace && k % extent->trace == 0)
+      fprintf(stderr, "%.4f %.7g %.7g %.7g %.7g %.7g %.7g %.7g %.7g\n", t, error, state[V] - wanted[1], tension[0],
+              tension[1], held.asked[0], held.asked[1], (double)output.u_sat, sensed.x - state[X]);
+    for (int i = 0; i < 2; i++) held.asked[i] = rounded(held.asked[i], m.is.torque_step);
     memmove(queue[1], queue[0], LONGEST_DELAY * sizeof queue[0]);
-    queue[0][0] = (double)output.tau_1, queue[0][1] = (double)output.tau_2;
+    memcpy(queue[0], held.asked, sizeof held.asked);
     memcpy(held.asked, queue[how->delay], sizeof held.asked);
     held.current = fmax(-0.154, fmin(0.154, current)), held.load = load;
     most = fmax(most, needed(&m, wanted, &held));
@@ -281,13 +238,13 @@ static void run(uint64_t seed, const struct conditions *how) {
     current = go_on(current, m.current_sigma, exp(-sample / 20.0));
     load = go_on(load, m.load_sigma, exp(-sample / 5.0));
     drift = go_on(drift, 1.0, exp(-sample / 3600.0));
-    if (!(state[X] >= -OVERRUN && state[X] <= TRACK + OVERRUN)) {
+    if (!(state[X] >= -OVERRUN && state[X] <= TRACK + OVERRUN && fabs(error) < extent->give_up)) {
       k++;
       break;
     }
   }
-  printf("%ld %ld %.9g %.9g %.9g %.9g %.9g %ld %.9g\n", k, refused, square / (double)k, furthest, largest, smallest,
-         change / (2.0 * (double)(k - 1)), slack, most);
+  printf("%ld %ld %.9g %.9g %.9g %.9g %.9g %ld %.9g %.9g\n", k, refused, square / (double)k, furthest, largest, smallest,
+         change / (2.0 * (double)(k - 1)), slack, most, isfinite(least_gear) ? least_gear : 0.0);
   fflush(stdout);
 }
 
@@ -299,11 +256,38 @@ static struct conditions read_conditions(char **texts) {
   return how;
 }
 
+/* What a text name=value sets: 0 where nothing has that name. */
+static int set(const char *text, struct effects *effects, dualwinch_controller_parameters *parameters,
+               struct extent *extent) {
+  const char *sign = strchr(text, '=');
+  size_t length = sign ? (size_t)(sign - text) : 0;
+  double value = sign ? atof(sign + 1) : 0.0;
+  if (!sign) return 0;
+  if (strncmp(text, "trace=", 6) == 0) return extent->trace = lround(value), 1;
+  if (strncmp(text, "give_up=", 8) == 0) return extent->give_up = value, 1;
+  return set_effect(effects, text, length, value) || set_parameter(parameters, text, length, value);
+}
+
 int main(int count, char **texts) {
   struct conditions how;
-  if (count != 11) return 2;
+  struct effects effects = NO_EFFECTS;
+  struct extent extent = {0, INFINITY};
+  dualwinch_controller_parameters parameters;
+  if (count < 11) return 2;
   how = read_conditions(texts + 3);
   if (how.delay < 0 || how.delay > LONGEST_DELAY) return 2;
-  for (int n = 0; n < atoi(texts[2]); n++) run(strtoull(texts[1], NULL, 10) + (uint64_t)n, &how);
+  dualwinch_controller_defaults(&parameters);
+  for (int n = 11; n < count; n++) {
+    if (!set(texts[n], &effects, &parameters, &extent)) {
+      fprintf(stderr, "%s: no such effect or parameter\n", texts[n]);
+      return 2;
+    }
+  }
+  if (!(effects.segments >= 1.0 && effects.segments <= LARGEST_SEGMENTS)) {
+    fprintf(stderr, "segments: must be from 1 to %d\n", LARGEST_SEGMENTS);
+    return 2;
+  }
+  for (int n = 0; n < atoi(texts[2]); n++)
+    run(strtoull(texts[1], NULL, 10) + (uint64_t)n, &how, &effects, &parameters, &extent);
   return 0;
 }

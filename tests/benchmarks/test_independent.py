@@ -86,6 +86,7 @@ def runs(**changed: list[float]) -> Runs:
         "chatter": 7.0,
         "slack": 0,
         "needed": 5000.0,
+        "least_gear": 0.0,
     }
     return Runs(**{name: np.array(changed.get(name, [value] * 3)) for name, value in usual.items()})
 
