@@ -50,6 +50,11 @@
   ONE(speed_damping, 0.0)       /* N m s/rad, of the drum's speed at the motor */                                      \
   ONE(speed_lag, 0.0)           /* s, first-order lag of the measured drum speed */                                    \
   ONE(speed_noise, 0.0)         /* rad/s of the measured drum speed */                                                 \
+  /* readings corrected as an estimator would that has learnt so large a share (0 to 1) of what they get wrong */         \
+  ONE(learnt_gear, 0.0)         /* of the twist of the gearbox at the measured tension, in the encoder's angle */       \
+  ONE(learnt_sag, 0.0)          /* of what sag takes of the rope at the measured tension, in the encoder's angle */     \
+  ONE(learnt_modulus, 0.0)      /* of the stretch of a rope softer or harder than Table 1's, in the encoder's angle */  \
+  ONE(learnt_wheel, 0.0)        /* of the speed sensor's scale */                                                      \
   /* the integration, of a machine with any effect in its plant */                                                     \
   ONE(integrator, 1.0)          /* 0: Runge-Kutta, 1: linearly implicit midpoint rule */                               \
   ONE(substeps, 0.0)            /* a sample; 0: 64 of Runge-Kutta, 16 of the midpoint rule */

@@ -132,6 +132,20 @@ struct extent {
   double give_up;
 };
 
+/* What an estimator would take off an encoder's angle at a measured tension, for the share that it has learnt. */
+static double learnt(const struct machine *m, int i, double x, double tension) {
+  const struct effects *is = &m->is;
+  double length = fmax(free_length(i, x), SHORTEST), pull = fmax(tension, 100.0), angle = 0.0;
+  double modulus = m->winch[i].modulus * is->modulus_factor[i];
+  if (gives(m, i)) angle += is->learnt_gear * tension * DRUM / is->gear_stiffness[i];
+  if (is->learnt_sag > 0.0 && is->submerged_weight[i] > 0.0) {
+    struct spans s = spans_of(m, length);
+    angle -= is->learnt_sag * shortening(&s, is->submerged_weight[i] * s.span * s.span / (8.0 * pull)) / DRUM;
+  }
+  angle += is->learnt_modulus * tension * length / AREA * (1.0 / modulus - 1.0 / 80e9) / DRUM;
+  return angle;
+}
+
 /* Speed of a motor's shaft, as at the drum, as its drive measures it. */
 static double shaft_speed(const struct machine *m, const double *state, int i, uint64_t *noise) {
   double speed = state[(gives(m, i) ? SPIN : OMEGA) + i];
@@ -192,7 +206,7 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
     sensed.x = rounded(state[X] + off + m.position_noise * normal(), m.resolution);
     if (k >= silent_from && k < silent_to) sensed.x = how->missing ? NAN : shown;
     if (isfinite(sensed.x)) shown = sensed.x;
-    sensed.v = state[V] * (1.0 + m.is.wheel_error) + m.speed_noise * normal();
+    sensed.v = state[V] * (1.0 + m.is.wheel_error * (1.0 - m.is.learnt_wheel)) + m.speed_noise * normal();
     for (int i = 0; i < 2; i++) {
       const struct winch *w = &m.winch[i];
       double count = m.counts > 0.0 ? 2.0 * PI / (RATIO * m.counts) : 0.0;
@@ -200,6 +214,7 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
       sensed.F[i] = cell * (1.0 + w->cell_error) + w->cell_zero + m.tension_noise * normal();
       sensed.omega[i] = shaft_speed(&m, state, i, &speed_stream);
       sensed.theta[i] = rounded(state[(gives(&m, i) ? TURN : THETA) + i] + w->encoder_zero / DRUM, count);
+      sensed.theta[i] -= learnt(&m, i, state[X], sensed.F[i]);
     }
     memcpy(sensed.reference, wanted, sizeof wanted);
     give(&input, &sensed);

@@ -65,6 +65,8 @@ static int plain(const struct effects *effects) {
   rest.wheel_error = effects->wheel_error, rest.torque_step = effects->torque_step;
   rest.slack_below = effects->slack_below, rest.speed_damping = effects->speed_damping;
   rest.speed_lag = effects->speed_lag, rest.speed_noise = effects->speed_noise;
+  rest.learnt_wheel = effects->learnt_wheel, rest.learnt_modulus = effects->learnt_modulus;
+  rest.learnt_gear = effects->learnt_gear, rest.learnt_sag = effects->learnt_sag;
   return memcmp(&rest, effects, sizeof rest) == 0;
 }
 
