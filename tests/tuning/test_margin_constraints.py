@@ -61,7 +61,10 @@ def test_bounds_come_with_units(text: str, limit: float, label: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("worst.dealy_margin>=5ms", "must be gain_margin, phase_margin, delay_margin, disk_margin"),
+        (
+            "worst.dealy_margin>=5ms",
+            "did you mean 'delay_margin'? Must be one of gain_margin, phase_margin, delay_margin,",
+        ),
         ("mean.delay_margin>=5ms", "a margin is the worst one, worst.delay_margin"),
         ("delay_margin>=5ms", "a margin is the worst one, worst.delay_margin"),
         ("worst.delay_margin>=5mm", 'unit "mm": must be one of s, ms, us, min, h'),
