@@ -21,7 +21,7 @@ from dualwinch.simulation.experiment import Simulation
 from dualwinch.tuning.optimisers import Optimiser, optimiser
 from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import SILENT, NoTuningProgress, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import SILENT, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
@@ -51,7 +51,7 @@ class Race:
 
 
 @dataclass
-class Improvements(NoTuningProgress):
+class Improvements(TuningProgress):
     """The best feasible objective over what it had cost, in rollouts.
 
     Attributes:

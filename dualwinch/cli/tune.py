@@ -14,14 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
-from rich import box
-from rich.table import Table
 from rich.text import Text
 
 from dualwinch import __version__
 from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, seconds_from
-from dualwinch.cli.output import styled, terminal, versions
-from dualwinch.cli.progress import ProgressLine, StatusLine
+from dualwinch.cli.output import FigureColumn, FigureTable, styled, terminal, versions
+from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
 
 if TYPE_CHECKING:
@@ -43,6 +41,49 @@ app = App(
     dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
 """,
 )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """How to search, and where the study is kept."""
+
+    method: Annotated[
+        str | None,
+        Parameter(
+            help="hybrid (default), cmaes, gradient, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
+        ),
+    ] = None
+    trials: Annotated[int | None, WHOLE, Parameter(help="Trials (default 1000 without --time and --rollouts).")] = None
+    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds are added.")] = None
+    rollouts: Annotated[
+        int | None, WHOLE, Parameter(help="Rollouts of the search, so that slow laws are tried as often as fast ones.")
+    ] = None
+    storage: Annotated[
+        str | None,
+        Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
+    ] = None
+    study: Annotated[str, Parameter(help="Name of the study.")] = "tuning"
+    workers: Annotated[int, WHOLE, Parameter(help="Processes on this machine; more than one needs a database.")] = 1
+    resume: Annotated[bool, Parameter(help="Continue a study that has trials.", negative="")] = False
+    out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results")
+    stress: Annotated[
+        bool, Parameter(help="Afterwards find what breaks the best first (`dualwinch stress`), for the report.")
+    ] = False
+
+    @property
+    def seconds(self) -> float | None:
+        """Wall time of the search in s; None: no limit."""
+        return None if self.time is None else seconds_from(self.time)
+
+    @property
+    def kept_in(self) -> str:
+        """File or URL of the study."""
+        return str(self.storage or Path(self.out) / "study.journal")
+
+
+STUDY = StudyOptions()
+"""Where no option is given."""
 
 
 @app.default
@@ -79,29 +120,8 @@ def tune(
             negative="",
         ),
     ] = None,
-    method: Annotated[
-        str | None,
-        Parameter(
-            help="hybrid (default), cmaes, gradient, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
-        ),
-    ] = None,
-    trials: Annotated[int | None, WHOLE, Parameter(help="Trials (default 1000 without --time and --rollouts).")] = None,
-    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds are added.")] = None,
-    rollouts: Annotated[
-        int | None, WHOLE, Parameter(help="Rollouts of the search, so that slow laws are tried as often as fast ones.")
-    ] = None,
-    storage: Annotated[
-        str | None,
-        Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
-    ] = None,
-    study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
-    workers: Annotated[int, WHOLE, Parameter(help="Processes on this machine; more than one needs a database.")] = 1,
-    resume: Annotated[bool, Parameter(help="Continue a study that has trials.", negative="")] = False,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of scenarios and optimiser.")] = 0,
-    out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results"),
-    stress: Annotated[
-        bool, Parameter(help="Afterwards find what breaks the best first (`dualwinch stress`), for the report.")
-    ] = False,
+    options: StudyOptions = STUDY,
 ) -> None:
     """Search for better gains, and score the best in held-out scenarios.
 
@@ -109,22 +129,7 @@ def tune(
     ends the search and keeps the best so far. The result is never worse than the start: if nothing is better, the start
     is kept and remedies are listed. best.toml is a configuration: `dualwinch simulate --config best.toml`.
     """
-    from dualwinch.cli.progress import StatusLine
-
-    with StatusLine() as status:
-        status.phase("reading the problem")
-        options = Options(
-            method=method,
-            trials=trials,
-            seconds=None if time is None else seconds_from(time),
-            rollouts=rollouts,
-            storage=storage,
-            study=study,
-            workers=workers,
-            resume=resume,
-            out=out,
-            stress=stress,
-        )
+    with ProgressLine("reading the problem", command="tune") as line:
         check_options(options)
         from dualwinch.tuning.tuning_problem import check_words, tuning_problem
 
@@ -143,7 +148,7 @@ def tune(
             scenarios=scenarios,
             seed=seed,
         )
-        run_study(problem, options, status)
+        run_study(problem, options, line)
 
 
 REPORT_SECONDS = 2.0
@@ -152,43 +157,11 @@ REPORT_SECONDS = 2.0
 PREPARING_SECONDS = 600.0
 """Time in s after which workers give a study up whose first process has not begun to search."""
 
-TRIALS = 1000
-"""Trials where no budget is given."""
-
 STORAGE_VARIABLE = "DUALWINCH_STORAGE"
 """Environment variable with the URL of a storage, so that a password need not stand on a command line."""
 
 
-@dataclass(frozen=True)
-class Options:
-    """How to search.
-
-    Attributes:
-        method: name of the optimiser; ``None``: the default for the number of objectives.
-        trials: number of trials; ``None``: no limit.
-        seconds: wall time of the search in s; ``None``: no limit.
-        rollouts: number of rollouts of the search; ``None``: no limit.
-        storage: file or URL; ``None``: ``study.journal`` in `out`.
-        study: the study's name.
-        workers: processes on this machine.
-        resume: whether a study with trials may be gone on with.
-        out: folder of the results.
-        stress: whether to find which imperfection breaks the best first.
-    """
-
-    method: str | None = None
-    trials: int | None = None
-    seconds: float | None = None
-    rollouts: int | None = None
-    storage: str | Path | None = None
-    study: str = "tuning"
-    workers: int = 1
-    resume: bool = False
-    out: str | Path = "tuning-results"
-    stress: bool = False
-
-
-def recall_parts(options: Options) -> None:
+def recall_parts(options: StudyOptions) -> None:
     """Have the parts registered that the study to go on with was begun with.
 
     Raises:
@@ -199,87 +172,68 @@ def recall_parts(options: Options) -> None:
     from dualwinch.tuning.storage.parts import recall
 
     if options.resume:
-        definition = kept_definition(_storage(options), options.study)
+        definition = kept_definition(options.kept_in, options.study)
         recall(options.study, (definition or {}).get("parts", []))
 
 
-def _storage(options: Options) -> str:
-    return str(options.storage or Path(options.out) / "study.journal")
-
-
-def run_study(problem: TuningProblem, options: Options, status: StatusLine) -> TuningResult:
+def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine) -> TuningResult:
     """Search, choose, score, write and print. What can be wrong with words and files is found before the search.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
     """
     from dualwinch.config.folders import made_folder
+    from dualwinch.simulation.batch.threads import cores
     from dualwinch.tuning.optimisers import check_method, default_method
     from dualwinch.tuning.robustness.stress import check_stress
+    from dualwinch.tuning.scoring.progress import TuningProgress
+    from dualwinch.tuning.storage.opening import open_store
+    from dualwinch.tuning.storage.store import SearchBudget
+    from dualwinch.tuning.tune import TRIALS
+    from dualwinch.tuning.tune import tune as run
+    from dualwinch.tuning.tuning_problem import definition_of
 
-    method = options.method or default_method(len(problem.objectives))
-    budgets = options.trials, options.seconds, options.rollouts
-    trials = TRIALS if budgets == (None, None, None) else options.trials
+    method, seconds = options.method or default_method(len(problem.objectives)), options.seconds
+    trials = TRIALS if (options.trials, seconds, options.rollouts) == (None, None, None) else options.trials
     check_options(options)
     if options.stress:
         check_stress(problem)
     check_method(method, len(problem.objectives))
-    out = Path(options.out)
-    with made_folder(out):
-        return _tune(problem, options, status, method, trials)
-
-
-def _tune(
-    problem: TuningProblem, options: Options, status: StatusLine, method: str, trials: int | None
-) -> TuningResult:
-    """The same, once everything is checked and there is a folder."""
-    from dualwinch.simulation.batch.threads import cores
-    from dualwinch.tuning.storage.opening import open_store
-    from dualwinch.tuning.storage.store import SearchBudget
-    from dualwinch.tuning.tune import tune as run
-    from dualwinch.tuning.tuning_problem import definition_of
-
-    out, storage = Path(options.out), _storage(options)
-    until = None if options.seconds is None else time.time() + options.seconds + PREPARING_SECONDS
-    definition = definition_of(problem, method)
+    definition, out = definition_of(problem, method), Path(options.out)
     if options.workers > 1:
         _check_sources(definition["parts"])
-    store = open_store(
-        storage,
-        options.study,
-        problem,
-        definition,
-        SearchBudget(trials, until, options.rollouts),
-        resume=options.resume,
-    )
-    with closing(store), _workers(options, storage):
-        _announce(status, problem, method, storage, store.count())
-        tuned = run(
-            problem,
-            method=method,
-            trials=trials,
-            seconds=options.seconds,
-            rollouts=options.rollouts,
-            threads=max(1, cores() // options.workers),
-            store=store,
-            afterwards=REPORT_SECONDS,
-            watch=status,
-        )
-    status.phase("writing best.toml, study.json and report.html")
-    write(tuned, storage, options)
-    status.stop()
-    if tuned.interrupted:
-        status.say("interrupted; this is the best so far")
-    print_study(tuned)
-    status.say(f"wrote best.toml, study.json and report.html in {out}")
-    if tuned.interrupted:
-        raise KeyboardInterrupt
-    if options.stress:
-        print_stress(tuned, out, status)
+    until = None if seconds is None else time.time() + seconds + PREPARING_SECONDS
+    budget = SearchBudget(trials, until, options.rollouts)
+    with made_folder(out):
+        store = open_store(options.kept_in, options.study, problem, definition, budget, resume=options.resume)
+        with closing(store), _workers(options, options.kept_in):
+            _announce(line, problem, method, options.kept_in, store.count())
+            tuned = run(
+                problem,
+                method=method,
+                trials=trials,
+                seconds=seconds,
+                rollouts=options.rollouts,
+                threads=max(1, cores() // options.workers),
+                store=store,
+                afterwards=REPORT_SECONDS,
+                watch=TuningProgress(line, problem.objectives),
+            )
+        line(1.0, "writing best.toml, study.json and report.html")
+        write(tuned, options.kept_in, options)
+        line.stop()
+        if tuned.interrupted:
+            line.say("interrupted; this is the best so far")
+        print_study(tuned)
+        line.say(f"wrote best.toml, study.json and report.html in {out}")
+        if tuned.interrupted:
+            raise KeyboardInterrupt
+        if options.stress:
+            print_stress(tuned, out, line)
     return tuned
 
 
-def write(tuned: TuningResult, storage: str, options: Options) -> None:
+def write(tuned: TuningResult, storage: str, options: StudyOptions) -> None:
     """Write ``best.toml``, ``study.json`` and ``report.html``."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.experiment_file import to_toml
@@ -311,7 +265,7 @@ def write(tuned: TuningResult, storage: str, options: Options) -> None:
     write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best)
 
 
-def check_options(options: Options) -> None:
+def check_options(options: StudyOptions) -> None:
     """Raise `ConfigurationError` where options alone are wrong, before anything is read."""
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.tuning.storage.connection import check_storage, is_database
@@ -323,7 +277,7 @@ def check_options(options: Options) -> None:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
     if options.workers > 1 and not (options.storage and is_database(str(options.storage))):
         raise ConfigurationError("--workers: needs a database, --storage postgresql+psycopg://USER@HOST/DATABASE")
-    check_storage(_storage(options))
+    check_storage(options.kept_in)
 
 
 def _check_sources(parts: Sequence[PartRecord]) -> None:
@@ -337,26 +291,25 @@ def _check_sources(parts: Sequence[PartRecord]) -> None:
             )
 
 
-def _announce(status: StatusLine, problem: TuningProblem, method: str, storage: str, known: int) -> None:
+def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: str, known: int) -> None:
     from dualwinch.tuning.result import controller_in_words
     from dualwinch.tuning.storage.connection import is_database, shown
 
     controller = controller_in_words(problem.experiment.controller)
     where = f"{problem.scenarios} scenarios of '{problem.ensemble.name}'" if problem.ensemble else "one experiment"
-    status.say(
+    line.say(
         f"tuning {len(problem.space.dimensions)} gains of {controller} by {method} in {where}, seed {problem.seed}"
     )
     constraints = "; ".join(constraint.label for constraint in problem.constraints) or "nothing"
-    status.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")
+    line.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")
     for choice in problem.choices:
-        status.say(choice)
+        line.say(choice)
     kept = shown(storage) if is_database(storage) else storage
-    status.say(f"kept in {kept}" + (f", which has {known} trials" if known else ""))
-    status.objectives = problem.objectives
+    line.say(f"kept in {kept}" + (f", which has {known} trials" if known else ""))
 
 
 @contextmanager
-def _workers(options: Options, storage: str) -> Iterator[None]:
+def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
     """Further processes on this machine that work on the study, ended at the end."""
     words = [sys.executable, "-m", "dualwinch", "worker", "--study", options.study]
     environment = os.environ | {STORAGE_VARIABLE: storage}
@@ -376,7 +329,17 @@ def _workers(options: Options, storage: str) -> Iterator[None]:
 
 def print_study(tuned: TuningResult) -> None:
     """Print what was found, what it is worth, what would help and what it took."""
-    from dualwinch.tuning.result import advice, authority, contenders, endings, headline, margin_places, widen, worth
+    from dualwinch.tuning.result import (
+        advice,
+        authority,
+        contenders,
+        endings,
+        headline,
+        margin_places,
+        statistics_table,
+        widen,
+        worth,
+    )
     from dualwinch.tuning.scoring.ranking import pareto_front
 
     console, verdict = terminal(), tuned.verdict
@@ -386,7 +349,9 @@ def print_study(tuned: TuningResult) -> None:
 
     say(styled("bold", worth(tuned)))
     say(headline(tuned))
-    console.print(_table(tuned))
+    names, rows = statistics_table(tuned)
+    columns = [FigureColumn("", ""), *(FigureColumn(name, "1" if name else "") for name in names[1:])]
+    console.print(FigureTable("statistics", columns, rows).render())
     for words in contenders(tuned):
         say(words)
     for constraint in verdict.constraints:
@@ -411,24 +376,11 @@ def print_study(tuned: TuningResult) -> None:
     )
 
 
-def _table(tuned: TuningResult) -> Table:
-    from dualwinch.tuning.result import statistics_table
-
-    names, rows = statistics_table(tuned)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", style="bold", no_wrap=True)
-    for name in names[1:]:
-        table.add_column(name, justify="right" if name else "left")
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def print_stress(tuned: TuningResult, out: Path, status: StatusLine) -> None:
+def print_stress(tuned: TuningResult, out: Path, line: ProgressLine) -> None:
     """Stress the best gains, print, write, and add the result to the report."""
     from dualwinch.tuning.robustness.stress import stress_tuned
 
     with ProgressLine("what breaks first") as progress:
         found = stress_tuned(tuned.problem, tuned.best, name="best.toml", progress=progress)
     terminal(soft_wrap=True).print(repr(found), highlight=False)
-    status.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
+    line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from dualwinch.cli.options import WHOLE, Plugins, use_parts
-from dualwinch.cli.progress import StatusLine
+from dualwinch.cli.progress import ProgressLine
 
 app = App(
     name="worker",
@@ -36,12 +36,11 @@ def worker(
     Your own parts are imported from where they were when the study was started. On another machine, or if they have
     moved, --plugin says where they are; they must be unchanged.
     """
-    with StatusLine("worker") as status:
-        status.phase("joining the study")
+    with ProgressLine("joining the study", command="worker") as line:
         from dualwinch.model.errors import ConfigurationError
         from dualwinch.tuning.optimisers import optimiser
         from dualwinch.tuning.scoring.evaluation import Evaluator
-        from dualwinch.tuning.scoring.progress import SEARCHING
+        from dualwinch.tuning.scoring.progress import SEARCHING, TuningProgress
         from dualwinch.tuning.scoring.training_set import prepare
         from dualwinch.tuning.storage.connection import check_storage, is_database, quiet, shown
         from dualwinch.tuning.storage.database import DatabaseStudy
@@ -60,11 +59,11 @@ def worker(
             definition = store.definition
             recall(study, definition.get("parts", []))
             problem = problem_from(definition)
-            status.objectives = problem.objectives
-            status.say(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far")
+            status = TuningProgress(line, problem.objectives)
+            line.say(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far")
             prepared = prepare(problem, threads, status)
             proposer = optimiser(definition["method"], prepared, secrets.randbits(31))
             evaluator = Evaluator(prepared, threads=threads)
             status.phase(SEARCHING)
             done = search(definition["method"], proposer, store, evaluator, status)
-            status.say(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here")
+            line.say(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here")

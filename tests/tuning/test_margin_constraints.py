@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.cli.tune import Options, write
+from dualwinch.cli.tune import StudyOptions, write
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
@@ -163,7 +163,7 @@ def test_tuned_gains_keep_the_delay_margin_that_error_alone_would_use_up(tmp_pat
     (place,) = [words for words in margin_places(kept) if "(best)" in words]
     assert f"x = {worst.x:g} m" in place
     assert worst.cut in place
-    write(kept, "memory", Options(out=tmp_path))
+    write(kept, "memory", StudyOptions(out=tmp_path))
     assert place in (tmp_path / "best.toml").read_text()
     assert worst.cut in (tmp_path / "report.html").read_text()
     noted = json.loads((tmp_path / "study.json").read_text())["margins"]

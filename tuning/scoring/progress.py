@@ -1,9 +1,12 @@
-"""Where a study stands, and who is told of it: the phases of tuning in words, and the search batch by batch."""
+"""Where a study stands: the phases of tuning in words, and the search batch by batch."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
+from dualwinch.model.quantities.quantity import behind_number
+from dualwinch.simulation.ensembles.result import Statistic
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first
 
 DRAWING = "drawing scenarios"
@@ -54,26 +57,50 @@ class SearchStatus:
         return 1 - self.rollout_seconds / self.seconds if self.seconds else 0.0
 
 
-class TuningProgress(Protocol):
-    """Whoever is told how far tuning is."""
+class TuningProgress:
+    """Reports the phases and batches of a search as `simulation.progress.Progress`: fraction, phase and a status line.
+
+    Attributes:
+        objectives: names and units of what is minimised, for the status line.
+    """
+
+    def __init__(self, progress: Progress = no_progress, objectives: Sequence[Statistic] = ()) -> None:
+        self.objectives, self._progress = tuple(objectives), progress
 
     def phase(self, words: str) -> None:
         """A phase begins; `words` say what is done in it."""
-        ...
+        self._progress(0.0, words)
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:
         """A batch of the search is finished; it ends at the time `until` in s since the epoch, or after `trials`."""
-        ...
+        self._progress(progress.share, status=self._status(progress, until, trials))
+
+    def _status(self, now: SearchStatus, until: float | None, trials: int | None) -> str:
+        of = f" of {trials}" if trials else ""
+        words = [f"{_left(now, until, trials):.0f} s left"]
+        words.append(f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible")
+        if now.best:
+            values = ", ".join(
+                f"{statistic.name} {value:.4g}{behind_number(statistic.unit)}"
+                for statistic, value in zip(self.objectives, now.best.objectives, strict=False)
+            )
+            words.append(f"best {values}" + ("" if now.best.feasible else " (not feasible)"))
+        if now.rollout_seconds:
+            words.append(f"{now.rollouts / now.rollout_seconds:.0f} rollouts/s")
+        return " · ".join(words)
 
 
-class NoTuningProgress:
-    """Tells nobody."""
+def _left(now: SearchStatus, until: float | None, trials: int | None) -> float:
+    """Time in s that the search will take, by the budget that ends first."""
+    left: list[float] = []
+    if until is not None:
+        left.append(until - time.time())
+    if trials is not None and now.trials:
+        left.append(now.seconds * (trials / now.trials - 1))
+    if now.share:
+        left.append(now.seconds * (1 / now.share - 1))
+    return max(min(left, default=0.0), 0.0)
 
-    def phase(self, words: str) -> None:
-        """Say nothing."""
 
-    def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:
-        """Say nothing."""
-
-
-SILENT = NoTuningProgress()
+SILENT = TuningProgress()
+"""Reports to nothing."""

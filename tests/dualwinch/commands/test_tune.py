@@ -12,8 +12,8 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.cli.options import seconds_from
-from dualwinch.cli.progress import StatusLine
-from dualwinch.cli.tune import Options, run_study
+from dualwinch.cli.progress import ProgressLine
+from dualwinch.cli.tune import StudyOptions, run_study
 from dualwinch.config.experiment_file import load
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import rollout
@@ -191,8 +191,8 @@ def test_strings_are_paths(tmp_path: Path) -> None:
     space.write_text("[space]\ncontroller.observer.l0 = true\n")
     problem = tuning_problem(config=str(file), space=[str(space)], settings=["simulation.duration=0.1"])
     assert problem.start == {"controller.observer.l0": 7.0}
-    with StatusLine() as status:
-        run_study(problem, Options(trials=4, out=str(tmp_path / "out")), status)
+    with ProgressLine() as line:
+        run_study(problem, StudyOptions(trials=4, out=tmp_path / "out"), line)
     assert (tmp_path / "out" / "report.html").exists()
 
 

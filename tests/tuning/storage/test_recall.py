@@ -10,8 +10,8 @@ from typing import ClassVar
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.cli.progress import StatusLine
-from dualwinch.cli.tune import Options, run_study
+from dualwinch.cli.progress import ProgressLine
+from dualwinch.cli.tune import StudyOptions, run_study
 from dualwinch.config.plugins import load_plugin
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.registry import POSITION_LAWS
@@ -144,9 +144,9 @@ def test_other_processes_cannot_import_a_script(tmp_path: Path, monkeypatch: pyt
     )
     own = replace(problem, experiment=replace(problem.experiment, controller=Controller(law=StateFeedback())))
     monkeypatch.setattr("dualwinch.tuning.storage.parts.part_record", lambda part: part_record(part) | {"script": True})
-    options = Options(workers=2, storage="postgresql+psycopg://me@127.0.0.1:9/none", out=tmp_path)
-    with StatusLine() as status, pytest.raises(ConfigurationError) as caught:
-        run_study(own, options, status)
+    options = StudyOptions(workers=2, storage="postgresql+psycopg://me@127.0.0.1:9/none", out=tmp_path)
+    with ProgressLine() as line, pytest.raises(ConfigurationError) as caught:
+        run_study(own, options, line)
     assert str(caught.value) == (
         "--workers: other processes cannot import the position law 'state-feedback' of tests.own_parts, a script; "
         "define it in a file of its own"
