@@ -27,7 +27,6 @@ from dualwinch.identification.resample import LogSection
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.threads import run_all
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import Structure
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +42,7 @@ class LogFilters:
     def __init__(
         self,
         predictor: Predictor,
-        structure: Structure,
+        structure: Experiment,
         sections: Sequence[LogSection],
         options: EstimationOptions,
         threads: int | None = None,

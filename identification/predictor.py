@@ -29,7 +29,7 @@ from dualwinch.model.vehicle import friction
 from dualwinch.model.winch import angle_of, winding
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.loop.zero_order_hold import (
     MOTION_TEMPLATE,
     between_samples,
@@ -37,7 +37,7 @@ from dualwinch.simulation.loop.zero_order_hold import (
     problem_of,
     zero_order_hold,
 )
-from dualwinch.simulation.sensors import measurement
+from dualwinch.simulation.sensors import Sensors, measurement
 
 Floats = NDArray[np.float64]
 
@@ -126,29 +126,30 @@ class PredictorState:
     unrecorded: UnrecordedDisturbances
 
 
-def predictor_structure(experiment: Experiment) -> Structure:
+def predictor_structure(experiment: Experiment) -> Experiment:
     """The structure of the predictor's code: an experiment's, without its controller."""
     structure = structure_of(replace(experiment, controller=Controller(nominal=Nominal()), metrics=()))
-    return replace(structure, delay_samples=0, silence=None, readings=False)
+    simulation = replace(structure.simulation, delay_samples=0, readings=False)
+    return replace(structure, sensors=Sensors(), simulation=simulation)
 
 
-def state_template(structure: Structure) -> PredictorState:
+def state_template(structure: Experiment) -> PredictorState:
     """A state that names the elements; its values mean nothing."""
-    actuator = template_of(structure).actuator.initial_state()
+    actuator = structure.actuator.initial_state()
     return PredictorState(MOTION_TEMPLATE, actuator, actuator, UnrecordedDisturbances())
 
 
 @GRAPHS.cached
-def parameter_names(structure: Structure) -> tuple[str, ...]:
+def parameter_names(structure: Experiment) -> tuple[str, ...]:
     """Keys of all parameters of the predictor, in their order."""
     begins = tuple(f"{group}." for group in GROUPS)
-    own = (key for key in parameters_of(template_of(structure)) if key.startswith(begins))
+    own = (key for key in parameters_of(structure) if key.startswith(begins))
     return (*own, SAMPLE_TIME, *CORRELATION_TIMES)
 
 
 @built_once
 def predicted_system(
-    structure: Structure, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset(), slack_substeps: int = 8
+    structure: Experiment, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset(), slack_substeps: int = 8
 ) -> PredictedSystem:
     """The predictor's CasADi functions.
 
@@ -159,14 +160,14 @@ def predicted_system(
         slack_substeps: Runge–Kutta steps of a sample in which a rope is slack or about to be, where other samples take
             one step of an exponential integrator.
     """
-    template, start = template_of(structure), state_template(structure)
+    start = state_template(structure)
     names = {"state": (*leaves(start),), "input": INPUTS, "parameters": parameter_names(structure)}
     symbols = {name: ca.SX.sym(name, len(elements)) for name, elements in names.items()}
     state, given, values = (
         dict(zip(elements, ca.vertsplit(symbols[name]), strict=True)) for name, elements in names.items()
     )
     values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
-    groups = {group: with_leaves(getattr(template, group), values, f"{group}.") for group in GROUPS}
+    groups = {group: with_leaves(getattr(structure, group), values, f"{group}.") for group in GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
     pulls = tensions(now.motion.plant, plant, given["t"])
     exact = measurement(now.motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)
@@ -194,13 +195,17 @@ def predicted_system(
         return problem_of(hold, sample_time, plant, groups["disturbance"])
 
     _, one_step = between_samples(structure, problem, symbols["parameters"])
-    in_parts = replace(structure, integrator="rk4", substeps=slack_substeps) if one_step else structure
+    in_parts = structure
+    if one_step:
+        in_parts = replace(
+            structure, simulation=replace(structure.simulation, integrator="rk4", substeps=slack_substeps)
+        )
     move, _ = between_samples(in_parts, problem, symbols["parameters"])
     return PredictedSystem(
         sense=named_function("sense", symbols, {"reading": reading}),
         prepare=named_function("prepare", symbols, {"rest": rest, "hold": ca.vertcat(*leaves(hold).values())}),
         move=move,
-        parts=in_parts.substeps,
+        parts=in_parts.simulation.substeps,
         one_step=one_step,
         fitted=tuple(names["parameters"].index(key) for key in fitted),
     )
@@ -208,7 +213,7 @@ def predicted_system(
 
 def initial_state(
     experiment: Experiment,
-    structure: Structure,
+    structure: Experiment,
     first: Floats,
     torques: tuple[float, float],
     t: float,

@@ -35,7 +35,7 @@ from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_loop_state, nothing_from_outside, starting_state
-from dualwinch.simulation.loop.structure import described_parameters, solver_of, structure_of
+from dualwinch.simulation.loop.structure import described_parameters, solver_of, structure_of, symbolic_parts
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.rows import COLUMNS
 
@@ -213,24 +213,15 @@ def _outside(controller: Controller) -> Facts:
 
 def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the closed loop, without the sums behind the figures of merit."""
-    structure = structure_of(experiment)
-    loop = closed_loop(structure)
+    loop = closed_loop(structure_of(experiment))
     exogenous = _new(loop.exogenous)
-    start = starting_state(
-        structure,
-        *_symbolic(experiment, symbols)[:2],
-        with_leaves(experiment.sensors, symbols, "sensors."),
-        with_leaves(experiment.actuator, symbols, "actuator."),
-    )
+    start = starting_state(experiment, symbolic_parts(experiment, symbols))
     initial = {name: value for name, value in start.items() if not name.startswith("metrics.")}
     state = _new(initial)
     all_states = ca.vertcat(*(state.get(name, 0) for name in loop.states))
     vectors = ca.vertcat(*exogenous.values()), ca.vertcat(*(symbols[name] for name in loop.parameters))
     next_state, row, _ = loop.step(all_states, *vectors)
     following = dict(zip(loop.states, ca.vertsplit(next_state), strict=True))
-    parts = initial_loop_state(
-        structure, experiment.controller, experiment.plant, experiment.sensors, experiment.actuator
-    )
     torques = _facts(describe(Torques))
     queue = {name: torques[name.rsplit(".", 1)[1]] for name in initial if name.startswith("queue.")}
     return Equations(
@@ -240,7 +231,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
         next_state={name: following[name] for name in initial},
         output=dict(zip(loop.columns, ca.vertsplit(row), strict=True)),
         about=(
-            _facts(describe_parts(parts)) | queue,
+            _facts(describe_parts(initial_loop_state(experiment))) | queue,
             _outside(experiment.controller),
             {name: (quantity, ANY) for name, quantity in loop.quantities.items()},
         ),

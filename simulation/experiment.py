@@ -18,6 +18,8 @@ from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.metrics.metrics import checked_metrics
 from dualwinch.simulation.sensors import Sensors
 
+IntegratorName: TypeAlias = Literal["adaptive", "exponential", "rk4"]
+
 EngineName: TypeAlias = Literal["compiled", "casadi", "interpreter"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)
 """``compiled``: C by the emitter of `codegen.source`, which rewrites the step with fewer operations. ``casadi``: the
@@ -54,7 +56,7 @@ class Simulation:
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     integrator: Annotated[
-        Literal["adaptive", "exponential", "rk4"],
+        IntegratorName,
         Quantity("", "method between two samples; adaptive: exponential, in one step where that is enough", ""),
     ] = "adaptive"
     substeps: Annotated[

@@ -24,19 +24,13 @@ from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.problem import swing_rate
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import (
-    FINE,
     KEPT,
-    Structure,
     is_automatic,
     parameters_of,
     solver_of,
     structure_of,
-    swing_rates,
     zeros_of,
 )
-
-MOST_SUBSTEPS = 256
-"""Sub-steps of a sample at most."""
 
 LONGEST = 10**9
 """Samples of the longest run."""
@@ -55,7 +49,7 @@ class PreparedExperiment:
 
     experiment: Experiment
     nominal: Plant | None
-    structure: Structure
+    structure: Experiment
     start: dict[str, float]
 
     @cached_property
@@ -95,7 +89,7 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
         _check_reference(experiment)
         _check_substeps(experiment)
         structure = structure_of(experiment)
-        start = initial_state_of(experiment, structure)
+        start = initial_state_of(experiment)
     except ArithmeticError as error:
         raise ConfigurationError("plant, reference: values too extreme to start from (a number overflows)") from error
     if not all(map(math.isfinite, start.values())):
@@ -194,7 +188,7 @@ def _check_jerk(experiment: Experiment) -> None:
 def _check_substeps(experiment: Experiment) -> None:
     simulation, plant = experiment.simulation, experiment.plant
     if is_automatic(experiment):
-        _check_automatic_substeps(experiment)
+        solver_of(experiment)
         return
     fastest = fastest_swing(plant)
     needed = math.ceil(substeps_for(fastest, simulation))
@@ -217,20 +211,6 @@ def fastest_swing(plant: Plant) -> Any:
 def substeps_for(fastest: Any, simulation: Simulation) -> Any:
     """How many sub-steps, not rounded, keep up with a swing in rad/s."""
     return fastest * simulation.sample_time / INTEGRATORS[simulation.integrator].reach
-
-
-def _check_automatic_substeps(experiment: Experiment) -> None:
-    if solver_of(experiment).substeps <= MOST_SUBSTEPS:
-        return
-    rates = swing_rates(experiment)
-    fastest = max(rates)
-    number = 1 + rates.index(fastest)
-    kind = (experiment.plant.rope_1, experiment.plant.rope_2)[number - 1].kind
-    raise ConfigurationError(
-        f"simulation.sample_time = {experiment.simulation.sample_time:g}: must be <= "
-        f'{MOST_SUBSTEPS * FINE / fastest:.4g} s for plant.rope_{number}.kind = "{kind}", which swings at '
-        f"{fastest:.4g} rad/s"
-    )
 
 
 def check_memory(samples: int, stride: int, columns: int) -> None:

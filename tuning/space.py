@@ -18,7 +18,7 @@ from dualwinch.model.quantities.quantity import Leaf, Tunable, behind_number, su
 from dualwinch.model.quantities.tree import leaves, shown
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
-from dualwinch.simulation.loop.structure import Structure, structure_of
+from dualwinch.simulation.loop.structure import structure_of
 
 Value: TypeAlias = float | str
 Point: TypeAlias = dict[str, Value]
@@ -344,7 +344,7 @@ class _Gains:
 
 
 @GRAPHS.cached
-def _effective(structure: Structure) -> frozenset[str]:
+def _effective(structure: Experiment) -> frozenset[str]:
     """Parameters that the closed loop of a structure depends on."""
     loop = closed_loop(structure)
     index = loop.step.index_in("parameters")

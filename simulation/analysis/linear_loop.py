@@ -28,7 +28,7 @@ from dualwinch.simulation.analysis.operating_points import (
 )
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop, initial_loop_state
-from dualwinch.simulation.loop.structure import Structure, structure_of
+from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.rows import COLUMNS
 
 Floats = NDArray[np.float64]
@@ -125,7 +125,7 @@ def whole_broken_loop(
 
 
 @built_once
-def _jacobians(structure: Structure) -> ca.Function:
+def _jacobians(structure: Experiment) -> ca.Function:
     """``(state, exogenous, parameters) -> A, B, C, D`` of a step."""
     step = closed_loop(structure).step
     symbols = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
@@ -176,11 +176,7 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 
 def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
     """Short name and unit of each of the closed loop's states."""
-    experiment = point.experiment
-    start = initial_loop_state(
-        structure_of(experiment), experiment.controller, experiment.plant, experiment.sensors, experiment.actuator
-    )
-    known = describe_parts(start)
+    known = describe_parts(initial_loop_state(point.experiment))
     found = []
     for state in point.loop.states:
         name = state

@@ -27,7 +27,7 @@ from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Creep
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, ClosedLoop, closed_loop, start_function
-from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.prepare import prepare
 
 Floats = NDArray[np.float64]
@@ -191,7 +191,7 @@ def loop_operating_point(
     return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, found.opened, found.kept)
 
 
-def with_taut_ropes(structure: Structure) -> Structure:
+def with_taut_ropes(structure: Experiment) -> Experiment:
     """A structure with ropes that never go slack."""
     return replace(structure, plant=replace(structure.plant, rope_slack=False))
 
@@ -282,7 +282,7 @@ class LoopOperatingPoints:
 
 
 def loop_operating_points(
-    structure: Structure,
+    structure: Experiment,
     parameters: Floats,
     x: Floats,
     v: Floats,
@@ -361,7 +361,7 @@ class _OpenSample:
 
     evaluate: Callable[..., tuple[Floats, ...]]
 
-    def __init__(self, structure: Structure, *, compiled: bool) -> None:
+    def __init__(self, structure: Experiment, *, compiled: bool) -> None:
         self.loop = closed_loop(structure)
         self.kept = np.flatnonzero(~self.loop.marked(Mark.BOOKKEEPING))
         names = [self.loop.states[index] for index in self.kept]
@@ -384,21 +384,19 @@ class _OpenSample:
 
 
 @built_once
-def _open_sample(structure: Structure, compiled: bool) -> _OpenSample:
+def _open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
     return _OpenSample(structure, compiled=compiled)
 
 
 @built_once
-def _open_function(structure: Structure) -> ca.Function:
+def _open_function(structure: Experiment) -> ca.Function:
     loop, cut = closed_loop(structure), closed_loop(structure, cuts=tuple(LOOP_OPENINGS))
     arguments = [ca.SX.sym(name, cut.sample.size1_in(name)) for name in cut.sample.name_in()]
     state, exogenous, parameters, leaving = arguments
     following, row, _ = cut.step(*arguments)
     returned = cut.sample(*arguments)[cut.sample.name_out().index("returned")]
     kept = np.flatnonzero(~loop.marked(Mark.BOOKKEEPING)).tolist()
-    plant = with_leaves(
-        template_of(structure).plant, dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True)), "plant."
-    )
+    plant = with_leaves(structure.plant, dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True)), "plant.")
 
     def forces(vector: ca.SX) -> ca.SX:
         named = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
@@ -419,7 +417,7 @@ def _open_function(structure: Structure) -> ca.Function:
 
 
 def _first_guesses(
-    structure: Structure, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
+    structure: Experiment, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
 ) -> LoopOperatingPoints:
     """States, signals and what leaves the openings for a perfect controller: no errors, tensions as commanded."""
     loop, count, n = sample.loop, len(x), len(sample.kept)

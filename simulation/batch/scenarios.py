@@ -24,7 +24,6 @@ from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import starts
 from dualwinch.simulation.loop.structure import (
-    Structure,
     described_parameters,
     is_automatic,
     parameters_of,
@@ -287,7 +286,7 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
 
 
 def _check_together(
-    columns: Mapping[str, Floats], groups: Sequence[ScenarioGroup], scenarios: Scenarios, structure: Structure
+    columns: Mapping[str, Floats], groups: Sequence[ScenarioGroup], scenarios: Scenarios, structure: Experiment
 ) -> None:
     """Rules between values: rows that break one are shown to `prepare`, which has the words for it."""
     if not columns:
@@ -320,13 +319,12 @@ def _breaking(controller: Controller, columns: Mapping[str, Floats]) -> Iterable
     return np.flatnonzero(broken)
 
 
-def _check_substeps(experiment: Experiment, structure: Structure) -> None:
+def _check_substeps(experiment: Experiment, structure: Experiment) -> None:
     """A row's own ropes may ask for more sub-steps than the scenarios'."""
     needed = solver_of(experiment).substeps
-    if needed > structure.substeps:
-        raise ConfigurationError(
-            f"simulation.substeps = {structure.substeps}: must be >= {needed} for ropes as stiff as these"
-        )
+    given = structure.simulation.substeps
+    if needed > given:
+        raise ConfigurationError(f"simulation.substeps = {given}: must be >= {needed} for ropes as stiff as these")
 
 
 def _typed(leaf: Leaf, value: float) -> float | int:
@@ -334,6 +332,10 @@ def _typed(leaf: Leaf, value: float) -> float | int:
 
 
 Progress = Callable[[float], None] | None
+
+
+def _without_substeps(structure: Experiment) -> Experiment:
+    return replace(structure, simulation=replace(structure.simulation, substeps=1))
 
 
 def by_structure(
@@ -354,12 +356,12 @@ def by_structure(
     Raises:
         ConfigurationError: scenarios differ in more than their sub-steps, and may not.
     """
-    places: dict[tuple[Structure, int, float, EngineName], list[int]] = {}
+    places: dict[tuple[Experiment, int, float, EngineName], list[int]] = {}
     for group in scenario_groups(scenarios):
         experiment, simulation = group.experiment, group.experiment.simulation
         shape = structure_of(experiment), experiment.samples, simulation.sample_time, simulation.engine
         places.setdefault(shape, []).extend(group.members.tolist())
-    shapes = [(replace(structure, substeps=0), *rest) for structure, *rest, _engine in places]
+    shapes = [(_without_substeps(structure), *rest) for structure, *rest, _engine in places]
     for shape, indices in zip(shapes, places.values(), strict=True):
         if alike and shape != shapes[0]:
             where = f"scenarios[{indices[0]}]"

@@ -22,7 +22,7 @@ from dualwinch.simulation.batch.threads import run_all
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_slopes
-from dualwinch.simulation.loop.structure import Structure, described_parameters, parameters_of, structure_of
+from dualwinch.simulation.loop.structure import described_parameters, parameters_of, structure_of
 from dualwinch.simulation.metrics.metric import Metric, slopes_of
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
 from dualwinch.simulation.prepare import prepare
@@ -313,7 +313,7 @@ def _not_begun(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], st
     )
 
 
-def steps(structure: Structure) -> frozenset[str]:
+def steps(structure: Experiment) -> frozenset[str]:
     """Parameters of sensors that read in steps.
 
     Their derivative is zero almost everywhere, which says nothing: derivatives are those of sensors without steps,

@@ -1,6 +1,6 @@
 """Plant and controller as one symbolic step of the sampled closed loop, and its state before the first sample."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
@@ -20,7 +20,7 @@ from dualwinch.controllers.controller import (
     initial_controller_state,
 )
 from dualwinch.controllers.nominal import nominal_structure
-from dualwinch.model.actuators import Actuator, NoState, drive, is_ideal
+from dualwinch.model.actuators import NoState, drive, is_ideal
 from dualwinch.model.motions import later, no_departures, previewed
 from dualwinch.model.plant import Plant, Torques, holding_torques, resting_state, tensions, torques_amid
 from dualwinch.model.quantities.description import describe_parts
@@ -30,7 +30,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.structure import Structure, parameters_of, structure_of, template_of
+from dualwinch.simulation.loop.structure import parameters_of, symbolic_parts
 from dualwinch.simulation.loop.zero_order_hold import (
     ZeroOrderHold,
     between_samples,
@@ -38,10 +38,10 @@ from dualwinch.simulation.loop.zero_order_hold import (
     problem_of,
     zero_order_hold,
 )
-from dualwinch.simulation.metrics.metric import Metric, states_after, states_before
+from dualwinch.simulation.metrics.metric import states_after, states_before
 from dualwinch.simulation.metrics.metrics import Accumulators, accumulate
 from dualwinch.simulation.rows import COLUMNS, Sample, row_of
-from dualwinch.simulation.sensors import Noise, Readings, Sensors, first_readings, measure, silence_of
+from dualwinch.simulation.sensors import Noise, Readings, first_readings, measure, silence_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,18 +175,22 @@ class Timing:
     late: Annotated[Scalar, Quantity("s", "time by which the sample is late"), Mark.BOOKKEEPING] = 0.0
 
 
-def initial_loop_state(
-    structure: Structure, controller: Controller, plant: Plant, sensors: Sensors, actuator: Actuator
-) -> LoopState:
-    """Plant, controller, sensors and actuators before the first sample, where the position sensor reads 0."""
-    preload = controller.limits.preload
-    rest = resting_state(preload, plant, 0.0 - sensors.position_bias)
-    holding = holding_torques(preload, plant)
+def initial_loop_state(experiment: Experiment, parts: Any = None) -> LoopState:
+    """Plant, controller, sensors and actuators before the first sample, where the position sensor reads 0.
+
+    Args:
+        experiment: says what there is.
+        parts: gives the numbers (`symbolic_parts`); default: the experiment.
+    """
+    given = parts or experiment
+    preload, actuator = given.controller.limits.preload, given.actuator
+    rest = resting_state(preload, given.plant, 0.0 - given.sensors.position_bias)
+    holding = holding_torques(preload, given.plant)
     return LoopState(
         motion=Motion(rest),
-        controller=initial_controller_state(controller),
-        readings=first_readings(rest, plant, sensors, structure.silence),
-        timing=Timing() if structure.jitters else NoState(),
+        controller=initial_controller_state(given.controller),
+        readings=first_readings(rest, given.plant, given.sensors, silence_of(experiment.sensors)),
+        timing=Timing() if experiment.simulation.jitter > 0 else NoState(),
         actuator_1=actuator.holding_state(holding.tau_1),
         actuator_2=actuator.holding_state(holding.tau_2),
     )
@@ -202,47 +206,27 @@ def _queue_names(delay_samples: int) -> list[str]:
     return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
-def starting_state(
-    structure: Structure,
-    controller: Controller,
-    plant: Plant,
-    sensors: Sensors,
-    actuator: Actuator,
-    metrics: Sequence[Metric] = (),
-) -> dict[str, Scalar]:
+def starting_state(experiment: Experiment, parts: Any = None) -> dict[str, Scalar]:
     """State before the first sample by name: at rest, both ropes at preload/2, equilibrium torques under way.
 
-    The vehicle is where the position sensor reads 0: without a bias, at the beginning of the track.
-
-    Args:
-        structure: of the closed loop.
-        controller: gives the preload, and the laws whose states these are.
-        plant: floats or symbols.
-        sensors: errors of the sensors.
-        actuator: gives the holding torques.
-        metrics: figures of merit beside the built-in ones.
+    The vehicle is where the position sensor reads 0: without a bias, at the beginning of the track. Arguments as of
+    `initial_loop_state`.
     """
-    start = initial_loop_state(structure, controller, plant, sensors, actuator)
-    holding = leaves(holding_torques(controller.limits.preload, plant))
-    queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(structure.delay_samples)}
-    return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(metrics)
+    given = parts or experiment
+    start = initial_loop_state(experiment, parts)
+    holding = leaves(holding_torques(given.controller.limits.preload, given.plant))
+    names = _queue_names(experiment.simulation.delay_samples)
+    queue = {name: holding[name.rsplit(".", 1)[1]] for name in names}
+    return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(given.metrics)
 
 
-def initial_state_of(experiment: Experiment, structure: Structure | None = None) -> dict[str, float]:
-    """`starting_state` of an experiment as floats; of its structure, where that is known."""
-    start = starting_state(
-        structure or structure_of(experiment),
-        experiment.controller,
-        experiment.plant,
-        experiment.sensors,
-        experiment.actuator,
-        experiment.metrics,
-    )
-    return {key: float(value) for key, value in start.items()}
+def initial_state_of(experiment: Experiment) -> dict[str, float]:
+    """`starting_state` of an experiment as floats."""
+    return {key: float(value) for key, value in starting_state(experiment).items()}
 
 
 @built_once
-def closed_loop(structure: Structure, zeros: frozenset[str] = frozenset(), cuts: tuple[str, ...] = ()) -> ClosedLoop:
+def closed_loop(structure: Experiment, zeros: frozenset[str] = frozenset(), cuts: tuple[str, ...] = ()) -> ClosedLoop:
     """Build the symbolic functions of a structure (cached).
 
     Args:
@@ -303,14 +287,14 @@ def _instant(state: LoopState, exogenous: Exogenous, sample_time: Scalar, jitter
     return _Instant(t + late, sample_time + (following - late), later(exogenous.reference, late), Timing(following))
 
 
-def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
-    template = template_of(structure)
-    calm = nothing_from_outside(template.controller)
-    queued = _queue_names(structure.delay_samples)
+def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
+    simulation, silence = structure.simulation, silence_of(structure.sensors)
+    calm = nothing_from_outside(structure.controller)
+    queued = _queue_names(simulation.delay_samples)
     vectors = {
-        "state": tuple(initial_state_of(template, structure)),
+        "state": tuple(initial_state_of(structure)),
         "exogenous": tuple(leaves(calm)),
-        "parameters": tuple(parameters_of(template)),
+        "parameters": tuple(parameters_of(structure)),
     }
     symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
     injected = {cut: ca.SX.sym(cut) for cut in cuts}
@@ -321,13 +305,11 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     if cuts:
         symbols["cut"] = ca.vertcat(*injected.values())
     values |= dict.fromkeys(zeros, ca.SX(0))
-    plant = with_leaves(template.plant, values, "plant.")
-    nominal = with_leaves(nominal_structure(template.plant), values, "nominal.")
-    controller = with_leaves(template.controller, values, "controller.")
-    sensors = with_leaves(template.sensors, values, "sensors.")
-    actuator = with_leaves(template.actuator, values, "actuator.")
+    parts = symbolic_parts(structure, values)
+    plant, sensors, actuator = parts.plant, parts.sensors, parts.actuator
+    nominal = with_leaves(nominal_structure(structure.plant), values, "nominal.")
     sample_time = values["simulation.sample_time"]
-    start = initial_loop_state(structure, template.controller, template.plant, template.sensors, template.actuator)
+    start = initial_loop_state(structure)
     state = with_leaves(start, of_state)
     exogenous = with_leaves(calm, outside)
     plant_state = state.motion.plant
@@ -337,13 +319,13 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
     pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant, instant.t), strict=True))
     forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
     readings, measurement = measure(
-        plant_state, forces, exogenous.noise, state.readings, plant, sensors, sample_time, structure.silence
+        plant_state, forces, exogenous.noise, state.readings, plant, sensors, sample_time, silence
     )
     controller_state, output = controller_step(
         state.controller,
         measurement,
-        previewed(exogenous.reference, template.controller.preview, exogenous.ahead),
-        controller,
+        previewed(exogenous.reference, structure.controller.preview, exogenous.ahead),
+        parts.controller,
         nominal,
         sample_time,
         shared_force=injected.get("u"),
@@ -365,12 +347,11 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         force=exogenous.force,
         duration=instant.duration,
     )
-    disturbance = with_leaves(template.disturbance, values, "disturbance.")
 
     def problem(hold: ZeroOrderHold) -> Problem:
         if FORCE in zeros:
             hold = replace(hold, force=0.0)
-        return problem_of(hold, sample_time, plant, disturbance)
+        return problem_of(hold, sample_time, plant, parts.disturbance)
 
     environment = problem(hold).environment_at(hold.t, plant_state.v, state.motion.phase)
     row = row_of(
@@ -384,12 +365,11 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         plant=plant,
         nominal=nominal,
         torques=None if is_ideal(actuator) else hold.torques,
-        measurement=measurement if structure.readings else None,
+        measurement=measurement if simulation.readings else None,
     )
     sample = _offered(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
     sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")
-    own = tuple(with_leaves(metric, values, "metrics.") for metric in template.metrics)
-    sums |= states_after(own, of_state, sample, sample_time)
+    sums |= states_after(parts.metrics, of_state, sample, sample_time)
     following = leaves(
         LoopState(state.motion, controller_state, readings, *actuators, instant.timing, state.sample + 1)
     )
@@ -405,7 +385,7 @@ def _closed_loop(structure: Structure, zeros: frozenset[str], cuts: tuple[str, .
         sample=named_function("sample", symbols, at_sample),
         observe=named_function("observe", symbols, {"row": ca.vertcat(*(value for value, _ in row.values()))}),
         move=move,
-        parts=structure.substeps,
+        parts=simulation.substeps,
         one_step=one_step,
         states=vectors["state"],
         exogenous=vectors["exogenous"],
@@ -419,13 +399,13 @@ Floats = NDArray[np.float64]
 
 
 @built_once
-def start_function(structure: Structure) -> ca.Function:
+def start_function(structure: Experiment) -> ca.Function:
     """``start(parameters) -> state`` of a structure, the numbers of `closed_loop.starting_state`; (states,)."""
     parameters, state = _start(structure, steps=True)
     return ca.Function("start", [parameters], [state], ["parameters"], ["state"])
 
 
-def starts(structure: Structure, vectors: Floats) -> Floats:
+def starts(structure: Experiment, vectors: Floats) -> Floats:
     """States before the first sample (runs, states) of parameters (runs, parameters) as the closed loop takes them."""
     function = _mapped(structure, len(vectors))
     states = np.empty((len(vectors), function.size1_out(0)))
@@ -437,27 +417,19 @@ def starts(structure: Structure, vectors: Floats) -> Floats:
 
 
 @built_once
-def _mapped(structure: Structure, count: int) -> ca.Function:
+def _mapped(structure: Experiment, count: int) -> ca.Function:
     return start_function(structure).map(count)
 
 
 @built_once
-def start_slopes(structure: Structure) -> ca.Function:
+def start_slopes(structure: Experiment) -> ca.Function:
     """``start_slopes(parameters) -> slopes``, (states, parameters): the same derived, of encoders without steps."""
     parameters, state = _start(structure, steps=False)
     return ca.Function("start_slopes", [parameters], [ca.densify(ca.jacobian(state, parameters))])
 
 
-def _start(structure: Structure, *, steps: bool) -> tuple[ca.SX, ca.SX]:
-    template = template_of(structure)
-    symbols = {name: ca.SX.sym(name) for name in parameters_of(template)}
-    sensors = symbols if steps else {**symbols, "sensors.encoder_counts": 0, "sensors.position_resolution": 0.0}
-    state = starting_state(
-        structure,
-        with_leaves(template.controller, symbols, "controller."),
-        with_leaves(template.plant, symbols, "plant."),
-        with_leaves(Sensors(), sensors, "sensors."),
-        with_leaves(template.actuator, symbols, "actuator."),
-        [with_leaves(metric, symbols, "metrics.") for metric in template.metrics],
-    )
+def _start(structure: Experiment, *, steps: bool) -> tuple[ca.SX, ca.SX]:
+    symbols = {name: ca.SX.sym(name) for name in parameters_of(structure)}
+    stepless = {} if steps else {"sensors.encoder_counts": 0, "sensors.position_resolution": 0.0}
+    state = starting_state(structure, symbolic_parts(structure, {**symbols, **stepless}))
     return ca.vertcat(*symbols.values()), ca.densify(ca.vertcat(*state.values()))

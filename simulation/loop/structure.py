@@ -2,27 +2,27 @@
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, lru_cache
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
-from dualwinch.model.actuators import Actuator
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, plant_structure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import alike, numbers
+from dualwinch.model.quantities.tree import alike, numbers, with_leaves
 from dualwinch.model.ropes import is_kelvin_voigt
-from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.model.scalar import Scalar
+from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.problem import fastest_rate
-from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.sensors import Sensors, Silence, silence_of
+from dualwinch.simulation.sensors import Sensors, silence_of
 
-GENERAL = "rk4"
+GENERAL: IntegratorName = "rk4"
 """The integrator of ropes that the others do not know."""
 
 FINE = 0.5
@@ -32,10 +32,14 @@ OVERSHOOT = 1.5
 """Tension beyond tension_max, as a factor, that sub-steps still keep up with."""
 
 
+MOST_SUBSTEPS = 256
+"""Sub-steps of a sample at most."""
+
+
 class Solver(NamedTuple):
     """An integrator by its name, and its sub-steps a sample."""
 
-    integrator: str
+    integrator: IntegratorName
     substeps: int
 
     def __str__(self) -> str:
@@ -55,14 +59,24 @@ def solver_of(experiment: Experiment) -> Solver:
     spring on the track, at tensions up to `OVERSHOOT` times tension_max.
 
     Raises:
-        ConfigurationError: a rope's law has no finite spring rate at these tensions.
+        ConfigurationError: a rope's law has no finite spring rate at these tensions, or asks for too many sub-steps.
     """
     simulation = experiment.simulation
     if not is_automatic(experiment):
         return Solver(simulation.integrator, simulation.substeps)
     integrator = simulation.integrator if INTEGRATORS[simulation.integrator].any_rope else GENERAL
-    needed = math.ceil(max(swing_rates(experiment)) * simulation.sample_time / FINE)
-    return Solver(integrator, max(simulation.substeps, 1 << (needed - 1).bit_length()))
+    rates = swing_rates(experiment)
+    fastest = max(rates)
+    needed = math.ceil(fastest * simulation.sample_time / FINE)
+    substeps = max(simulation.substeps, 1 << (needed - 1).bit_length())
+    if substeps > MOST_SUBSTEPS:
+        number = 1 + rates.index(fastest)
+        kind = (experiment.plant.rope_1, experiment.plant.rope_2)[number - 1].kind
+        raise ConfigurationError(
+            f"simulation.sample_time = {simulation.sample_time:g}: must be <= {MOST_SUBSTEPS * FINE / fastest:.4g} s "
+            f'for plant.rope_{number}.kind = "{kind}", which swings at {fastest:.4g} rad/s'
+        )
+    return Solver(integrator, substeps)
 
 
 def swing_rates(experiment: Experiment) -> tuple[float, float]:
@@ -85,47 +99,6 @@ def swing_rates(experiment: Experiment) -> tuple[float, float]:
     return rates[0], rates[1]
 
 
-@dataclass(frozen=True)
-class Structure:
-    """What shapes the compiled code; everything else is a number it takes at run time.
-
-    Attributes:
-        plant, controller, actuator: their parts, with all numbers alike: only what they are made of counts.
-        integrator, substeps: what solves the plant.
-        delay_samples: as in an experiment.
-        metrics: figures of merit beside the built-in ones, likewise.
-        silence: what a silent position sensor reads (`exogenous.sensors.silence_of`).
-        jitters: whether samples are early or late.
-        readings: whether rows hold what the sensors say.
-    """
-
-    plant: Plant
-    controller: Controller
-    actuator: Actuator
-    integrator: str
-    substeps: int
-    delay_samples: int
-    metrics: tuple[Metric, ...] = ()
-    silence: Silence | None = None
-    jitters: bool = False
-    readings: bool = False
-
-
-def template_of(structure: Structure) -> Experiment:
-    """An experiment of a structure; its numbers are those of no experiment in particular."""
-    sensors, jitter = Sensors(), Simulation.sample_time / 4 if structure.jitters else 0.0
-    if structure.silence:
-        sensors = Sensors(outage=structure.silence, outage_length=1.0)
-    return Experiment(
-        plant=structure.plant,
-        controller=structure.controller,
-        sensors=sensors,
-        actuator=structure.actuator,
-        simulation=Simulation(delay_samples=structure.delay_samples, jitter=jitter, readings=structure.readings),
-        metrics=structure.metrics,
-    )
-
-
 @cache
 def unknown_keys() -> frozenset[str]:
     """Keys ``nominal.*`` of what no controller believes of a plant."""
@@ -136,21 +109,39 @@ KEPT = 64
 """Latest experiments whose numbers are kept: many calls in turn are about the same scenarios."""
 
 
-def structure_of(experiment: Experiment) -> Structure:
-    """The part of an experiment that shapes the compiled code."""
-    solver = solver_of(experiment)
-    return Structure(
+@lru_cache(maxsize=KEPT)
+def structure_of(experiment: Experiment) -> Experiment:
+    """The experiment that stands for all that share its compiled code: of the same parts, with the same numbers in all.
+
+    Everything that code is not shaped by is a number that it takes at run time, and has some value here.
+    """
+    solver, simulation, silence = solver_of(experiment), experiment.simulation, silence_of(experiment.sensors)
+    return Experiment(
         plant=plant_structure(experiment.plant),
         controller=_alike(experiment.controller),
+        sensors=Sensors(outage=silence, outage_length=1.0) if silence else Sensors(),
         actuator=alike(experiment.actuator),
-        integrator=solver.integrator,
-        substeps=solver.substeps,
-        delay_samples=experiment.simulation.delay_samples,
+        simulation=Simulation(
+            integrator=solver.integrator,
+            substeps=solver.substeps,
+            delay_samples=simulation.delay_samples,
+            jitter=Simulation.sample_time / 4 if simulation.jitter > 0 else 0.0,
+            readings=simulation.readings,
+        ),
         metrics=tuple(map(alike, experiment.metrics)),
-        silence=silence_of(experiment.sensors),
-        jitters=experiment.simulation.jitter > 0,
-        readings=experiment.simulation.readings,
     )
+
+
+def symbolic_parts(experiment: Experiment, values: Mapping[str, Scalar]) -> Any:
+    """What has the parts of an experiment with other numbers, which may be symbols; an experiment's own are checked.
+
+    Args:
+        experiment: gives parts, and the numbers that no key stands for.
+        values: key → number.
+    """
+    groups = ("plant", "controller", "sensors", "actuator", "disturbance")
+    parts = {name: with_leaves(getattr(experiment, name), values, f"{name}.") for name in groups}
+    return SimpleNamespace(**parts, metrics=tuple(with_leaves(m, values, "metrics.") for m in experiment.metrics))
 
 
 @lru_cache(maxsize=KEPT)
@@ -165,11 +156,10 @@ def _alike(controller: Controller) -> Controller:
 
 
 @GRAPHS.cached
-def described_parameters(structure: Structure) -> dict[str, Leaf]:
+def described_parameters(structure: Experiment) -> dict[str, Leaf]:
     """What every parameter of a closed loop is, by its key (`parameters_of`)."""
-    template = template_of(structure)
-    known = {**describe_parts(template), **describe_parts(nominal_structure(template.plant), "nominal.")}
-    return {key: known[key] for key in parameters_of(template)}
+    known = {**describe_parts(structure), **describe_parts(nominal_structure(structure.plant), "nominal.")}
+    return {key: known[key] for key in parameters_of(structure)}
 
 
 def shaping_keys(experiment: Experiment) -> frozenset[str]:
@@ -215,7 +205,7 @@ def _gains(controller: Controller) -> dict[str, float]:
     return numbers(controller, "controller.")
 
 
-def zeros_of(structure: Structure, *parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:
+def zeros_of(structure: Experiment, *parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:
     """Parameters that are zero in all of these: what they multiply can be left out of the compiled code.
 
     Only those that are often zero for good count (`Mark.OFF_AT_ZERO`): each choice of zeros is code of its own.

@@ -12,8 +12,8 @@ from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar, minimum
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
-from dualwinch.simulation.loop.structure import Structure
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class JitteringHold(ZeroOrderHold):
     duration: Annotated[Scalar, Quantity("s", "time until the next sample")] = 0.0
 
 
-def zero_order_hold(structure: Structure, *, duration: Scalar, **held: Any) -> ZeroOrderHold:
+def zero_order_hold(structure: Experiment, *, duration: Scalar, **held: Any) -> ZeroOrderHold:
     """What is held until the next sample; how long, only where that is not always the same."""
-    return JitteringHold(**held, duration=duration) if structure.jitters else ZeroOrderHold(**held)
+    return JitteringHold(**held, duration=duration) if structure.simulation.jitter > 0 else ZeroOrderHold(**held)
 
 
 def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
@@ -55,7 +55,7 @@ MOTION_TEMPLATE = Motion(PlantState())
 """What names the elements of the plant's vector; its numbers mean nothing."""
 
 
-def hold_template(structure: Structure) -> ZeroOrderHold:
+def hold_template(structure: Experiment) -> ZeroOrderHold:
     """What names the elements of a hold; its numbers mean nothing."""
     return zero_order_hold(
         structure,
@@ -69,7 +69,7 @@ def hold_template(structure: Structure) -> ZeroOrderHold:
 
 
 def between_samples(
-    structure: Structure, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
+    structure: Experiment, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
 ) -> tuple[ca.Function, ca.Function | None]:
     """The functions ``move`` and ``one_step`` of `codegen.sampled.Sampled`, the latter None where there is none.
 
@@ -94,7 +94,7 @@ def between_samples(
         inputs = {"motion": motion, "hold": hold} | inputs
         return named_function(name, inputs, outputs)
 
-    integrator, h = INTEGRATORS[structure.integrator], solved.duration / structure.substeps
+    integrator, h = INTEGRATORS[structure.simulation.integrator], solved.duration / structure.simulation.substeps
     careful = integrator.substep(solved, start, solved.t + part * h, h)
     move = function("move", {"part": part, "parameters": parameters}, careful)
     if not integrator.one_step:

@@ -24,7 +24,7 @@ from dualwinch.simulation.loop.closed_loop import (
     closed_loop,
     exogenous_names,
 )
-from dualwinch.simulation.loop.structure import Structure, zeros_of
+from dualwinch.simulation.loop.structure import zeros_of
 from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
@@ -193,7 +193,7 @@ class Scenarios:
 
 @GRAPHS.cached
 def _commanded(
-    structure: Structure, zeros: frozenset[str], command: CommandName, signals: tuple[str, ...]
+    structure: Experiment, zeros: frozenset[str], command: CommandName, signals: tuple[str, ...]
 ) -> Commanded:
     loop: ClosedLoop = closed_loop(structure, zeros)
     inputs = {name: ca.SX.sym(name, loop.observe.size1_in(name)) for name in loop.observe.name_in()}

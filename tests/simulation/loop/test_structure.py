@@ -17,7 +17,6 @@ from dualwinch.simulation.loop.structure import (
     parameters_of,
     shaping_keys,
     structure_of,
-    template_of,
     zeros_of,
 )
 from dualwinch.simulation.paper import case
@@ -78,7 +77,7 @@ def test_all_experiments_of_a_structure_have_its_parameters(law: str, estimator:
     experiment = override(Experiment(controller=controller), {"controller.nominal.mass": 9e3})
     structure = structure_of(experiment)
     assert list(described_parameters(structure)) == list(parameters_of(experiment))
-    assert list(parameters_of(template_of(structure))) == list(parameters_of(experiment))
+    assert list(parameters_of(structure)) == list(parameters_of(experiment))
     assert not [key for key in parameters_of(experiment) if key.startswith("controller.nominal.")]
 
 
