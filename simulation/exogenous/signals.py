@@ -170,74 +170,49 @@ def _decay(sample_time: float, time: Any) -> Any:
     return float((Decimal(-sample_time) / Decimal(time)).exp()) if time else 0.0
 
 
-class Outside:
-    """What an experiment receives from outside: its signals, drawn and read piece by piece."""
-
-    def __init__(self, experiment: Experiment, names: Sequence[str] | None = None) -> None:
-        """Set the signals up.
-
-        Args:
-            experiment: whose.
-            names: of the signals; default: all that its closed loop receives.
-        """
-        random = random_signals(experiment)
-        self._experiment = experiment
-        self._names = exogenous_names(experiment.controller) if names is None else names
-        self.signals = Signals([random.get(name) for name in self._names])
-
-    def give(self, start: int, n: int) -> None:
-        """Read what is given of `n` samples from the sample `start` on."""
-        experiment = self._experiment
-        sample_time, given = experiment.simulation.sample_time, {}
-        if "steady" in self._names:
-            times = experiment.controller.preview
-            given |= _reference(experiment.reference, experiment.steady_window, sample_time, start, n)
-            given |= _ahead(experiment.reference, times, sample_time, start, n)
-        for name, (signal, unit) in given_signals(experiment.disturbance).items():
-            if signal.given:
-                t: Floats = np.arange(start, start + n, dtype=np.float64) * sample_time
-                given[name] = signal.sampled(t, unit)
-        self.signals.give([given.get(name) for name in self._names], start)
-
-    def pieces(self, length: int, samples: int | None = None) -> Iterator[Floats]:
-        """All samples, those of the run or so many, in tables (samples, names) of at most `length` samples."""
-        end = self._experiment.samples if samples is None else samples
-        for start in range(0, end, length):
-            table = np.empty((min(length, end - start), len(self._names)))
-            self.give(start, len(table))
-            self.signals.fill(table, start)
-            yield table
-
-
 @lru_cache(maxsize=4)
 def _reference(
-    reference: Reference, window: tuple[float, float], sample_time: float, start: int, n: int
+    reference: Reference, window: tuple[float, float], times: tuple[float, ...], sample_time: float, start: int, n: int
 ) -> dict[str, Floats]:
-    """The reference, and 1 in the steady state; kept, as the scenarios of an ensemble share them."""
+    """The reference, 1 in the steady state, and how the reference departs at some times ahead from going on as it is.
+
+    Kept, as the scenarios of an ensemble share them.
+    """
     t, half = np.arange(start, start + n) * sample_time, sample_time / 2
     wanted = setpoint(t, reference)
-    steady = (t >= window[0] - half) & (t <= window[1] + half)
-    acceleration = np.broadcast_to(wanted.a, n).astype(float)
-    return {
-        "reference.x": np.asarray(wanted.x, float),
-        "reference.v": np.asarray(wanted.v, float),
-        "reference.a": acceleration,
-        "steady": steady.astype(float),
+    found = {
+        "reference.x": wanted.x,
+        "reference.v": wanted.v,
+        "reference.a": wanted.a,
+        "steady": (t >= window[0] - half) & (t <= window[1] + half),
     }
+    if times:
+        ahead = vars(departures(t, times, reference)).values()
+        found |= zip(
+            leaves(no_departures(times), "ahead."), (each for of_times in ahead for each in of_times), strict=True
+        )
+    return {name: np.broadcast_to(values, n).astype(float) for name, values in found.items()}
 
 
-@lru_cache(maxsize=4)
-def _ahead(reference: Reference, times: tuple[float, ...], sample_time: float, start: int, n: int) -> dict[str, Floats]:
-    """How the reference departs at some times ahead from going on as it is; kept, as `_reference`."""
-    if not times:
-        return {}
-    found = departures(np.arange(start, start + n) * sample_time, times, reference)
-    columns = (np.broadcast_to(column, n).astype(float) for of_times in vars(found).values() for column in of_times)
-    return dict(zip(leaves(no_departures(times), "ahead."), columns, strict=True))
+def _given(experiment: Experiment, names: Sequence[str], start: int, n: int) -> list[Floats | None]:
+    """The signals of some names that are given, not drawn, in `n` samples from the sample `start` on."""
+    sample_time, given = experiment.simulation.sample_time, {}
+    if "steady" in names:
+        window, times = experiment.steady_window, experiment.controller.preview
+        given |= _reference(experiment.reference, window, times, sample_time, start, n)
+    t: Floats = np.arange(start, start + n, dtype=np.float64) * sample_time
+    given |= {
+        name: signal.sampled(t, unit)
+        for name, (signal, unit) in given_signals(experiment.disturbance).items()
+        if signal.given
+    }
+    return [given.get(name) for name in names]
 
 
-def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = None) -> Iterator[Floats]:
-    """Everything a run receives from outside, in pieces of at most `length` samples.
+def exogenous_pieces(
+    experiment: Experiment, length: int, samples: int | None = None, names: Sequence[str] | None = None
+) -> Iterator[Floats]:
+    """The exogenous signals of a run, in pieces of at most `length` samples.
 
     Drawn from ``simulation.seed``: the same experiment gives the same bits, however it is divided.
 
@@ -245,29 +220,38 @@ def exogenous_pieces(experiment: Experiment, length: int, samples: int | None = 
         experiment: what is run.
         length: of a piece.
         samples: how many in all (default: those of the run).
+        names: of the signals (default: all that the closed loop receives, in its order).
 
     Yields:
-        (samples, exogenous), columns in the closed loop's order.
+        (samples, names).
     """
-    return Outside(experiment).pieces(length, samples)
+    names = exogenous_names(experiment.controller) if names is None else names
+    end, random = experiment.samples if samples is None else samples, random_signals(experiment)
+    signals = Signals([random.get(name) for name in names])
+    for start in range(0, end, length):
+        table = np.empty((min(length, end - start), len(names)))
+        signals.give(_given(experiment, names, start, len(table)), start)
+        signals.fill(table, start)
+        yield table
 
 
 def exogenous_sources(experiment: Experiment, columns: Mapping[str, NDArray[Any]], count: int) -> list[Signals]:
-    """Everything that runs receive from outside, for compiled code that draws it while it runs.
+    """The exogenous signals of runs, for compiled code that draws them while it runs.
 
     Args:
         experiment: what the runs share, all that is given among it.
         columns: key → their own numbers, (count,).
         count: number of the runs.
     """
-    outside = Outside(experiment)
-    outside.give(0, experiment.samples)
-    random = random_signals(experiment, columns)
-    return outside.signals.of_many([random.get(name) for name in exogenous_names(experiment.controller)], count)
+    names, random = exogenous_names(experiment.controller), random_signals(experiment)
+    signals = Signals([random.get(name) for name in names])
+    signals.give(_given(experiment, names, 0, experiment.samples), 0)
+    drawn = random_signals(experiment, columns)
+    return signals.of_many([drawn.get(name) for name in names], count)
 
 
 def exogenous_signals(experiment: Experiment) -> Floats:
-    """Everything a run receives from outside in one piece, (samples, exogenous)."""
+    """The exogenous signals of a run in one piece, (samples, exogenous)."""
     return next(exogenous_pieces(experiment, experiment.samples))
 
 
@@ -282,7 +266,7 @@ def asked_motion(experiment: Experiment) -> dict[str, Floats]:
 
 def sea_signals(experiment: Experiment) -> Sea:
     """What acts on the vehicle over a whole run, as `exogenous_signals`."""
-    return Sea(*next(Outside(experiment, Sea._fields).pieces(experiment.samples)).T)
+    return Sea(*next(exogenous_pieces(experiment, experiment.samples, names=Sea._fields)).T)
 
 
 def shaped_by(key: str) -> tuple[str, ...]:

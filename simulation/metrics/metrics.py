@@ -1,6 +1,6 @@
 """Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
 
-from collections.abc import Iterator, KeysView, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, make_dataclass, replace
 from functools import cache
 from typing import Annotated, Any
@@ -16,24 +16,21 @@ from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, sqrt, whe
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity, states_before, values_of
 from dualwinch.simulation.rows import Sample
 
-MILLIMETRES, SQUARE_MILLIMETRES, PERCENT = ("mm", 1e3, ".3g"), ("mm²", 1e6, ".3g"), ("%", 1e2, ".4g")
-"""Units that people read figures of merit in, how many of those are one of their own, and formats."""
+
+def _error(meaning: str, formula: str, label: str = "", *, steady: bool = False) -> MetricQuantity:
+    """A measure of the tracking error, read in mm or mm²."""
+    unit, shown = ("m^2", ("mm²", 1e6, ".3g")) if "^2" in meaning else ("m", ("mm", 1e3, ".3g"))
+    label, window = label or readable(meaning), "steady state" if steady else "whole run"
+    return MetricQuantity(unit, f"{meaning}, {window}", "", f"steady {label}" if steady else label, formula, shown)
 
 
-def _merit(
-    unit: str,
-    meaning: str,
-    label: str,
-    formula: str,
-    shown: tuple[str, float, str] = ("", 1.0, ".4g"),
-    *,
-    small_is_bad: bool = False,
-) -> MetricQuantity:
-    return MetricQuantity(unit, meaning, "", label, formula, shown, small_is_bad)
+def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
+    """A share of the samples, read in percent."""
+    return MetricQuantity("1", f"share of samples with {meaning}", "", label, formula, ("%", 1e2, ".4g"))
 
 
 @dataclass(frozen=True)
-class Metrics:
+class Metrics(Mapping[str, float]):
     """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure.
 
     By name it gives them as a mapping does: ``metrics["mse"]``, ``"mse" in metrics``, ``dict(metrics)``. An
@@ -44,108 +41,95 @@ class Metrics:
     saturated torques is of the commands.
     """
 
-    mae: Annotated[
-        float, _merit("m", "mean |e|, whole run", "mean |e|", r"\frac{1}{N}\sum_k \lvert e_k\rvert", MILLIMETRES)
-    ]
-    max_abs_error: Annotated[
-        float, _merit("m", "largest |e|, whole run", "max |e|", r"\max_k \lvert e_k\rvert", MILLIMETRES)
-    ]
-    mse: Annotated[
-        float, _merit("m^2", "mean e^2, whole run", "mean e²", r"\frac{1}{N}\sum_k e_k^2", SQUARE_MILLIMETRES)
-    ]
-    steady_mae: Annotated[
-        float,
-        _merit(
-            *("m", "mean |e|, steady state", "steady mean |e|"),
-            r"\frac{1}{N_s}\sum_{k\in S} \lvert e_k\rvert",
-            MILLIMETRES,
-        ),
-    ]
+    mae: Annotated[float, _error("mean |e|", r"\frac{1}{N}\sum_k \lvert e_k\rvert")]
+    max_abs_error: Annotated[float, _error("largest |e|", r"\max_k \lvert e_k\rvert", "max |e|")]
+    mse: Annotated[float, _error("mean e^2", r"\frac{1}{N}\sum_k e_k^2")]
+    steady_mae: Annotated[float, _error("mean |e|", r"\frac{1}{N_s}\sum_{k\in S} \lvert e_k\rvert", steady=True)]
     steady_max_abs_error: Annotated[
-        float,
-        _merit("m", "largest |e|, steady state", "steady max |e|", r"\max_{k\in S} \lvert e_k\rvert", MILLIMETRES),
+        float, _error("largest |e|", r"\max_{k\in S} \lvert e_k\rvert", "max |e|", steady=True)
     ]
-    steady_mse: Annotated[
-        float,
-        _merit(
-            *("m^2", "mean e^2, steady state", "steady mean e²"),
-            r"\frac{1}{N_s}\sum_{k\in S} e_k^2",
-            SQUARE_MILLIMETRES,
-        ),
-    ]
+    steady_mse: Annotated[float, _error("mean e^2", r"\frac{1}{N_s}\sum_{k\in S} e_k^2", steady=True)]
     saturated_share: Annotated[
         float,
-        _merit(
-            *("1", "share of samples with the force command beyond its limit", "saturated"),
+        _share(
+            "the force command beyond its limit",
+            "saturated",
             r"\frac{1}{N}\sum_k [u_k \ne u_{\mathrm{sat},k}]",
-            PERCENT,
         ),
     ]
     torque_saturated_share: Annotated[
         float,
-        _merit(
-            *("1", "share of samples with a motor torque at its limit", "torque saturated"),
+        _share(
+            "a motor torque at its limit",
+            "torque saturated",
             r"\frac{1}{N}\sum_k [\tau_{1,k}\ \mathrm{or}\ \tau_{2,k}\ \mathrm{at\ a\ limit}]",
-            PERCENT,
         ),
     ]
     slack_share: Annotated[
         float,
-        _merit(
-            *("1", "share of samples with a rope at zero tension", "slack"),
-            r"\frac{1}{N}\sum_k [\min(F_{1,k}, F_{2,k}) \le 0]",
-            PERCENT,
-        ),
+        _share("a rope at zero tension", "slack", r"\frac{1}{N}\sum_k [\min(F_{1,k}, F_{2,k}) \le 0]"),
     ]
     peak_tension: Annotated[
         float,
-        _merit(
-            *("N", "largest tension of both ropes, at the samples", "peak tension"),
-            r"\max_k \max(F_{1,k}, F_{2,k})",
+        MetricQuantity(
+            "N",
+            "largest tension of both ropes, at the samples",
+            label="peak tension",
+            formula=r"\max_k \max(F_{1,k}, F_{2,k})",
         ),
     ]
     min_tension: Annotated[
         float,
-        _merit(
-            *("N", "smallest tension of both ropes, at the samples", "least tension"),
-            r"\min_k \min(F_{1,k}, F_{2,k})",
+        MetricQuantity(
+            "N",
+            "smallest tension of both ropes, at the samples",
+            label="least tension",
+            formula=r"\min_k \min(F_{1,k}, F_{2,k})",
             small_is_bad=True,
         ),
     ]
     chatter: Annotated[
         float,
-        _merit(
-            *("N", "mean absolute change of tension from sample to sample, of both ropes", "chatter"),
-            r"\frac{1}{2(N-1)}\sum_{k\ge 1}\sum_i \lvert F_{i,k}-F_{i,k-1}\rvert",
+        MetricQuantity(
+            "N",
+            "mean absolute change of tension from sample to sample, of both ropes",
+            label="chatter",
+            formula=r"\frac{1}{2(N-1)}\sum_{k\ge 1}\sum_i \lvert F_{i,k}-F_{i,k-1}\rvert",
         ),
     ]
     energy: Annotated[
         float,
-        _merit(
-            *("J", "work of both motors, braking counted like driving", "energy"),
-            r"T_s\sum_k \sum_i \lvert G_i\,\tau_{i,k}\,\omega_{i,k}\rvert",
-            ("kJ", 1e-3, ".4g"),
+        MetricQuantity(
+            "J",
+            "work of both motors, braking counted like driving",
+            label="energy",
+            formula=r"T_s\sum_k \sum_i \lvert G_i\,\tau_{i,k}\,\omega_{i,k}\rvert",
+            shown=("kJ", 1e-3, ".4g"),
         ),
     ]
     torque_rate: Annotated[
         float,
-        _merit(
-            *("N m/s", "mean absolute change of motor torque a second, of both winches", "torque rate"),
-            r"\frac{1}{2(N-1)\,T_s}\sum_{k\ge 1}\sum_i \lvert \tau_{i,k}-\tau_{i,k-1}\rvert",
+        MetricQuantity(
+            "N m/s",
+            "mean absolute change of motor torque a second, of both winches",
+            label="torque rate",
+            formula=r"\frac{1}{2(N-1)\,T_s}\sum_{k\ge 1}\sum_i \lvert \tau_{i,k}-\tau_{i,k-1}\rvert",
         ),
     ]
     continuous_load: Annotated[
         float,
-        _merit(
-            *("N m", "root mean square of the motor torques, of both winches", "continuous load"),
-            r"\sqrt{\frac{1}{2N}\sum_k \sum_i \tau_{i,k}^2}",
+        MetricQuantity(
+            "N m",
+            "root mean square of the motor torques, of both winches",
+            label="continuous load",
+            formula=r"\sqrt{\frac{1}{2N}\sum_k \sum_i \tau_{i,k}^2}",
         ),
     ]
 
     @property
     def quantities(self) -> dict[str, MetricQuantity]:
         """Name → what every figure of merit is."""
-        return metric_quantities_of(type(self))
+        return _quantities_of(type(self))
 
     def __getitem__(self, name: str) -> float:
         """One figure of merit by its name.
@@ -153,13 +137,9 @@ class Metrics:
         Raises:
             UnknownNameError: there is none of this name; the message names the nearest.
         """
-        if name not in self:
+        if name not in vars(self):
             raise UnknownNameError(unknown("metric", name, vars(self)))
         return vars(self)[name]
-
-    def __contains__(self, name: object) -> bool:
-        """Whether there is a figure of merit of this name."""
-        return name in vars(self)
 
     def __iter__(self) -> Iterator[str]:
         """Names of the figures of merit."""
@@ -168,10 +148,6 @@ class Metrics:
     def __len__(self) -> int:
         """Number of the figures of merit."""
         return len(vars(self))
-
-    def keys(self) -> KeysView[str]:
-        """Names of the figures of merit."""
-        return vars(self).keys()
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (tuple(self.quantities.items())[len(BUILT_IN) :], tuple(vars(self).values()))
@@ -191,11 +167,10 @@ BUILT_IN = tuple(describe(Metrics))
 
 def metric_quantities(own: Sequence[Metric] = ()) -> dict[str, MetricQuantity]:
     """Figure of merit → what it is and how people read it: the built-in ones, and an experiment's own."""
-    return metric_quantities_of(metrics_with(own))
+    return _quantities_of(metrics_with(own))
 
 
-def metric_quantities_of(metrics: type[Metrics]) -> dict[str, MetricQuantity]:
-    """The same of the fields of a type of `metrics_with`."""
+def _quantities_of(metrics: type[Metrics]) -> dict[str, MetricQuantity]:
     known = {name: leaf.quantity for name, leaf in describe(metrics).items()}
     return {name: quantity for name, quantity in known.items() if isinstance(quantity, MetricQuantity)}
 

@@ -1,7 +1,7 @@
 """The result of a run: named columns with units, figures of merit, an outcome; other time grids and forms of it."""
 
 import math
-from collections.abc import Iterable, Iterator, KeysView, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from dualwinch.model.quantities.tables import page, readable, readable_unit, sec
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import is_automatic, solver_of
 from dualwinch.simulation.metrics.metrics import BUILT_IN, Metrics
-from dualwinch.simulation.results.file_formats import about
 from dualwinch.simulation.rows import CONTINUOUS
 
 if TYPE_CHECKING:
@@ -33,66 +32,6 @@ MOST = 10**8
 """Most instants of a grid that is given by its rate."""
 
 
-def interpolation(columns: Iterable[str]) -> dict[str, str]:
-    """Column → ``linear`` for what goes on between two samples, ``held`` for what is set at a sample."""
-    return {name: "linear" if name in CONTINUOUS else "held" for name in columns}
-
-
-def instants(t: Floats, rate: float | None, times: ArrayLike | None) -> Floats:
-    """The instants of a grid, within the time that rows cover.
-
-    Args:
-        t: (rows,) time of the rows in s.
-        rate: instants a second, from the first row on; or
-        times: (n,) in s, ascending.
-
-    Raises:
-        ConfigurationError: neither or both are given, there are no rows, or a time lies outside.
-    """
-    if (rate is None) == (times is None):
-        raise ConfigurationError("resample: give either rate or times")
-    if not len(t):
-        raise ConfigurationError("resample: the run kept no rows (stride = 0)")
-    first, last = float(t[0]), float(t[-1])
-    slip = SLIP * (float(t[1]) - first) if len(t) > 1 else 0.0
-    if rate is not None:
-        if not (math.isfinite(rate) and rate > 0 and (last - first) * rate < MOST):
-            raise ConfigurationError(f"rate = {rate:g}: must be a finite number > 0 1/s, of at most {MOST:g} instants")
-        count = math.floor((last - first + slip) * rate) + 1
-        return np.minimum(first + np.arange(count) / rate, last)
-    given = np.asarray(times, float)
-    if given.ndim != 1 or not given.size:
-        raise ConfigurationError(f"times: shape {given.shape} must be (n,), with at least one time")
-    outside = ~((given >= first - slip) & (given <= last + slip))
-    if outside.any():
-        index = int(outside.argmax())
-        raise ConfigurationError(f"times[{index}] = {given[index]:g}: must be {first:g} to {last:g} s, where rows are")
-    if (np.diff(given) <= 0).any():
-        index = int((np.diff(given) <= 0).argmax()) + 1
-        raise ConfigurationError(f"times[{index}] = {given[index]:g}: must be > times[{index - 1}]")
-    return given
-
-
-def resampled(columns: Mapping[str, Floats], times: Floats) -> dict[str, Floats]:
-    """Columns at other instants.
-
-    Args:
-        columns: name → (rows,), ``t`` among them.
-        times: (n,) in s, as `instants` gives them.
-
-    Returns:
-        name → (n,), each by its `interpolation`; ``t`` is `times`.
-    """
-    t, kinds = columns["t"], interpolation(columns)
-    slip = SLIP * (t[1] - t[0]) if len(t) > 1 else 0.0
-    latest = np.maximum(np.searchsorted(t, times + slip, side="right") - 1, 0)
-    found = {
-        name: np.interp(times, t, values) if kinds[name] == "linear" else values[latest]
-        for name, values in columns.items()
-    }
-    return found | {"t": times.copy()}
-
-
 SHOWN = ("mse", "max_abs_error", "chatter")
 """Built-in figures of merit that stand in the text of a result; an experiment's own all do."""
 
@@ -101,7 +40,7 @@ TIME = "t"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result:
+class Result(Mapping[str, NDArray[np.float64]]):
     """One run. By name it gives its columns, as a mapping does: ``result["F1"]``, ``"F1" in result``, ``dict(result)``.
 
     Two results are equal where all they hold is, number for number.
@@ -134,8 +73,11 @@ class Result:
 
     @property
     def interpolation(self) -> dict[str, str]:
-        """Column name → how `resample` fills it in between two rows: ``linear`` or ``held``."""
-        return interpolation(self.columns)
+        """Column name → how `resample` fills it in between two rows: ``linear`` or ``held``.
+
+        Linear is what goes on between two samples; held is what is set at a sample.
+        """
+        return {name: "linear" if name in CONTINUOUS else "held" for name in self.columns}
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """One column by its name.
@@ -148,17 +90,13 @@ class Result:
         except (KeyError, TypeError):
             raise UnknownNameError(unknown("column", column, self.columns)) from None
 
-    def __contains__(self, column: object) -> bool:
-        """Whether there is a column of this name."""
-        return column in self.columns
-
     def __iter__(self) -> Iterator[str]:
         """Names of the columns."""
         return iter(self.columns)
 
-    def keys(self) -> KeysView[str]:
-        """Names of the columns."""
-        return self.columns.keys()
+    def __len__(self) -> int:
+        """Number of the columns."""
+        return len(self.columns)
 
     @property
     def integrator(self) -> str:
@@ -183,7 +121,15 @@ class Result:
         Raises:
             ConfigurationError: neither or both are given, the run kept no rows, or a time lies outside.
         """
-        return replace(self, columns=resampled(self.columns, instants(self["t"], rate, times)))
+        t = self["t"]
+        chosen = _instants(t, rate, times)
+        slip = SLIP * (t[1] - t[0]) if len(t) > 1 else 0.0
+        latest = np.maximum(np.searchsorted(t, chosen + slip, side="right") - 1, 0)
+        columns = {
+            name: np.interp(chosen, t, self[name]) if kind == "linear" else self[name][latest]
+            for name, kind in self.interpolation.items()
+        }
+        return replace(self, columns=columns | {"t": chosen})
 
     def to_pandas(self) -> "pd.DataFrame":
         """The rows as a `pandas.DataFrame`, a column for each but ``t``, which is the index.
@@ -193,7 +139,12 @@ class Result:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        return _data_frame(self)
+        pandas = _extra("pandas")
+        index = pandas.Index(self[TIME], name=TIME)
+        frame = pandas.DataFrame({name: self[name] for name in self if name != TIME}, index=index)
+        meanings = {name: quantity.meaning for name, quantity in self.quantities.items()}
+        frame.attrs = {"units": self.units, "meanings": meanings, **self._facts}
+        return frame
 
     def to_xarray(self) -> "xr.Dataset":
         """The rows as an `xarray.Dataset`, a variable over ``t`` for each column.
@@ -204,14 +155,56 @@ class Result:
         Raises:
             MissingExtraError: xarray is not installed.
         """
-        return _data_set(self)
+        xarray = _extra("xarray")
+        arrays = {}
+        for name, quantity in self.quantities.items():
+            # as the climate and forecast conventions name them: xarray writes them on the axes of its figures
+            attributes = {"units": quantity.unit, "long_name": quantity.meaning}
+            attributes["interpolation"] = self.interpolation[name]
+            arrays[name] = xarray.Variable(TIME, self[name], attributes)
+        time = arrays.pop(TIME)
+        return xarray.Dataset(arrays, {TIME: time}, self._facts)
+
+    @property
+    def _facts(self) -> dict[str, Any]:
+        return {"outcome": self.outcome, "end_time": self.end_time, **self.metrics}
+
+    @property
+    def _law(self) -> str:
+        law = self.experiment.controller.law
+        return law.label or law.kind
+
+    @property
+    def _words(self) -> str:
+        """How it ended, and how much is kept; the integrator, where the ropes ask for another than the experiment's."""
+        ending, rows = self.outcome.replace("_", " "), len(next(iter(self.columns.values())))
+        solver = f", {solver_of(self.experiment)}" if is_automatic(self.experiment) else ""
+        return f"{ending} at {self.end_time:g} s, {rows} rows of {len(self)} columns{solver}"
 
     def __repr__(self) -> str:
-        return _text(self)
+        """A line that says what was run and what came out."""
+        known = self.metrics.quantities
+        merits = [
+            f"{name} {self.metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()
+            for name in (*SHOWN, *(name for name in known if name not in BUILT_IN))
+            if not math.isnan(self.metrics[name])
+        ]
+        return f"Result({self._law}: {'; '.join([self._words, *merits])})"
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
-        return _html(self)
+        """Outcome, figures of merit and columns, as a notebook shows them."""
+        rows = []
+        for name, quantity in self.quantities.items():
+            ends = np.fmin.reduce(self[name], initial=np.inf), np.fmax.reduce(self[name], initial=-np.inf)
+            shown = [f"{end:.4g}" if np.isfinite(end) else "–" for end in ends]
+            rows.append([name, *shown, readable_unit(quantity.unit), readable(quantity.meaning)])
+        columns = table(["column", "lowest", "highest", "unit", "meaning"], rows, numbers=(1, 2))
+        return page(
+            self._law,
+            self._words,
+            section("figures of merit", self.metrics._repr_html_(), is_open=True),
+            section(f"{len(rows)} columns", columns),
+        )
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Result):
@@ -233,33 +226,30 @@ def _same(ours: Mapping[str, ArrayLike], theirs: Mapping[str, ArrayLike]) -> boo
     return list(ours) == list(theirs) and all(np.array_equal(ours[name], theirs[name], equal_nan=True) for name in ours)
 
 
-def _data_frame(result: Result) -> "pd.DataFrame":
-    """See `Result.to_pandas`."""
-    pandas = _extra("pandas")
-    index = pandas.Index(result[TIME], name=TIME)
-    frame = pandas.DataFrame({name: result[name] for name in result if name != TIME}, index=index)
-    meanings = {name: quantity.meaning for name, quantity in result.quantities.items()}
-    frame.attrs = {"units": result.units, "meanings": meanings, **_facts(result)}
-    return frame
-
-
-def _data_set(result: Result) -> "xr.Dataset":
-    """See `Result.to_xarray`."""
-    xarray = _extra("xarray")
-    arrays = {name: xarray.Variable(TIME, result[name], _attributes(result, name)) for name in result}
-    return xarray.Dataset(
-        {name: array for name, array in arrays.items() if name != TIME}, {TIME: arrays[TIME]}, _facts(result)
-    )
-
-
-def _attributes(result: Result, name: str) -> Mapping[str, str]:
-    """As the climate and forecast conventions name them: xarray writes them on the axes of its figures."""
-    said = about(result.quantities[name])
-    return {"units": said["unit"], "long_name": said["meaning"], "interpolation": result.interpolation[name]}
-
-
-def _facts(result: Result) -> dict[str, Any]:
-    return {"outcome": result.outcome, "end_time": result.end_time, **result.metrics}
+def _instants(t: Floats, rate: float | None, times: ArrayLike | None) -> Floats:
+    """The instants of a grid, within the time that rows cover; arguments as of `Result.resample`."""
+    if (rate is None) == (times is None):
+        raise ConfigurationError("resample: give either rate or times")
+    if not len(t):
+        raise ConfigurationError("resample: the run kept no rows (stride = 0)")
+    first, last = float(t[0]), float(t[-1])
+    slip = SLIP * (float(t[1]) - first) if len(t) > 1 else 0.0
+    if rate is not None:
+        if not (math.isfinite(rate) and rate > 0 and (last - first) * rate < MOST):
+            raise ConfigurationError(f"rate = {rate:g}: must be a finite number > 0 1/s, of at most {MOST:g} instants")
+        count = math.floor((last - first + slip) * rate) + 1
+        return np.minimum(first + np.arange(count) / rate, last)
+    given = np.array(times, float)
+    if given.ndim != 1 or not given.size:
+        raise ConfigurationError(f"times: shape {given.shape} must be (n,), with at least one time")
+    outside = ~((given >= first - slip) & (given <= last + slip))
+    if outside.any():
+        index = int(outside.argmax())
+        raise ConfigurationError(f"times[{index}] = {given[index]:g}: must be {first:g} to {last:g} s, where rows are")
+    if (np.diff(given) <= 0).any():
+        index = int((np.diff(given) <= 0).argmax()) + 1
+        raise ConfigurationError(f"times[{index}] = {given[index]:g}: must be > times[{index - 1}]")
+    return given
 
 
 def _extra(name: str) -> ModuleType:
@@ -274,47 +264,3 @@ def _extra(name: str) -> ModuleType:
         return import_module(name)
     except ImportError:
         raise MissingExtraError(f"{name} is not installed; install it with: pip install 'dualwinch[{name}]'") from None
-
-
-def _text(result: Result) -> str:
-    """A line that says what was run and what came out."""
-    metrics, known = result.metrics, result.metrics.quantities
-    own = [name for name in metrics if name not in BUILT_IN]
-    merits = [
-        f"{name} {metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()
-        for name in (*SHOWN, *own)
-        if not math.isnan(metrics[name])
-    ]
-    return f"Result({_law(result)}: {'; '.join([_words(result), *merits])})"
-
-
-def _html(result: Result) -> str:
-    """Outcome, figures of merit and columns."""
-    rows = []
-    for name, quantity in result.quantities.items():
-        values = result[name]
-        low, high = (np.fmin.reduce(values), np.fmax.reduce(values)) if values.size else (np.nan, np.nan)
-        ends = [f"{end:.4g}" if np.isfinite(end) else "–" for end in (low, high)]
-        rows.append([name, *ends, readable_unit(quantity.unit), readable(quantity.meaning)])
-    columns = table(["column", "lowest", "highest", "unit", "meaning"], rows, numbers=(1, 2))
-    return page(
-        _law(result),
-        _words(result),
-        section("figures of merit", result.metrics._repr_html_(), is_open=True),
-        section(f"{len(rows)} columns", columns),
-    )
-
-
-def _law(result: Result) -> str:
-    law = result.experiment.controller.law
-    return law.label or law.kind
-
-
-def _words(result: Result) -> str:
-    ending, rows = result.outcome.replace("_", " "), len(next(iter(result.columns.values())))
-    return f"{ending} at {result.end_time:g} s, {rows} rows of {len(result.columns)} columns{_solver(result)}"
-
-
-def _solver(result: Result) -> str:
-    """The integrator that the ropes ask for, in place of the experiment's."""
-    return f", {solver_of(result.experiment)}" if is_automatic(result.experiment) else ""
