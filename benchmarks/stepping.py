@@ -21,7 +21,7 @@ from benchmarks.case import Case
 from benchmarks.document import markdown, put, times
 from benchmarks.peers.peer import UnavailableError
 from benchmarks.report import machine
-from dualwinch.environments.vector import VectorEnvironment
+from dualwinch.environments.environment import VectorEnvironment
 from dualwinch.simulation.simulate import simulate
 from dualwinch.simulation.stepper.stepper import Stepper
 

@@ -37,9 +37,9 @@ from .controllers.parts import Estimator as Estimator
 from .controllers.parts import Measurement as Measurement
 from .controllers.parts import PositionLaw as PositionLaw
 from .controllers.parts import PositionOutput as PositionOutput
-from .environments.reward import Reward as Reward
-from .environments.single import Environment as Environment
-from .environments.vector import VectorEnvironment as VectorEnvironment
+from .environments.environment import Environment as Environment
+from .environments.environment import VectorEnvironment as VectorEnvironment
+from .environments.task import Reward as Reward
 from .export import export_c as export_c
 from .export import export_casadi as export_casadi
 from .export import export_fmu as export_fmu

@@ -21,7 +21,7 @@ def register() -> None:
     for name in NAMES.keys() - registration.registry.keys():
         registration.register(
             id=name,
-            entry_point="dualwinch.environments.single:Environment",
-            vector_entry_point="dualwinch.environments.vector:VectorEnvironment",
+            entry_point="dualwinch.environments.environment:Environment",
+            vector_entry_point="dualwinch.environments.environment:VectorEnvironment",
             kwargs={"experiment": NAMES[name]},
         )

@@ -1,18 +1,21 @@
 """A task for a policy: what it observes, what it commands, what a step is worth, in physical units."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.environments.reward import Reward, weighted
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.stepper.commands import CommandName
-from dualwinch.simulation.stepper.stepper import SENSED, Stepper
+from dualwinch.simulation.stepper.stepper import SENSED, Observation, Stepper
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +26,60 @@ FASTEST, STRONGEST, SPIN, TURNS, JOLT = 100.0, 1e7, 1e4, 1e5, 1e4
 """Bounds of what is observed, far beyond what the plant does: m/s, N, rad/s, rad, m/s²."""
 
 
+@dataclass(frozen=True)
+class Reward:
+    """Minus the squared tracking error at a step's end in m², and minus what is weighted beside it.
+
+    With the default weights the rewards of a run that is completed add up to minus its steps times its mean square
+    error at their ends.
+
+    Attributes:
+        torque_change: weight of the squared change of both motor torques from step to step, in m²/(N m)².
+        slack: of each rope that is slack at a step's end, in m².
+        lost: error in m that counts in every step that is missing where the vehicle left the track, or the run
+            diverged; at least what the run could have brought, so that nobody leaves early to be spared the rest.
+    """
+
+    torque_change: float = 0.0
+    slack: float = 0.0
+    lost: float = 50.0
+
+    def __post_init__(self) -> None:
+        """Raise `ConfigurationError` where a weight is negative or not finite."""
+        for name, value in vars(self).items():
+            if not 0 <= value < np.inf:
+                raise ConfigurationError(f"reward.{name} = {value}: must be a finite number >= 0")
+
+    def of(self, now: Observation, before: Observation) -> Floats:
+        """The rewards (batch,) in m² of a step, where no run was lost.
+
+        Args:
+            now: what is observed at its end: e, F1, F2, tau_1 and tau_2.
+            before: likewise, at its beginning.
+        """
+        total = now["e"] ** 2
+        if self.torque_change:
+            for name in ("tau_1", "tau_2"):
+                total += self.torque_change * (now[name] - before[name]) ** 2
+        if self.slack:
+            for name in ("F1", "F2"):
+                total += self.slack * (now[name] <= 0)
+        return -total
+
+
+def weighted(weights: Mapping[str, float]) -> Reward:
+    """A reward by the names of its weights.
+
+    Raises:
+        ConfigurationError: there is no such weight, or one is out of range.
+    """
+    known = [field.name for field in fields(Reward)]
+    for name in weights:
+        if name not in known:
+            raise ConfigurationError(f"reward: {unknown('weight', name, known)}")
+    return Reward(**weights)
+
+
 class Task:
     """Runs of an experiment or an ensemble as a policy has them, in so many lanes.
 
@@ -30,6 +87,8 @@ class Task:
         stepper: what moves them on.
         bounds: name → lowest and highest value of each element of an observation; what is beyond is limited.
         limits: name → lowest and highest value of each number of a command; what is beyond is limited.
+        action_space, observation_space: of one lane. An action is a number in the command's unit, a dictionary of
+            such, or, normalised, a vector of numbers between −1 and 1.
         units: name → unit of each element of an observation.
     """
 
@@ -42,6 +101,7 @@ class Task:
         hold: int,
         reward: Reward | Mapping[str, float] | None,
         exact: bool,
+        normalised: bool = False,
     ) -> None:
         """Make the stepper; arguments as those of the environments.
 
@@ -66,6 +126,31 @@ class Task:
         self._low, self._high = np.array(list(self.bounds.values())).T[..., np.newaxis]
         self._lower, self._upper = np.array(list(self.limits.values())).T
         self._last = self.stepper.observation
+        self._normalised = normalised
+        self.observation_space = gymnasium.spaces.Box(self._low[:, 0], self._high[:, 0], dtype=np.float64)
+        boxes: dict[str, gymnasium.Space[Any]] = {
+            name: gymnasium.spaces.Box(*ends, (), np.float64) for name, ends in self.limits.items()
+        }
+        self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Dict(boxes)
+        if normalised:
+            self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(boxes),), np.float64)
+        elif len(boxes) == 1:
+            (self.action_space,) = boxes.values()
+
+    def commands(self, actions: Any) -> Floats:
+        """The commands (lanes, numbers) that actions of all lanes stand for.
+
+        Raises:
+            ConfigurationError: they are none.
+        """
+        lanes = self.stepper.batch
+        try:
+            if not self._normalised and len(self.limits) > 1:
+                actions = np.stack([np.asarray(actions[name], dtype=np.float64) for name in self.limits], axis=-1)
+            given = np.asarray(actions, dtype=np.float64).reshape(lanes, len(self.limits))
+        except (TypeError, ValueError, KeyError, IndexError) as error:
+            raise ConfigurationError(f"action: must be of {self.action_space}, for each of {lanes} lanes") from error
+        return self._lower + (given + 1) / 2 * (self._upper - self._lower) if self._normalised else given
 
     def start(self, lanes: NDArray[np.int64], seeds: Sequence[int], episodes: Sequence[int]) -> None:
         """Begin episodes: each lane runs the scenario of its episode's number, drawn by its seed."""

@@ -11,11 +11,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import dualwinch as dw
+from dualwinch.environments.environment import Environment, VectorEnvironment
 from dualwinch.environments.registration import NAMES, register
-from dualwinch.environments.reward import Reward
-from dualwinch.environments.single import Environment
-from dualwinch.environments.task import Task
-from dualwinch.environments.vector import VectorEnvironment
+from dualwinch.environments.task import Reward, Task
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 
 FORMS: list[dict[str, Any]] = [

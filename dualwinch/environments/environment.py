@@ -1,4 +1,4 @@
-"""Many vehicles, each between two winches, as one environment: a step of all is one call of compiled code."""
+"""A vehicle between two winches as an environment, or many side by side: a step of all is one call of compiled code."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -9,10 +9,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from dualwinch.environments.actions import Actions
-from dualwinch.environments.reward import Reward
-from dualwinch.environments.single import HOLD, observation_space
-from dualwinch.environments.task import Floats, Task
+from dualwinch.environments.task import Floats, Reward, Task
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -21,11 +18,70 @@ from dualwinch.simulation.stepper.stepper import SENSED
 
 Flags = NDArray[np.bool_]
 
-NOBODY = np.zeros(0, np.int64)
+HOLD = 20
+"""Samples that an action is held: 50 actions a second at 1 kHz."""
+
+
+class Environment(gymnasium.Env[Floats, Any]):
+    """A single run after the other; see `VectorEnvironment` for its arguments.
+
+    ``reset(seed=s)`` begins scenario 0 of the seed s, each further ``reset()`` the next one. An episode is terminated
+    where the vehicle left the track or the run diverged, truncated at the run's end; then ``info`` holds ``outcome``
+    and, of a completed run, its mean square error over all samples, ``mse`` in m².
+
+    Attributes:
+        observed: names of the elements of an observation.
+        units: name → unit of each.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def __init__(
+        self,
+        experiment: Experiment | Ensemble | str = "case-4",
+        *,
+        command: CommandName = "force",
+        hold: int = HOLD,
+        normalised: bool = False,
+        reward: Reward | Mapping[str, float] | None = None,
+        exact: bool = False,
+        render_mode: None = None,
+    ) -> None:
+        """Make the environment.
+
+        Raises:
+            ConfigurationError: an unknown experiment, or a number out of range.
+        """
+        self._task = task = Task(
+            experiment, 1, command=command, hold=hold, reward=reward, exact=exact, normalised=normalised
+        )
+        self.render_mode = render_mode
+        self.action_space: gymnasium.Space[Any] = task.action_space
+        self.observation_space: gymnasium.Space[Any] = task.observation_space
+        self.observed, self.units = SENSED, task.units
+        self._seed, self._episode = -1, 0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
+        """Begin the next episode, of a seed the first; there are no options."""
+        super().reset(seed=seed, options=options)
+        self._episode += 1
+        if seed is not None:
+            self._seed, self._episode = seed, 0
+        elif self._seed < 0:
+            self._seed, self._episode = int(self.np_random.integers(2**31)), 0
+        self._task.start(np.zeros(1, np.int64), [self._seed], [self._episode])
+        return self._task.observation[0], {}
+
+    def step(self, action: Any) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """Hold an action; an action beyond the space is limited to it."""
+        rewards, lost, ended = self._task.step(self._task.commands(action))
+        terminated, truncated = bool(lost[0]), bool(ended[0])
+        info = self._task.infos([0])[0] if terminated or truncated else {}
+        return self._task.observation[0], float(rewards[0]), terminated, truncated, info
 
 
 class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
-    """Lanes of a stepper as a vector environment; each is what `environments.single.Environment` is.
+    """Lanes of a stepper as a vector environment; each is what `Environment` is.
 
     A lane whose episode has ended begins the next one with the next step (``metadata["autoreset_mode"]``): its action
     is not looked at, its reward is 0. ``reset(seed=s)`` gives lane k the seed s + k, as Gymnasium's own vector
@@ -63,7 +119,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
             hold: samples that an action is held.
             normalised: actions are vectors of numbers between −1 and 1, the limits of the command. Else a force is a
                 number in N, torques are a dictionary of ``tau_1`` and ``tau_2`` in N m.
-            reward: its weights (`environments.reward.Reward`).
+            reward: its weights (`environments.task.Reward`).
             exact: with the operations of `simulate`, at a quarter of the speed; see `Stepper`.
             render_mode: there is none; results have figures.
 
@@ -71,12 +127,13 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
             ConfigurationError: an unknown experiment, or a number out of range.
         """
         self.num_envs, self.render_mode = num_envs, render_mode
-        self._task = Task(experiment, num_envs, command=command, hold=hold, reward=reward, exact=exact)
-        self._actions = Actions(self._task.limits, normalised=normalised)
-        self.single_action_space, self.single_observation_space = self._actions.space, observation_space(self._task)
+        self._task = task = Task(
+            experiment, num_envs, command=command, hold=hold, reward=reward, exact=exact, normalised=normalised
+        )
+        self.single_action_space, self.single_observation_space = task.action_space, task.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.observed, self.units = SENSED, self._task.units
+        self.observed, self.units = SENSED, task.units
         self._seeds: list[int] = []
         self._episodes = np.zeros(num_envs, np.int64)
 
@@ -107,8 +164,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
     def step(self, actions: Any) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
         """Hold an action in every lane; what is beyond the space is limited to it."""
         stepper, infos = self._task.stepper, {}
-        begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else NOBODY
-        rewards, lost, ended = self._task.step(self._actions.commands(actions, self.num_envs))
+        begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else np.zeros(0, np.int64)
+        rewards, lost, ended = self._task.step(self._task.commands(actions))
         if stepper.under_way < stepper.batch:
             over = np.flatnonzero(lost | ended).tolist()
             for lane, info in zip(over, self._task.infos(over), strict=True):
