@@ -44,7 +44,7 @@ Facts: TypeAlias = dict[str, tuple[Quantity, tuple[float, float]]]
 """Variable name → what it is and the range it may take."""
 
 PHASE, SAMPLE, SLOW = "phase", "sample", "slow"
-"""What moves beside the plant's own state; the last is an integrator's memory and no part of the continuous plant."""
+"""States beside the plant's own state; the last is an integrator's memory and no part of the continuous plant."""
 
 ANY = (-np.inf, np.inf)
 SATURATED = Quantity("1", "1 where the force command is beyond its limit")
@@ -58,7 +58,7 @@ class Equations:
     Attributes:
         state, input: the symbols by name.
         initial, next_state, output: expressions by name; `output` may depend on the input.
-        about: what states, inputs and outputs are.
+        about: quantities and ranges of states, inputs and outputs.
         output_now: the output from the state before the step, where it does not depend on the input.
         nominal: sizes of states beside the others, where they are not 1.
         derivative: by time of the states that are continuous, which come first; of a continuous system.
@@ -200,8 +200,8 @@ def _swings(plant: Plant, preload: float) -> dict[str, float]:
     return {name: 10.0 ** round(math.log10(square) / 2) for name, square in squares.items()}
 
 
-def _outside(controller: Controller) -> Facts:
-    """What the signals are that the closed loop receives."""
+def _exogenous_facts(controller: Controller) -> Facts:
+    """Quantities and ranges of the exogenous signals of the closed loop."""
     calm = nothing_from_outside(controller)
     found = _facts(describe_parts(calm))
     if times := controller.preview:
@@ -232,7 +232,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
         output=dict(zip(loop.columns, ca.vertsplit(row), strict=True)),
         about=(
             _facts(describe_parts(initial_loop_state(experiment))) | queue,
-            _outside(experiment.controller),
+            _exogenous_facts(experiment.controller),
             {name: (quantity, ANY) for name, quantity in loop.quantities.items()},
         ),
     )

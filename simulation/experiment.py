@@ -90,7 +90,7 @@ class Simulation:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Everything that determines a run; the defaults are the paper's Case 2."""
+    """All values that determine a run; the defaults are the paper's Case 2."""
 
     plant: Plant = field(default_factory=Plant)
     controller: Controller = field(default_factory=Controller)

@@ -41,9 +41,9 @@ class PreparedExperiment:
     """An experiment whose values fit together, with what a run of it needs; not to be changed.
 
     Attributes:
-        experiment: what is run.
+        experiment: to be run.
         nominal: the plant the controller was designed for; None: the simulated one.
-        structure: what shapes the compiled code.
+        structure: of the compiled code.
         start: name → value of every state before the first sample.
     """
 
@@ -59,7 +59,7 @@ class PreparedExperiment:
 
     @cached_property
     def loop(self) -> ClosedLoop:
-        """The closed loop, without what is zero for good."""
+        """The closed loop, without terms that are always zero."""
         zeros = zeros_of(self.structure, self.parameters) | absent_signals(self.experiment)
         return closed_loop(self.structure, zeros)
 
@@ -74,11 +74,11 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
     """Check that the values of an experiment fit together, and make it ready to run.
 
     Args:
-        experiment: what is to be run.
+        experiment: to be run.
         nominal: the plant the controller was designed for; default: the simulated one.
 
     Raises:
-        ConfigurationError: values do not fit together; the message names the key and what is allowed.
+        ConfigurationError: values do not fit together; the message names the key and its range.
     """
     check_rules(experiment)
     _check_points(experiment.reference, experiment.plant.track)

@@ -17,7 +17,7 @@ class Progress(Protocol):
 
         Args:
             fraction: of the whole computation that is done, from 0 to 1.
-            phase: what is being done, in words; empty: as before.
+            phase: name of the current step; empty: as before.
             status: where the computation stands, as a line of numbers with units.
         """
         ...

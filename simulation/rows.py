@@ -18,7 +18,7 @@ from dualwinch.model.vehicle import drag, friction, inertia
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a result: the state at the beginning of a sample and what was computed from it."""
+    """One row of a result: the state at the beginning of a sample, and the signals computed from it."""
 
     t: Annotated[Scalar, Quantity("s", "time of the sample's beginning")]
     x: Annotated[Scalar, Quantity("m", "position of the vehicle")]
@@ -44,7 +44,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ActualTorques:
-    """What the motors give, where that is not what they are asked for."""
+    """Actual motor torques, where they are not the commands."""
 
     torque_1: Annotated[Scalar, Quantity("N m", "torque of motor 1, its mean until the next sample"), Mark.HELD]
     torque_2: Annotated[Scalar, Quantity("N m", "torque of motor 2, its mean until the next sample"), Mark.HELD]
@@ -81,7 +81,7 @@ def row_of(
 ) -> dict[str, tuple[Scalar, Quantity]]:
     """The row of one sample: column name → value and what it is.
 
-    ``d_true`` is the acceleration the nominal model leaves unexplained, given the true tensions: what the observer
+    ``d_true`` is the acceleration the nominal model leaves unexplained, given the true tensions: the value an observer
     should find. With a perfect nominal model it is the disturbance force over the mass.
 
     Args:
@@ -89,13 +89,13 @@ def row_of(
         state: the plant's state.
         forces: tensions in N.
         reference: where the vehicle should be at that time.
-        output: what the controller gave.
-        environment: what acts on the vehicle from outside.
+        output: of the controller.
+        environment: exogenous disturbances of the vehicle.
         plant: the plant.
         nominal: the plant as the controller believes it to be.
         bias: of the position sensor in m; an error that is all the time there does not count.
-        torques: what the motors give, where that is not what they are asked for.
-        measurement: what the sensors say, where rows are to hold it.
+        torques: of the motors, where they are not the commands.
+        measurement: readings of the sensors, where rows have them.
 
     Raises:
         ConfigurationError: a part of the controller names a signal of its own like a column there is.
@@ -139,7 +139,7 @@ def row_of(
 
 @dataclass(frozen=True)
 class Sample(Row):
-    """One sample: every column of a result (`simulation.rows.Row`) under its name, and what is no column.
+    """One sample: every column of a result (`simulation.rows.Row`) under its name, and further signals.
 
     Everything is a scalar: a symbol where the loop is built.
     """

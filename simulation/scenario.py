@@ -15,11 +15,11 @@ Value: TypeAlias = float | int | bool | str
 
 @dataclass(frozen=True)
 class Scenario:
-    """One draw of an ensemble: what was drawn. What is simulated follows from it, and is made where it is asked for.
+    """One draw of an ensemble: the drawn values. The experiment follows from them, and is made where it is needed.
 
     Attributes:
         index: its number in the ensemble, from 0.
-        base: what is simulated, but for the draws.
+        base: the experiment without the draws.
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``simulation.seed`` among them.
         vertex: whether it is a vertex of the box of draws, not a draw like the others.
@@ -37,7 +37,7 @@ class Scenario:
 
     @cached_property
     def experiment(self) -> Experiment:
-        """What is simulated, the drawn values in it.
+        """The experiment with the drawn values.
 
         Raises:
             ConfigurationError: a drawn value is out of its range.

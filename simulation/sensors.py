@@ -1,4 +1,4 @@
-"""Sensors: what the controller sees of the plant (all perfect by default)."""
+"""Sensors: noise, bias, resolution and outages of the measurements (all perfect by default)."""
 
 import math
 from dataclasses import dataclass
@@ -130,7 +130,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Readings:
-    """What the sensors gave at the last sample."""
+    """Readings of the last sample."""
 
     theta_1: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 1"), Mark.BOOKKEEPING] = 0.0
     theta_2: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 2"), Mark.BOOKKEEPING] = 0.0
@@ -138,13 +138,13 @@ class Readings:
 
 @dataclass(frozen=True)
 class HeldReadings(Readings):
-    """What sensors gave at the last sample of which the position sensor may fall silent."""
+    """Readings of the last sample, where the position sensor may fall silent."""
 
     x: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
 
 
 def silence_of(sensors: Sensors) -> Silence | None:
-    """What the position sensor reads while it is silent; None: it never is."""
+    """Reading of the position sensor while it is silent; None: it never is."""
     return sensors.outage if sensors.outage_length > 0 else None
 
 
@@ -162,7 +162,7 @@ def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:
 def measurement(
     state: PlantState, tensions: tuple[Scalar, Scalar], plant: Plant, sensors: Sensors, drift: Scalar = 0.0
 ) -> Measurement:
-    """The measurement equation: what the sensors read without noise and rounding.
+    """The measurement equation: readings without noise and rounding.
 
     Args:
         state: the plant's.

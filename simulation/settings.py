@@ -21,7 +21,7 @@ RENAMED = {"controller.calibration.spread": "controller.calibration.deviation", 
 
 
 def current(key: str) -> str:
-    """What a key is called now."""
+    """The present name of a key."""
     return RENAMED.get(key, key)
 
 
@@ -41,7 +41,7 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     Args:
         experiment: where the other values come from.
         values: dotted key → value, e.g. ``{"plant.vehicle.mass": 1.1e4}``. Another kind of a part, such as
-            ``controller.kind``, comes with its own gains, and with those that both kinds share.
+            ``controller.kind``, comes with its own gains, and with the gains that both kinds share.
 
     Raises:
         ConfigurationError: an unknown key, a value of the wrong type or out of range, or a gain of a part that the
@@ -97,7 +97,7 @@ def with_settings(
 def _with_files(
     experiment: Experiment, values: Mapping[str, Any], located: Callable[[str], AbstractContextManager[None]]
 ) -> Experiment:
-    """The experiment with the files among some values read, what is wrong with one said of its key."""
+    """The experiment with the files among some values read; errors name the key of the file."""
     known = describe_parts(experiment)
     for key in values:
         if Mark.FILE in known[key].marks:
@@ -117,12 +117,12 @@ def _from_folder(value: Any, folder: Path) -> Any:
 
 
 def without_digests(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values without those that say what was read: where a setting names another file, they are another file's."""
+    """Values without digests of files: where a setting names another file, they are another file's."""
     return {key: value for key, value in values.items() if Mark.DIGEST not in marks_of(key)}
 
 
 def marks_of(key: str) -> frozenset[Mark]:
-    """What else a key is; nothing where it names nothing."""
+    """Marks of a key; none of an unknown one."""
     leaf = known_keys().get(current(key))
     return leaf.marks if leaf else frozenset()
 
@@ -134,7 +134,7 @@ def describe_choices(experiment: Experiment) -> dict[str, Leaf]:
 
 
 def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
-    """What a key is, in an experiment or in any.
+    """Metadata of a key, in an experiment or in any.
 
     Raises:
         ConfigurationError: it names nothing; the message says what may be meant.

@@ -24,7 +24,7 @@ from dualwinch.simulation.settings import current, leaf_of, override
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(RunGrid):
-    """What `dualwinch.sweep` gives: a grid of runs that can be drawn."""
+    """A grid of runs by `dualwinch.sweep`, with its figure."""
 
     def plot(self, metric: str, ax: "Axes | None" = None) -> "Figure":
         """A line over one key, or a heat map over two (the first along the horizontal axis).

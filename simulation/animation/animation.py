@@ -9,20 +9,20 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from dualwinch.codegen.files import atomic
+from dualwinch.codegen.files import write_whole
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.animation.machine import (
     DRUM_GAP,
+    FRAME_COLUMNS,
     LEFT,
     RIGHT,
     WATER,
     WIDTH,
-    Frames,
+    Machine,
     Play,
     add,
     draw_colours,
     draw_machine,
-    machine_of,
     move,
     number,
     path,
@@ -56,7 +56,7 @@ class Panel:
     """Where a panel stands, and over which values.
 
     Attributes:
-        title: what it shows, with its unit.
+        title: its quantity and unit.
         top, bottom: in pixels.
         lines: its signals.
         low, high: ends of its vertical axis.
@@ -154,7 +154,7 @@ def animation(result: Result) -> str:
     experiment, duration = result.experiment, float(t[-1] - t[0])
     rows = np.linspace(0, len(t) - 1, FRAMES).astype(int)
     play = Play(PLAY_SECONDS, FRAMES // 2)
-    machine = machine_of(experiment, RAIL)
+    machine = Machine(experiment, RAIL)
     number = case_number(experiment)
     case = f"Case {number} of the paper, " if number else ""
     words = f"{case}{scenario(experiment)}; {law_label(experiment)}"
@@ -165,8 +165,7 @@ def animation(result: Result) -> str:
     text(root, 20, 48, f"{words}; a simulated run, {speed}", fill=GREY)
     add(root, "rect", y=66, width=WIDTH, height=RAIL - 60, fill=WATER)
     draw_colours(root, WIDTH - 205, 24, machine.highest)
-    columns = {name: np.nan_to_num(drawable(result[name]))[rows] for name in Frames.__annotations__ if name != "force"}
-    frames = Frames(**columns, force=np.nan_to_num(drawable(result["d_true"]))[rows])
+    frames = {name: np.nan_to_num(drawable(result[name]))[rows] for name in FRAME_COLUMNS}
     for x, name in ((LEFT - DRUM_GAP, "winch 2"), (RIGHT + DRUM_GAP, "winch 1")):
         text(root, x, machine.rope - 14, name, text_anchor="middle")
     for x, name in ((LEFT + 70, "rope 2"), (RIGHT - 10, "rope 1")):
@@ -185,20 +184,10 @@ def save_animation(result: Result, path: str | PathLike[str]) -> None:
         ConfigurationError: the suffix is not ``.svg``, or the run keeps no rows.
         OSError: the file cannot be written.
     """
-    check_animation(Path(path))
-    content = animation(result)
-    with atomic(Path(path)) as unfinished:
-        unfinished.write_text(content, encoding="utf-8")
-
-
-def check_animation(path: Path) -> None:
-    """Find out whether a file can hold an animation.
-
-    Raises:
-        ConfigurationError: the suffix is not ``.svg``.
-    """
+    path = Path(path)
     if path.suffix.lower() != ".svg":
-        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; an animation is an .svg")
+        raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be .svg")
+    write_whole(path, animation(result))
 
 
 def _panels(result: Result) -> list[Panel]:

@@ -1,7 +1,8 @@
 """Vehicle, ropes and drums as SVG: moving along a run, or standing with every symbol labelled."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -110,24 +111,10 @@ ARROW = 60.0
 """Length in pixels of the largest disturbance's arrow."""
 
 
-@dataclass(frozen=True)
-class Frames:
-    """What is drawn of the machine: a row a frame.
+Frames: TypeAlias = Mapping[str, Floats]
+"""The motion of the machine, a row a frame: columns of a result, ``d_true`` as the disturbance on the vehicle."""
 
-    Attributes:
-        x, x_ref: positions of vehicle and reference in m.
-        theta_1, theta_2: drum angles in rad, positive when rope is retrieved.
-        F1, F2: tensions in N.
-        force: disturbance on the vehicle in N.
-    """
-
-    x: Floats
-    x_ref: Floats
-    theta_1: Floats
-    theta_2: Floats
-    F1: Floats
-    F2: Floats
-    force: Floats
+FRAME_COLUMNS = ("x", "x_ref", "theta_1", "theta_2", "F1", "F2", "d_true")
 
 
 @dataclass(frozen=True)
@@ -135,17 +122,22 @@ class Machine:
     """Where things stand.
 
     Attributes:
-        length: of the rail in m.
-        vehicle_width, vehicle_height: in m.
-        highest: tension in N at the upper end of the colours.
+        experiment: whose machine it is.
         rail: height of the rail in pixels, downwards.
     """
 
-    length: float
-    vehicle_width: float
-    vehicle_height: float
-    highest: float
+    experiment: Experiment
     rail: float
+
+    @property
+    def length(self) -> float:
+        """Of the rail in m."""
+        return float(self.experiment.plant.track.length)
+
+    @property
+    def highest(self) -> float:
+        """Tension in N at the upper end of the colours."""
+        return float(self.experiment.controller.limits.tension_max)
 
     @property
     def scale(self) -> float:
@@ -153,38 +145,38 @@ class Machine:
         return (RIGHT - LEFT) / self.length
 
     @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the vehicle in pixels."""
+        vehicle = self.experiment.plant.vehicle
+        return float(vehicle.diameter) * self.scale, float(vehicle.height) * self.scale
+
+    @property
     def rope(self) -> float:
         """Height of the taut ropes in pixels: amid the vehicle."""
-        return self.rail - 6 - self.vehicle_height * self.scale / 2
+        return self.rail - 6 - self.size[1] / 2
+
+    @property
+    def top(self) -> float:
+        """Upper edge of the vehicle in pixels."""
+        return self.rope - self.size[1] / 2
 
     def at(self, x: Floats) -> Floats:
         """Positions along the rail in m as pixels."""
         return LEFT + self.scale * np.asarray(x)
 
 
-def machine_of(experiment: Experiment, rail: float) -> Machine:
-    """The machine of an experiment; `rail` is its height in the picture in pixels."""
-    plant, limits = experiment.plant, experiment.controller.limits
-    vehicle = plant.vehicle
-    return Machine(
-        float(plant.track.length), float(vehicle.diameter), float(vehicle.height), float(limits.tension_max), rail
-    )
-
-
 def draw_machine(parent: Element, machine: Machine, frames: Frames, play: Play) -> None:
     """Draw the machine in all its frames."""
     _rail(parent, machine)
-    half = machine.vehicle_width * machine.scale / 2
-    vehicle = machine.at(frames.x)
-    _rope(parent, machine, frames.F2, play, fixed=LEFT - DRUM_GAP, moving=vehicle - half)
-    _rope(parent, machine, frames.F1, play, fixed=RIGHT + DRUM_GAP, moving=vehicle + half)
-    _drum(parent, machine, LEFT - DRUM_GAP, -frames.theta_2, play)
-    _drum(parent, machine, RIGHT + DRUM_GAP, frames.theta_1, play)
+    half, vehicle = machine.size[0] / 2, machine.at(frames["x"])
+    _rope(parent, machine, frames["F2"], play, fixed=LEFT - DRUM_GAP, moving=vehicle - half)
+    _rope(parent, machine, frames["F1"], play, fixed=RIGHT + DRUM_GAP, moving=vehicle + half)
+    _drum(parent, machine, LEFT - DRUM_GAP, -frames["theta_2"], play)
+    _drum(parent, machine, RIGHT + DRUM_GAP, frames["theta_1"], play)
     reference = add(parent, "g")
-    top = machine.rope - machine.vehicle_height * machine.scale / 2 - 8
-    add(reference, "path", d=f"M0 {number(top)}l-6 -10h12z", fill="none", stroke=INK, stroke_width=1.2)
-    transform(reference, "translate", [f"{number(x)} 0" for x in machine.at(frames.x_ref)], play)
-    _vehicle(parent, machine, vehicle, frames.force, play)
+    add(reference, "path", d=f"M0 {number(machine.top - 8)}l-6 -10h12z", fill="none", stroke=INK, stroke_width=1.2)
+    transform(reference, "translate", [f"{number(x)} 0" for x in machine.at(frames["x_ref"])], play)
+    _vehicle(parent, machine, vehicle, frames["d_true"], play)
 
 
 def colour(tension: float, highest: float) -> str:
@@ -246,8 +238,7 @@ def _drum(parent: Element, machine: Machine, x: float, clockwise: Floats, play: 
 
 def _vehicle(parent: Element, machine: Machine, x: Floats, force: Floats, play: Play) -> None:
     """The hull on its shoes, with an arrow for the disturbance."""
-    width, height = machine.vehicle_width * machine.scale, machine.vehicle_height * machine.scale
-    top = machine.rope - height / 2
+    (width, height), top = machine.size, machine.top
     vehicle = add(parent, "g")
     hull = {"x": -width / 2, "y": top, "width": width, "height": height, "rx": width / 5}
     add(vehicle, "rect", **hull, fill=HULL, stroke=INK, stroke_width=1.5)
@@ -281,14 +272,14 @@ SHOWN_AT = 0.42
 def labelled_machine(experiment: Experiment | None = None) -> str:
     """The machine of an experiment (default: the paper's) as one SVG, with symbols and the positive directions."""
     experiment = experiment or Experiment()
-    machine = machine_of(experiment, RAIL)
-    x, one = np.array([SHOWN_AT * machine.length]), np.ones(1)
-    preload = 0.2 * machine.highest * one
+    machine = Machine(experiment, RAIL)
+    x, preload = np.array([SHOWN_AT * machine.length]), np.array([0.2 * machine.highest])
+    frames = dict.fromkeys(FRAME_COLUMNS, np.zeros(1)) | {"x": x, "x_ref": x + 6.0, "F1": preload, "F2": preload}
     title = "The machine: a vehicle on a rail between two winches, with the symbols of its equations"
     root = picture(WIDTH, HEIGHT, title, "Arrows point in the positive direction of each quantity.")
     add(root, "rect", width=WIDTH, height=HEIGHT, rx=10, fill="white")
     add(root, "rect", y=14, width=WIDTH, height=RAIL - 8, fill=WATER)
-    draw_machine(root, machine, Frames(x, x + 6.0, 0 * one, 0 * one, preload, preload, 0 * one), STILL)
+    draw_machine(root, machine, frames, STILL)
     _winches(root, machine)
     _forces(root, machine, float(machine.at(x)[0]))
     return written(root)
@@ -309,8 +300,7 @@ def _winches(root: Element, machine: Machine) -> None:
 
 
 def _forces(root: Element, machine: Machine, x: float) -> None:
-    half = machine.vehicle_width * machine.scale / 2
-    y, top = machine.rope, machine.rope - machine.vehicle_height * machine.scale / 2
+    half, y, top = machine.size[0] / 2, machine.rope, machine.top
     for side, name, index in ((1, "rope 1: L − x", "₁"), (-1, "rope 2: x", "₂")):
         begin = x + side * (half + 4)
         _arrow(root, begin, y, side * 58, VERMILION)

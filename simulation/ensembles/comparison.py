@@ -64,7 +64,7 @@ class Comparison:
     """Controllers in the same scenarios.
 
     Attributes:
-        ensemble: what the scenarios were drawn from.
+        ensemble: of the scenarios.
         contenders: name → result of the controller in these scenarios; the others are compared with the first.
     """
 
@@ -223,7 +223,7 @@ def compare(
 
     Args:
         controllers: name → controller; the first is what the others are compared with.
-        ensemble: what the scenarios are drawn from; its own controller is not used.
+        ensemble: of the scenarios; its own controller is not used.
         scenarios: how many.
         seed: of the draws, and of the resampling behind the intervals.
         threads: default: one a core.

@@ -18,7 +18,7 @@ from dualwinch.simulation.scenario import Value
 
 
 class Distribution(Part):
-    """What a value is drawn from: a frozen dataclass of its numbers, in the unit of the value.
+    """The distribution of a value: a frozen dataclass of its numbers, in the unit of the value.
 
     Where a draw is a factor on the nominal value they are factors.
     """
@@ -69,7 +69,7 @@ class Uniform(Bounded):
 
 @dataclass(frozen=True)
 class LogUniform(Bounded):
-    """From `low` to `high`, each octave as likely as any other: for what is known by its order of magnitude only."""
+    """From `low` to `high`, each octave as likely as any other: for values known by their order of magnitude only."""
 
     low: Annotated[Positive, Quantity("", "least value")]
     high: Annotated[Positive, Quantity("", "largest value")]

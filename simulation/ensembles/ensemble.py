@@ -27,7 +27,7 @@ class Drawn:
     """How one value is drawn.
 
     Attributes:
-        distribution: what it is drawn from.
+        distribution: of the draws.
         relative: whether the draw is a factor on the nominal value.
         together: name of a group; all of a group get the same quantile of their own distribution, so that they rise
             and fall together. ``None``: drawn for itself.
@@ -56,7 +56,7 @@ class Ensemble:
     """An experiment and the distributions of some of its values.
 
     Attributes:
-        name: what it is called.
+        name: of the ensemble.
         description: one line on what it stands for.
         experiment: the nominal values; the controller believes in this plant in every scenario.
         distributions: dotted key of a value → how it is drawn.
@@ -68,7 +68,7 @@ class Ensemble:
     distributions: Mapping[str, Drawn]
 
     def __post_init__(self) -> None:
-        """Raise `ConfigurationError` where what is drawn is no value of the experiment, or not said how."""
+        """Raise `ConfigurationError` where a drawn key is no value of the experiment, or has no distribution."""
         nominal = leaves(self.experiment)
         for key, drawn in self.distributions.items():
             if not isinstance(drawn, Drawn):

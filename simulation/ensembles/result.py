@@ -1,4 +1,4 @@
-"""The result of an ensemble: what each scenario came to, statistics such as ``mean.mse``, and files."""
+"""The result of an ensemble: outcomes, figures of merit, statistics such as ``mean.mse``, and files."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +24,7 @@ from dualwinch.simulation.results.file_formats import MIXED, FileContent, format
 from dualwinch.simulation.results.outcomes import RunOutcomes
 
 KINDS = ("mean", "median", "p95", "worst")
-"""What a statistic can be: ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
+"""Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
 
 
 ABBREVIATIONS = ("mse", "mae")
@@ -44,7 +44,7 @@ class Statistic:
     Attributes:
         kind: one of `KINDS`.
         metric: name of the figure of merit.
-        own: what computes it, where it is none of the built-in ones.
+        own: the user's metric behind it, where it is none of the built-in ones.
     """
 
     kind: str
@@ -63,7 +63,7 @@ class Statistic:
 
     @property
     def quantity(self) -> MetricQuantity:
-        """What the figure of merit is."""
+        """Metadata of the figure of merit."""
         return metric_quantities([self.own] if self.own else [])[self.metric]
 
     @property
@@ -148,15 +148,15 @@ SUMMARY = {
     "slack_share": "mean.slack_share",
     "saturated_share": "mean.saturated_share",
 }
-"""What is said of a controller: name in tables and files → statistic."""
+"""Summary of a controller: name in tables and files → statistic."""
 
 
 @dataclass(frozen=True, eq=False)
 class EnsembleResult(RunOutcomes):
-    """What the scenarios of an ensemble came to; arrays of outcomes are (scenarios,).
+    """The scenarios of an ensemble after their runs; arrays of outcomes are (scenarios,).
 
     Attributes:
-        ensemble: what was drawn from.
+        ensemble: of the scenarios.
         seed: of the draws.
         asked: number of scenarios asked for; more than there are where the run was interrupted.
         draws: key → (scenarios,) drawn values.
@@ -175,7 +175,7 @@ class EnsembleResult(RunOutcomes):
 
     @property
     def partial(self) -> bool:
-        """Whether the run was interrupted; what is here is what asking for ``len(self)`` scenarios gives."""
+        """Whether the run was interrupted; the result is that of ``len(self)`` scenarios."""
         return len(self) < self.asked
 
     def statistic(self, name: str) -> float:
@@ -222,7 +222,7 @@ class EnsembleResult(RunOutcomes):
 
 
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
-    """What a file holds: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
+    """Content of a file: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
     experiment = result.ensemble.experiment
     drawn = {**describe(Experiment), **describe_parts(experiment)}
     merits = metric_quantities(experiment.metrics)
@@ -257,7 +257,7 @@ def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapp
     drawn, and notes inside.
 
     Args:
-        result: what to write.
+        result: to be written.
         path: its suffix chooses the format: csv, parquet, npz, json.
         notes: further texts to keep with the result, such as the ensemble's TOML.
 
@@ -274,7 +274,7 @@ SUFFIXES = (*MIXED, ".json")
 
 
 def ensemble_writer(path: Path) -> Callable[[FileContent, Path], None]:
-    """What writes the format of a path's suffix.
+    """The writer of the format of a path's suffix.
 
     Raises:
         ConfigurationError: unknown suffix.

@@ -42,7 +42,7 @@ def run_ensemble(
     An interrupt (Ctrl-C) ends the run and keeps the scenarios that were finished, as a result that says so.
 
     Args:
-        ensemble: what the scenarios are drawn from.
+        ensemble: of the scenarios.
         scenarios: how many.
         seed: of the draws; the same seed gives the same scenarios, bit for bit, however many there are.
         traces: whether traces are kept, for figures.

@@ -1,1 +1,1 @@
-"""What comes from outside: reference, sea and sensors, drawn ahead of a run."""
+"""Exogenous signals of a run: reference, disturbances and noises of the sensors."""

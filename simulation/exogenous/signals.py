@@ -54,7 +54,7 @@ def named_words(seed: int, numbers: Sequence[int], names: Sequence[str]) -> Word
     Args:
         seed: a whole number from 0 to `LARGEST`.
         numbers: likewise, such as those of scenarios.
-        names: what the words are for; streams of different names or seeds are independent of each other.
+        names: purposes of the words; streams of different names or seeds are independent of each other.
 
     Raises:
         ConfigurationError: the seed is out of its range.
@@ -122,7 +122,7 @@ def _on(strength: Any) -> Any:
 
 
 class Sea(NamedTuple):
-    """What acts on the vehicle, sample by sample, each (samples,): random and given signals together."""
+    """Disturbances of the vehicle, sample by sample, each (samples,): random and given signals together."""
 
     force: Floats
     """in N, along the track."""
@@ -217,7 +217,7 @@ def exogenous_pieces(
     Drawn from ``simulation.seed``: the same experiment gives the same bits, however it is divided.
 
     Args:
-        experiment: what is run.
+        experiment: of the run.
         length: of a piece.
         samples: how many in all (default: those of the run).
         names: of the signals (default: all that the closed loop receives, in its order).
@@ -239,7 +239,7 @@ def exogenous_sources(experiment: Experiment, columns: Mapping[str, NDArray[Any]
     """The exogenous signals of runs, for compiled code that draws them while it runs.
 
     Args:
-        experiment: what the runs share, all that is given among it.
+        experiment: values that the runs share, all given signals among them.
         columns: key → their own numbers, (count,).
         count: number of the runs.
     """
@@ -265,7 +265,7 @@ def asked_motion(experiment: Experiment) -> dict[str, Floats]:
 
 
 def sea_signals(experiment: Experiment) -> Sea:
-    """What acts on the vehicle over a whole run, as `exogenous_signals`."""
+    """Disturbances of the vehicle over a whole run, as `exogenous_signals`."""
     return Sea(*next(exogenous_pieces(experiment, experiment.samples, names=Sea._fields)).T)
 
 
@@ -329,7 +329,7 @@ def _scale(name: str) -> str:
 
 
 GROUPS = {"sensors.": Sensors(), "disturbance.": Disturbance(), "plant.vehicle.": Vehicle()}
-"""What the courses of random signals follow from, by what its keys begin with."""
+"""Prefix of keys → group of numbers that shape random signals."""
 
 
 @cache

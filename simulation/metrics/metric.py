@@ -21,14 +21,14 @@ from dualwinch.simulation.rows import Sample
 
 @dataclass(frozen=True)
 class MetricQuantity(Quantity):
-    """What a figure of merit is, and how people read it.
+    """Metadata of a figure of merit, and the unit in which people read it.
 
     Attributes:
         label: its name in tables and figures.
         formula: in LaTeX.
         shown: the unit that people read it in (default: its own), how many of those are one of its own, and the
             format of a number in that unit.
-        small_is_bad: whether its bad end, and so what is the worst of many runs, is the smallest.
+        small_is_bad: whether the worst of many runs is the smallest value.
     """
 
     label: str = ""
@@ -64,7 +64,7 @@ class Metric(Part):
 
     Attributes:
         quantity: unit and meaning.
-        small_is_bad: whether its bad end, and so what is the worst of many runs, is the smallest.
+        small_is_bad: whether the worst of many runs is the smallest value.
     """
 
     quantity: ClassVar[Quantity]
@@ -72,7 +72,7 @@ class Metric(Part):
 
     @abstractmethod
     def initial_state(self) -> Any:
-        """What is known before the first sample: a number, an array or a dataclass of them."""
+        """The state before the first sample: a number, an array or a dataclass of them."""
 
     @abstractmethod
     def step(self, state: Any, sample: Sample, sample_time: Scalar) -> Any:
@@ -80,7 +80,7 @@ class Metric(Part):
 
         Args:
             state: as `initial_state` gives it.
-            sample: what the sample offers.
+            sample: its signals.
             sample_time: in s.
 
         Returns:
@@ -105,7 +105,7 @@ METRICS: Registry[Metric] = Registry("metric", base=Metric)
 
 
 PREFIX = "metrics."
-"""What the names of their states in a closed loop begin with."""
+"""Prefix of their states in a closed loop."""
 
 STEP = 6e-6
 """Change of a state, as a share of it, in a central difference: the cube root of round-off."""
@@ -131,7 +131,7 @@ def states_after(
     Args:
         metrics: with symbols for their numbers.
         states: name → symbol of (at least) every state.
-        sample: what the sample offers.
+        sample: its signals.
         sample_time: in s.
 
     Raises:

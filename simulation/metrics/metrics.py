@@ -181,7 +181,7 @@ def metrics_with(own: Sequence[Metric]) -> type[Metrics]:
 
 
 def _quantity_of(metric: Metric) -> MetricQuantity:
-    """What a user's own figure of merit is."""
+    """Metadata of a user's own figure of merit."""
     label = metric.kind.replace("-", " ")
     if isinstance(metric.quantity, MetricQuantity):
         return replace(metric.quantity, label=metric.quantity.label or label, small_is_bad=metric.small_is_bad)

@@ -137,8 +137,8 @@ def effects_figure(
     """Changes of columns of a run, to first order, a panel a column.
 
     Args:
-        experiment: what was run.
-        changes: column → what is changed, in words → change of the column (samples,).
+        experiment: of the run.
+        changes: column → changed number, in words → change of the column (samples,).
         quantities: column → what it is.
         ax: axes for the columns; default: a figure of its own.
     """

@@ -181,7 +181,7 @@ class SweptAxis:
     Attributes:
         order: indices of the values along the axis.
         positions: (n,) of the values in that order.
-        words: what stands at each; empty where the axis has numbers of its own.
+        words: tick label of each; empty where the axis has numbers of its own.
         log: whether factors count, not differences.
         categorical: whether what lies in between means nothing.
     """
@@ -235,7 +235,7 @@ def grows_by_factors(ascending: Floats) -> bool:
 
 
 def spans_decades(values: Floats) -> bool:
-    """Whether measured values, NaN among them, can be told apart on a logarithmic scale only."""
+    """Whether measured values, NaN among them, spread so far that only a logarithmic scale shows them."""
     finite = values[np.isfinite(values)]
     return bool(finite.size and finite.min() > 0 and finite.max() >= 3 * SPAN * finite.min())
 

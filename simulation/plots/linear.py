@@ -129,7 +129,7 @@ def modal_frequencies(
 
 
 def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: GivenAxes = None) -> Figure:
-    """Poles along a sweep: oscillations in the upper half plane, and the real poles against what is swept.
+    """Poles along a sweep: oscillations in the upper half plane, and the real poles against the swept number.
 
     Of a discrete system, the rates in continuous time that its eigenvalues stand for.
 

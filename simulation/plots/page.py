@@ -186,14 +186,14 @@ RESOLUTION = 200
 """Dots per inch of a PNG."""
 
 METADATA = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-"""Suffix → what to keep out of the file: anything that changes from day to day or machine to machine."""
+"""Suffix → metadata left out of the file: they change from day to day or machine to machine."""
 
 
 def encode(figure: Figure, suffix: str) -> bytes:
     """A figure as the content of a file.
 
     Args:
-        figure: what to write.
+        figure: to be written.
         suffix: ``.png`` (200 dots per inch), ``.svg`` or ``.pdf``.
 
     Raises:
@@ -212,7 +212,7 @@ def save(figure: Figure, path: str | PathLike[str]) -> None:
     """Write a figure to a file, which appears whole or not at all.
 
     Args:
-        figure: what to write.
+        figure: to be written.
         path: its suffix chooses the format: png, svg, pdf.
 
     Raises:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import cycle
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -61,7 +61,7 @@ class Curve:
 
     @property
     def experiment(self) -> Experiment:
-        """What was run."""
+        """The experiment of the run."""
         return self.result.experiment
 
     @property
@@ -127,22 +127,20 @@ def _named(label: str, result: Result) -> str:
 
 
 def _looks(own: Sequence[Look]) -> list[Look]:
-    """Colour and line style of every run: its law's own, or else the first that no other has."""
+    """Colour and line style of every run: its law's own, or else the first free one, of a free colour if there is any."""
+    turns = [DASHES[turn:] + DASHES[:turn] for turn in (*range(1, len(DASHES)), 0)]
+    every = [look for dashes in turns for look in zip(PALETTE, cycle(dashes), strict=False)]
     taken = list(dict.fromkeys(own))
     looks: list[Look] = []
     for look in own:
-        chosen = look if look not in looks else _free(taken)
+        chosen = look
+        if look in looks:
+            free = [each for each in every if each not in taken] or every
+            colours = {colour for colour, _ in taken}
+            chosen = next((each for each in free if each[0] not in colours), free[0])
         taken.append(chosen)
         looks.append(chosen)
     return looks
-
-
-def _free(taken: list[Look]) -> Look:
-    """A look of a colour that is not taken, while there is one, and of the line style that fewest have."""
-    colours = {colour for colour, _ in taken}
-    rare = sorted(DASHES, key=[dashes for _, dashes in taken].count)
-    looks = [look for look in product(PALETTE, rare) if look not in taken] or list(product(PALETTE, rare))
-    return next((look for look in looks if look[0] not in colours), looks[0])
 
 
 PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"))

@@ -1,4 +1,4 @@
-"""What is drawn of a run: every peak of long traces, and what goes on between two samples."""
+"""Points of the lines of a run: every peak of long traces, and the tensions between two samples."""
 
 import casadi as ca
 import numpy as np

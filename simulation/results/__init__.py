@@ -1,1 +1,1 @@
-"""Results of a run: what they hold, files of them, and other forms and time grids for them."""
+"""Results of runs: columns, outcomes and figures of merit, other forms and time grids, and files."""

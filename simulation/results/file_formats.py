@@ -21,7 +21,7 @@ INFINITE = {"INF": math.inf, "-INF": -math.inf}
 
 @dataclass(frozen=True)
 class FileContent:
-    """What is in a file.
+    """Content of a file.
 
     Attributes:
         columns: name → (rows,).
@@ -52,7 +52,7 @@ class FileContent:
 
     @property
     def texts(self) -> dict[str, str]:
-        """The facts as texts: what is none, as JSON."""
+        """The facts as texts, others than texts as JSON."""
         return {key: value if isinstance(value, str) else json.dumps(value) for key, value in self.facts.items()}
 
 
@@ -83,7 +83,7 @@ def about(quantity: Quantity) -> dict[str, str]:
 
 
 CSV_OURS = "dualwinch:"
-"""What the names of our own entries begin with."""
+"""Prefix of our own entries."""
 
 
 def metadata_path(path: Path) -> Path:
@@ -148,7 +148,7 @@ LONGEST_NAME = 63
 
 
 def _write_matlab(content: FileContent, path: Path) -> None:
-    """Write a file; what is no letter or digit in a column's name becomes an underscore.
+    """Write a file; characters other than letters and digits become underscores in a column's name.
 
     Raises:
         ConfigurationError: two columns would have one name, or a column that of another entry.
@@ -227,7 +227,7 @@ def _read_numpy(path: Path) -> FileContent:
 
 
 OURS = "dualwinch."
-"""What the names of facts begin with."""
+"""Prefix of the names of facts."""
 
 KNOWN = (b"unit", b"meaning", b"source")
 """Metadata of a field that is ours; writers and readers add their own."""

@@ -1,4 +1,4 @@
-"""What runs came to: how each ended, when, and its figures of merit."""
+"""Outcomes of runs: how and when each ended, and its figures of merit."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,7 +19,7 @@ WORDS = {
     Outcome.RUNNING: "running",
     Outcome.NOT_RUN: "not_run",
 }
-"""What outcomes are called in results: a run leaves the track, or is given up because a rope was slack for too long."""
+"""Names of outcomes in results: a run leaves the track, or is given up because a rope was slack for too long."""
 
 _ALL_WORDS = np.array([WORDS[outcome] for outcome in Outcome])
 
@@ -81,7 +81,7 @@ class RunOutcomes:
 
 
 def outcomes_from(record: Mapping[str, Any]) -> RunOutcomes:
-    """What `RunOutcomes.to_record` made JSON of; end times that are missing are NaN."""
+    """The runs of a record by `RunOutcomes.to_record`; end times that are missing are NaN."""
     outcomes = np.array(record["outcomes"], dtype=np.str_)
     return RunOutcomes(
         outcomes=outcomes,

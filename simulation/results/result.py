@@ -46,13 +46,13 @@ class Result(Mapping[str, NDArray[np.float64]]):
     Two results are equal where all they hold is, number for number.
 
     Attributes:
-        columns: name → (rows,) float64, one row a kept control sample at its beginning: what every run has
+        columns: name → (rows,) float64, one row a kept control sample at its beginning: those of every run
             (`simulation.rows.COLUMNS`), and the signals of the controller's own.
         metrics: figures of merit over every sample, kept or not; NaN where the run was not completed.
         outcome: ``completed``, ``diverged`` or ``left_track``.
         end_time: time in s at which the run ended.
         final_state: name → value of every state after the last sample.
-        experiment: what was run.
+        experiment: of the run.
         quantities: name → unit and meaning of every column.
         nominal: the plant the controller was designed for, where that is not the simulated one.
     """
@@ -75,7 +75,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
     def interpolation(self) -> dict[str, str]:
         """Column name → how `resample` fills it in between two rows: ``linear`` or ``held``.
 
-        Linear is what goes on between two samples; held is what is set at a sample.
+        Continuous signals are linear, those set at a sample held.
         """
         return {name: "linear" if name in CONTINUOUS else "held" for name in self.columns}
 
@@ -182,7 +182,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
         return f"{ending} at {self.end_time:g} s, {rows} rows of {len(self)} columns{solver}"
 
     def __repr__(self) -> str:
-        """A line that says what was run and what came out."""
+        """Law, outcome and main figures of merit in a line."""
         known = self.metrics.quantities
         merits = [
             f"{name} {self.metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()

@@ -25,7 +25,7 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
     """The experiment of which these are the `leaves`.
 
     Args:
-        values: dotted key → value; what is missing is taken from `base`.
+        values: dotted key → value; missing ones are taken from `base`.
         base: an experiment; parts that no registry knows are taken from here.
 
     Raises:
@@ -46,7 +46,7 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
 
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, NotImplementedError, EOFError)
-"""What the libraries raise where a file is not what its suffix says."""
+"""Errors of the libraries where a file is not of the format of its suffix."""
 
 
 def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
@@ -57,7 +57,7 @@ def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | N
     of merit, outcome, final state, the experiment with every value, and notes inside.
 
     Args:
-        result: what to write.
+        result: to be written.
         path: its suffix chooses the format: csv, parquet, npz, mat.
         notes: further texts to keep with the result, such as versions.
 
@@ -96,7 +96,7 @@ def load_result(path: str | PathLike[str], base: Experiment | None = None) -> Re
 
 
 def _facts(result: Result) -> dict[str, Any]:
-    """What travels with the columns."""
+    """Facts that are written beside the columns."""
     facts = {
         "outcome": result.outcome,
         "end_time": result.end_time,

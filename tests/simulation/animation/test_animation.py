@@ -99,7 +99,7 @@ def test_simulate_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (["--animate", "machine.gif"], "an animation is an .svg"),
+        (["--animate", "machine.gif"], "unknown suffix '.gif'; must be .svg"),
         (["--ensemble", "sea", "--animate", "a.svg"], "--animate and --ensemble"),
     ],
 )
