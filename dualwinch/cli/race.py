@@ -5,9 +5,10 @@ The module does not bear the command's name: that is the function ``dualwinch.ra
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
@@ -141,7 +142,7 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     from dualwinch.reports.tuning import write_race_report
     from dualwinch.simulation.plots import save
 
-    write_whole(out / "race.json", json_text(found.to_dict() | version_notes()))
+    write_whole(out / "race.json", json_text(to_record(found)))
     save(found.plot(), out / "race.svg")
     save(found.plot_fronts(), out / "fronts.svg")
     write_race_report(out / "report.html", found, versions())
@@ -150,6 +151,25 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
         if text := configuration(found, scored):
             write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
+
+
+def to_record(found: BenchmarkResult) -> dict[str, Any]:
+    """The result as plain data, also in the terms in which it is printed, with units."""
+    from dualwinch.simulation.metrics.metrics import metric_quantities
+
+    record = found.to_dict()
+    for runs in (record["paper"], *record["entries"]):
+        runs["rms_error"] = math.sqrt(runs["statistics"]["mean.mse"] or math.nan)
+    for entry in record["entries"]:
+        for ratio in (entry["over_paper"], *entry["searches"]):
+            ends = zip(("estimate", "low", "high"), ("estimate", "high", "low"), strict=True)
+            ratio["times_below"] = {name: 1 / ratio[end] if ratio[end] else None for name, end in ends}
+    least = record["least"]
+    least |= {f"rms_{name}": math.sqrt(least[name]) for name in ("without_foresight", "with_foresight")}
+    metrics = {name: quantity.unit for name, quantity in metric_quantities().items()}
+    units = {"statistics": metrics, "least": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
+    rms = dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
+    return {**record, "units": units | rms, **version_notes()}
 
 
 def configuration(found: BenchmarkResult, scored: EntryResult) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -261,8 +262,28 @@ def write(tuned: TuningResult, storage: str, options: StudyOptions) -> None:
     best = to_toml(tuned.best)
     write_best(out / "best.toml", tuned, best, facts)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
-    write_study(out / "study.json", tuned, named, configuration(problem))
+    write_study(out / "study.json", tuned, named | {"compared": compared(tuned)}, configuration(problem))
     write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best)
+
+
+def compared(tuned: TuningResult) -> dict[str, Any]:
+    """The best beside the paper's gains and the start, as it is printed; pure numbers."""
+    from dualwinch.simulation.results.file_formats import plain
+
+    verdict, names = tuned.verdict, list(tuned.verdict.scored.statistics)
+    others = [name for name in ("paper", "start") if name in verdict.scores]
+    lower = {other: {name: verdict.improvement(name, other) for name in names} for other in others}
+    return plain(
+        {
+            "times_lower": lower,
+            "times_lower_in_feasible_scenarios": {"mean.mse": verdict.improvement_within_authority()},
+            "ratio": {
+                other: {name: 1 / value if value else math.nan for name, value in values.items()}
+                for other, values in lower.items()
+            },
+            "constraints": [constraint.label for constraint in verdict.constraints],
+        }
+    )
 
 
 def check_options(options: StudyOptions) -> None:
