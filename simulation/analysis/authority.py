@@ -19,7 +19,7 @@ from dualwinch.model.quantities.tree import numbers, symbols, with_leaves
 from dualwinch.model.reference import setpoint
 from dualwinch.model.ropes import Rope
 from dualwinch.model.scalar import Scalar
-from dualwinch.model.vehicle import Vehicle, inertia
+from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import Winch, drum_acceleration
 from dualwinch.simulation.exogenous.signals import sea_signals
 from dualwinch.simulation.experiment import Experiment
@@ -125,7 +125,8 @@ def pull(outside: ca.SX, disturbance: Disturbance, plant: Plant) -> Scalar:
     """Net force F_1 − F_2 in N that the vehicle's motion asks of the ropes (paper Section 2.3)."""
     t, x, v, a, push, current, load = ca.vertsplit(outside)
     vehicle = plant.vehicle
-    vortex = vortex_force(t, v, _phase(x, disturbance, vehicle), disturbance, vehicle)
+    # the integral of the vortex frequency, which is proportional to the speed, over the way to x
+    vortex = vortex_force(t, v, vortex_frequency(x, disturbance, vehicle), disturbance, vehicle)
     free = vehicle_acceleration(v, 0.0, DisturbanceInputs(push + vortex, current, load), vehicle)
     return inertia(vehicle) * (a - free)
 
@@ -134,11 +135,6 @@ def motor_torque(v: Scalar, a: Scalar, tension: Scalar, winch: Winch) -> Scalar:
     """Motor torque in N m that winds rope at v m/s and a m/s² against a tension in N (paper Section 2.4)."""
     idle = drum_acceleration(v / winch.drum_radius, tension, 0.0, winch)
     return winch.inertia / winch.gear_ratio * (a / winch.drum_radius - idle)
-
-
-def _phase(x: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
-    """Integral of the vortex frequency, which is proportional to the speed, over the way to x in m."""
-    return vortex_frequency(x, disturbance, vehicle)
 
 
 def moved_by(outside: ca.SX, deviation: ca.SX, step: float) -> ca.SX:

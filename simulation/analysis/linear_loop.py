@@ -177,13 +177,10 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
     """Short name and unit of each of the closed loop's states."""
     known = describe_parts(initial_loop_state(point.experiment))
+    prefixes = ("motion.plant.", "controller.law.", "controller.coordination.", "controller.", "")
     found = []
     for state in point.loop.states:
-        name = state
-        for prefix in ("motion.plant.", "controller.law.", "controller.coordination.", "controller."):
-            if state.startswith(prefix):
-                name = state.removeprefix(prefix)
-                break
+        name = state.removeprefix(next(prefix for prefix in prefixes if state.startswith(prefix)))
         torque = state.startswith("queue.")
         found.append((name, "N m" if torque else known[state].quantity.unit if state in known else "1"))
     return found

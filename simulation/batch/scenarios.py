@@ -7,7 +7,7 @@ wrong. What one compiled loop can run is of one structure (`by_structure`).
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
 from typing import Any
 
@@ -163,12 +163,11 @@ def plain_numbers(experiment: Experiment) -> frozenset[str]:
     if is_automatic(experiment):
         others += ("plant.",)
     return frozenset(
-        key for key, leaf in describe_parts(experiment).items() if _is_plain(leaf) and not key.startswith(others)
+        key
+        for key, leaf in describe_parts(experiment).items()
+        if leaf.kind in {float, int} and not leaf.optional
+        if leaf.marks.isdisjoint(IN_COMMON) and not key.startswith(others)
     )
-
-
-def _is_plain(leaf: Leaf) -> bool:
-    return leaf.kind in {float, int} and not leaf.optional and leaf.marks.isdisjoint(IN_COMMON)
 
 
 def doubtful(group: ScenarioGroup) -> Flags:
@@ -302,7 +301,10 @@ def _check_together(
     for place, chosen in suspects:
         for row in chosen:
             where = f"parameters[{row}]" + (f" in scenarios[{place}]" if len(scenarios) > 1 else "")
-            values = {name: _typed(described[name], column[row]) for name, column in columns.items()}
+            values = {
+                name: math.floor(column[row]) if described[name].kind is int else float(column[row])
+                for name, column in columns.items()
+            }
             changed = with_leaves(experiment_of(scenarios[place]), values)
             try:
                 prepare(changed)
@@ -327,15 +329,7 @@ def _check_substeps(experiment: Experiment, structure: Experiment) -> None:
         raise ConfigurationError(f"simulation.substeps = {given}: must be >= {needed} for ropes as stiff as these")
 
 
-def _typed(leaf: Leaf, value: float) -> float | int:
-    return math.floor(value) if leaf.kind is int else float(value)
-
-
 Progress = Callable[[float], None] | None
-
-
-def _without_substeps(structure: Experiment) -> Experiment:
-    return replace(structure, simulation=replace(structure.simulation, substeps=1))
 
 
 def by_structure(
@@ -361,7 +355,7 @@ def by_structure(
         experiment, simulation = group.experiment, group.experiment.simulation
         shape = structure_of(experiment), experiment.samples, simulation.sample_time, simulation.engine
         places.setdefault(shape, []).extend(group.members.tolist())
-    shapes = [(_without_substeps(structure), *rest) for structure, *rest, _engine in places]
+    shapes = [(with_leaves(shape[0], {"simulation.substeps": 1}), *shape[1:-1]) for shape in places]
     for shape, indices in zip(shapes, places.values(), strict=True):
         if alike and shape != shapes[0]:
             where = f"scenarios[{indices[0]}]"

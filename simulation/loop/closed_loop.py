@@ -1,6 +1,6 @@
 """Plant and controller as one symbolic step of the sampled closed loop, and its state before the first sample."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
@@ -196,12 +196,6 @@ def initial_loop_state(experiment: Experiment, parts: Any = None) -> LoopState:
     )
 
 
-def _marks(start: LoopState, sums: Iterable[str]) -> dict[str, frozenset[Mark]]:
-    """What else every state is; the sums behind the figures of merit move nothing."""
-    known = {name: leaf.marks for name, leaf in describe_parts(start).items()}
-    return known | dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))
-
-
 def _queue_names(delay_samples: int) -> list[str]:
     return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
 
@@ -379,7 +373,8 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
     if cuts:
         returned = pulls | {"u": output.position.u_sat, "tau_1": winches.tau_1, "tau_2": winches.tau_2}
         at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
-    marks = _marks(start, sums)
+    marks = {name: leaf.marks for name, leaf in describe_parts(start).items()}
+    marks |= dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))  # they move nothing
     move, one_step = between_samples(structure, problem, symbols["parameters"])
     return ClosedLoop(
         sample=named_function("sample", symbols, at_sample),

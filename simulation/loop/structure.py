@@ -65,38 +65,25 @@ def solver_of(experiment: Experiment) -> Solver:
     if not is_automatic(experiment):
         return Solver(simulation.integrator, simulation.substeps)
     integrator = simulation.integrator if INTEGRATORS[simulation.integrator].any_rope else GENERAL
-    rates = swing_rates(experiment)
-    fastest = max(rates)
-    needed = math.ceil(fastest * simulation.sample_time / FINE)
-    substeps = max(simulation.substeps, 1 << (needed - 1).bit_length())
-    if substeps > MOST_SUBSTEPS:
-        number = 1 + rates.index(fastest)
-        kind = (experiment.plant.rope_1, experiment.plant.rope_2)[number - 1].kind
-        raise ConfigurationError(
-            f"simulation.sample_time = {simulation.sample_time:g}: must be <= {MOST_SUBSTEPS * FINE / fastest:.4g} s "
-            f'for plant.rope_{number}.kind = "{kind}", which swings at {fastest:.4g} rad/s'
-        )
-    return Solver(integrator, substeps)
-
-
-def swing_rates(experiment: Experiment) -> tuple[float, float]:
-    """Fastest swings in rad/s of both ropes with their drums, at tensions that occur.
-
-    Raises:
-        ConfigurationError: a rope's law has no finite spring rate at these tensions.
-    """
-    plant, limits = experiment.plant, experiment.controller.limits
+    plant, limits, rates = experiment.plant, experiment.controller.limits, dict[int, float]()
     tensions = (limits.tension_min, limits.preload / 2, limits.tension_max, OVERSHOOT * limits.tension_max)
-    rates = []
-    for number, rope, winch in ((1, plant.rope_1, plant.winch_1), (2, plant.rope_2, plant.winch_2)):
-        rate = fastest_rate(rope, winch, plant.track, tensions)
-        if not math.isfinite(rate):
+    ropes = {1: (plant.rope_1, plant.winch_1), 2: (plant.rope_2, plant.winch_2)}
+    for number, (rope, winch) in ropes.items():
+        rates[number] = fastest_rate(rope, winch, plant.track, tensions)
+        if not math.isfinite(rates[number]):
             raise ConfigurationError(
                 f"plant.rope_{number}: the tension of '{rope.kind}' must grow with the stretch, "
                 f"at {tensions[0]:g} to {tensions[-1]:g} N too"
             )
-        rates.append(rate)
-    return rates[0], rates[1]
+    number, fastest = max(rates.items(), key=lambda rate: rate[1])
+    needed = math.ceil(fastest * simulation.sample_time / FINE)
+    substeps = max(simulation.substeps, 1 << (needed - 1).bit_length())
+    if substeps > MOST_SUBSTEPS:
+        raise ConfigurationError(
+            f"simulation.sample_time = {simulation.sample_time:g}: must be <= {MOST_SUBSTEPS * FINE / fastest:.4g} s "
+            f'for plant.rope_{number}.kind = "{ropes[number][0].kind}", which swings at {fastest:.4g} rad/s'
+        )
+    return Solver(integrator, substeps)
 
 
 @cache
@@ -160,11 +147,6 @@ def described_parameters(structure: Experiment) -> dict[str, Leaf]:
     """What every parameter of a closed loop is, by its key (`parameters_of`)."""
     known = {**describe_parts(structure), **describe_parts(nominal_structure(structure.plant), "nominal.")}
     return {key: known[key] for key in parameters_of(structure)}
-
-
-def shaping_keys(experiment: Experiment) -> frozenset[str]:
-    """Keys of an experiment whose values shape the compiled code."""
-    return frozenset(key for key, leaf in describe_parts(experiment).items() if leaf.shapes_code)
 
 
 def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:

@@ -57,15 +57,8 @@ MOTION_TEMPLATE = Motion(PlantState())
 
 def hold_template(structure: Experiment) -> ZeroOrderHold:
     """What names the elements of a hold; its numbers mean nothing."""
-    return zero_order_hold(
-        structure,
-        t=0.0,
-        torques=Torques(0.0, 0.0),
-        current=0.0,
-        normal_force_variation=0.0,
-        force=0.0,
-        duration=0.0,
-    )
+    others = dict.fromkeys(("t", "current", "normal_force_variation", "force"), 0.0)
+    return zero_order_hold(structure, duration=0.0, torques=Torques(0.0, 0.0), **others)
 
 
 def between_samples(

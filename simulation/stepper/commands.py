@@ -36,20 +36,9 @@ class Sensed(PositionOutput):
 
 def sensed(u: Scalar, u_sat: Scalar, estimate: Estimate, setpoint: Setpoint) -> Sensed:
     """Force before and after saturation in N, beside what is known when it is given."""
-    return Sensed(
-        u=u,
-        u_sat=u_sat,
-        e_sensed=estimate.x - setpoint.x,
-        x_sensed=estimate.x,
-        v_sensed=estimate.v,
-        F1_sensed=estimate.F1,
-        F2_sensed=estimate.F2,
-        omega_1_sensed=estimate.omega_1,
-        omega_2_sensed=estimate.omega_2,
-        theta_1_sensed=estimate.theta_1,
-        theta_2_sensed=estimate.theta_2,
-        d_sensed=estimate.d,
-    )
+    names = ("x", "v", "F1", "F2", "omega_1", "omega_2", "theta_1", "theta_2", "d")
+    known = {f"{name}_sensed": getattr(estimate, name) for name in names}
+    return Sensed(u=u, u_sat=u_sat, e_sensed=estimate.x - setpoint.x, **known)
 
 
 @dataclass(frozen=True)
@@ -142,30 +131,14 @@ class GivenTorques(Coordination):
         return state, CoordinationOutput(*commands, state.tau_1, state.tau_2, at_limit)
 
 
-@dataclass(frozen=True)
-class CommandKind:
-    """What is commanded from outside.
+NOUNS: dict[CommandName, str] = {"torques": "motor torques tau_1, tau_2 in N m", "force": "a force in N"}
+"""What a command is, in words."""
 
-    Attributes:
-        elements: name → unit of each number of a command.
-        states: of each number the states that it is put into.
-        noun: what a command is, in words.
-    """
-
-    elements: dict[str, str]
-    states: tuple[tuple[str, ...], ...]
-    noun: str
-
-
-KINDS: dict[CommandName, CommandKind] = {
-    "torques": CommandKind(
-        {"tau_1": "N m", "tau_2": "N m"},
-        tuple((f"controller.law.{name}", f"controller.coordination.{name}") for name in ("tau_1", "tau_2")),
-        "motor torques tau_1, tau_2 in N m",
-    ),
-    "force": CommandKind({"u": "N"}, (("controller.law.u",),), "a force in N"),
+COMMANDED_STATES: dict[CommandName, tuple[tuple[str, ...], ...]] = {
+    "torques": tuple((f"controller.law.{name}", f"controller.coordination.{name}") for name in ("tau_1", "tau_2")),
+    "force": (("controller.law.u",),),
 }
-"""Everything that can be commanded."""
+"""Of each number of a command the states that it is put into."""
 
 
 def under_command(experiment: Experiment, command: CommandName) -> Experiment:

@@ -28,7 +28,7 @@ from dualwinch.simulation.loop.structure import zeros_of
 from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.simulation.stepper.commands import KINDS, CommandName, under_command
+from dualwinch.simulation.stepper.commands import COMMANDED_STATES, CommandName, under_command
 
 Floats = NDArray[np.float64]
 
@@ -199,7 +199,7 @@ def _commanded(
     inputs = {name: ca.SX.sym(name, loop.observe.size1_in(name)) for name in loop.observe.name_in()}
     row = loop.observe(*inputs.values())
     observed = ca.vertcat(*(row[loop.columns.index(name)] for name in signals))
-    states = tuple(tuple(loop.states.index(name) for name in names) for names in KINDS[command].states)
+    states = tuple(tuple(loop.states.index(name) for name in names) for names in COMMANDED_STATES[command])
     return Commanded(loop, named_function("sense", inputs, {"observation": observed}), states)
 
 

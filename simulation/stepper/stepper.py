@@ -22,7 +22,7 @@ from dualwinch.simulation.prepare import check_memory
 from dualwinch.simulation.results.outcomes import WORDS, words_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.simulation.stepper.commands import COMMANDS, KINDS, CommandName, Sensed
+from dualwinch.simulation.stepper.commands import COMMANDS, NOUNS, CommandName, Sensed
 from dualwinch.simulation.stepper.lanes import LONGEST, Lane, Lanes, Scenarios, first_page
 
 
@@ -359,7 +359,7 @@ class Stepper:
 
     @property
     def _wanted(self) -> str:
-        return f"{self._shape}: {KINDS[self.command].noun} for each lane"
+        return f"{self._shape}: {NOUNS[self.command]} for each lane"
 
     def _indices(self, lanes: ArrayLike | None) -> NDArray[np.int64]:
         if lanes is None:

@@ -7,10 +7,11 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.plugins import register
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.distributions import Choice, Uniform
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
-from dualwinch.simulation.loop.structure import parameters_of, shaping_keys, structure_of
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -92,7 +93,8 @@ def test_every_key_that_shapes_the_compiled_code_is_known_as_one() -> None:
         "actuator.kind": "motor",
     }
     alone = {"plant.rope_1.kind", "plant.rope_2.kind", "sensors.outage", "simulation.engine"}
-    assert set(others) | alone == shaping_keys(SEA.experiment)
+    shaping = {key for key, leaf in describe_parts(SEA.experiment).items() if leaf.shapes_code}
+    assert set(others) | alone == shaping
     for key, value in others.items():
         assert structure_of(override(SEA.experiment, {key: value})) != structure_of(SEA.experiment), key
 

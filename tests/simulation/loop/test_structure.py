@@ -9,13 +9,13 @@ from dualwinch.codegen.errors import DualwinchError
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import (
     described_parameters,
     parameters_of,
-    shaping_keys,
     structure_of,
     zeros_of,
 )
@@ -54,7 +54,7 @@ def test_what_shapes_the_code(values: dict[str, Any], shapes: bool) -> None:
 
 
 def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
-    assert shaping_keys(case(4)) == {
+    assert {key for key, leaf in describe_parts(case(4)).items() if leaf.shapes_code} == {
         *("controller.kind", "controller.estimator", "controller.coordination.kind"),
         *("plant.rope_1.kind", "plant.rope_2.kind", "actuator.kind", "metrics"),
         *(
