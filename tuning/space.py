@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -437,23 +437,18 @@ def _check_overlap(dimensions: Iterable[Dimension]) -> None:
 
 def space_to_record(space: Space) -> list[dict[str, Any]]:
     """The dimensions of a space: name, keys, unit, and bounds with scale or choices."""
-    return [_record(dimension) for dimension in space.dimensions]
+    return [
+        {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(dimension).items()}
+        for dimension in space.dimensions
+    ]
 
 
 def space_from(records: Sequence[dict[str, Any]]) -> Space:
     """The space that `space_to_record` took apart."""
-    return Space(tuple(_dimension(record) for record in records))
-
-
-def _record(dimension: Dimension) -> dict[str, Any]:
-    common = {"name": dimension.name, "keys": list(dimension.keys), "unit": dimension.unit}
-    if isinstance(dimension, RatioDimension):
-        return common | {"choices": list(dimension.choices)}
-    return common | {"lower": dimension.lower, "upper": dimension.upper, "log": dimension.log}
-
-
-def _dimension(record: dict[str, Any]) -> Dimension:
-    name, keys, unit = record["name"], tuple(record["keys"]), record["unit"]
-    if "choices" in record:
-        return RatioDimension(name, (keys[0], keys[1]), tuple(record["choices"]), unit)
-    return ContinuousDimension(name, keys, record["lower"], record["upper"], record["log"], unit)
+    dimensions = list[Dimension]()
+    for record in records:
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in record.items()
+        }
+        dimensions.append(RatioDimension(**values) if "choices" in record else ContinuousDimension(**values))
+    return Space(tuple(dimensions))

@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.simulation.ensembles.result import statistic_from
 from dualwinch.tuning.constraints import Constraint
-from dualwinch.tuning.optimisers.gradient import SCOUTS, GradientSearch
+from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.optimisers.linearise import linearise
 from dualwinch.tuning.optimisers.local_model import (
     LocalModel,
@@ -88,7 +88,7 @@ def test_after_a_minimum_others_are_looked_for_in_all_of_the_space(gentle: Tunin
     assert trials.index(method.minima[0]) < 30
     assert is_a_minimum(prepared, method.minima[0])
     scouts = ask_and_tell()
-    assert len(scouts) == SCOUTS
+    assert len(scouts) == 16
     assert (np.ptp([gentle.space.encoded(scout.point) for scout in scouts], axis=0) > 0.8).all()
     while len(method.minima) < 2:
         ask_and_tell()

@@ -6,7 +6,7 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.optimisers import compile_ahead
 from dualwinch.tuning.optimisers import gradient as steps
-from dualwinch.tuning.optimisers.gradient import SIDE_BY_SIDE, GradientSearch
+from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.optimisers.hybrid import HybridSearch
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, best_first
@@ -33,7 +33,7 @@ def test_steps_go_on_from_the_search_and_the_search_around_where_they_led(make_p
         method.tell(found)
         trials += found
         assert len(trials) < 1000
-    assert [count for count, _ in turns] == [BATCH, SIDE_BY_SIDE, BATCH]
+    assert [count for count, _ in turns] == [BATCH, 8, BATCH]
     assert method.rollouts > 0
     assert turns[2][1] < 0.1, "a small step of the search, around the best"
     (best,) = bests

@@ -18,18 +18,6 @@ from dualwinch.tuning.space import Point
 
 Floats = NDArray[np.float64]
 
-FIRST_SIGMA = 0.2
-"""First standard deviation, in shares of each range."""
-
-SMALLEST = 16
-"""Smallest generation: one for each vector lane."""
-
-EDGE = 0.02
-"""Nearest to a bound that the first mean lies."""
-
-SCOUTS = 64
-"""Random candidates, the best of which is where the next strategy starts."""
-
 
 @dataclass(frozen=True)
 class StagnationRule:
@@ -51,6 +39,15 @@ ALONE = StagnationRule(25, 0.02)
 class CmaSearch:
     """CMA-ES that starts at the experiment's own gains, and then again and again elsewhere.
 
+    Args:
+        prepared: the problem with its training scenarios.
+        seed: the same seed gives the same candidates.
+        patience: how long a strategy may take.
+        sigma: first standard deviation, in shares of each range.
+        smallest: smallest generation: one candidate for each vector lane.
+        edge: nearest to a bound that the first mean lies, in shares of the range.
+        scouts: random candidates, the best of which is where the next strategy starts.
+
     Attributes:
         finished: how many times it got no further.
         leader: the best of what the last strategy that got no further has brought.
@@ -59,9 +56,24 @@ class CmaSearch:
 
     rollouts = 0
 
-    def __init__(self, prepared: TrainingSet, seed: int, patience: StagnationRule = ALONE) -> None:
-        """The strategy of a problem; the same seed gives the same candidates."""
-        self._first = patience
+    def __init__(
+        self,
+        prepared: TrainingSet,
+        seed: int,
+        patience: StagnationRule = ALONE,
+        *,
+        sigma: float = 0.2,
+        smallest: int = 16,
+        edge: float = 0.02,
+        scouts: int = 64,
+    ) -> None:
+        self._first, self._sigma, self._smallest, self._edge, self._most_scouts = (
+            patience,
+            sigma,
+            smallest,
+            edge,
+            scouts,
+        )
         self._space = prepared.problem.space
         self._random = np.random.default_rng(seed)
         self._waiting: list[Evaluation] = []
@@ -80,12 +92,12 @@ class CmaSearch:
         self._patience = patience or self._first
         dimensions = len(self._space.dimensions)
         self._strategy = cmaes.CMA(
-            mean=np.clip(self._space.encoded(start), EDGE, 1 - EDGE),
-            sigma=FIRST_SIGMA if covariance is None else 1.0,
+            mean=np.clip(self._space.encoded(start), self._edge, 1 - self._edge),
+            sigma=self._sigma if covariance is None else 1.0,
             cov=covariance,
             bounds=np.tile([0.0, 1.0], (dimensions, 1)),
             seed=int(self._random.integers(2**31)),
-            population_size=max(SMALLEST, 4 + int(3 * np.log(dimensions))),
+            population_size=max(self._smallest, 4 + int(3 * np.log(dimensions))),
         )
         self._leaders: list[Evaluation] = []
         self._scouts = None
@@ -110,7 +122,7 @@ class CmaSearch:
                 self._learn(generation)
             else:
                 self._scouts += generation
-                if len(self._scouts) >= SCOUTS:
+                if len(self._scouts) >= self._most_scouts:
                     self._begin(self._scouts[penalised_first(self._scouts)[0]].point)
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:

@@ -30,32 +30,6 @@ from dualwinch.tuning.space import ContinuousDimension, Point
 
 Floats = NDArray[np.float64]
 
-SCOUTS = 16
-"""Points spread over the space, at the best of which the next search begins."""
-
-SIDE_BY_SIDE = 8
-"""Steps tried at once where there are many scenarios: in a single one each costs as much as the gradient is worth."""
-
-FIRST, LARGEST = 0.15, 0.5
-"""Half widths of the first and the largest box, in shares of each range."""
-
-EVEN, UNEVEN = (1e-4, 1e-3), (1e-3, 1e-2)
-"""Half width of the smallest box, and least improvement of the merit that a step is taken for: in a single scenario,
-and in many, where noise and the moments at which ropes go slack make the ground uneven."""
-
-PENALTY = 100.0
-"""What a violation of 1 counts in the merit, beside the logarithm of the objective; ten times that if it has to."""
-
-KEPT = 5e-4
-"""Distance that steps keep from the constraints."""
-
-BENT, BENT_AT_MOST = 0.75, 0.1
-"""Share of the curvature seen that constraints are taken for bent by, and the most a step allows for."""
-
-RISE, WIDTH = 0.2, (0.005, 0.15)
-"""What the objective rises by around a point where the search goes on, as a share; and how wide that is, at the least
-and at most, in shares of the ranges: beyond, the objective is no parabola."""
-
 STEPS = {"linear": linear_step, "quadratic": quadratic_step}
 
 ATTEMPTS = [("linear", 1.0)] + [(kind, 0.5**n) for n in range(1, 20) for kind in ("linear", "quadratic")]
@@ -65,6 +39,24 @@ ATTEMPTS = [("linear", 1.0)] + [(kind, 0.5**n) for n in range(1, 20) for kind in
 class GradientSearch:
     """Steps from the start until they get no further, then from the best of some scouts, and so on.
 
+    Args:
+        prepared: the problem with its training scenarios.
+        seed: the same seed gives the same candidates.
+        scouts: points spread over the space, at the best of which the next search begins.
+        abreast: steps tried at once where there are many scenarios: in a single one each costs as much as the gradient
+            is worth.
+        first, largest: half widths of the first and the largest box, in shares of each range.
+        smallest: half width of the smallest box in a single scenario, and in many, where noise and the moments at which
+            ropes go slack make the ground uneven.
+        enough: least improvement of the merit that a step is taken for, likewise.
+        penalty: what a violation of 1 counts in the merit, beside the logarithm of the objective; ten times that if it
+            has to.
+        kept: distance that steps keep from the constraints.
+        bent, bent_at_most: share of the curvature seen that constraints are taken for bent by, and the most that a step
+            allows for.
+        rise: what the objective rises by around a point where the search goes on, as a share.
+        width: how wide that is, at the least and at most, in shares of the ranges: the objective is no parabola beyond.
+
     Attributes:
         gradients: how many gradients it took.
         gain: by how much the last step that was taken lowered the merit; infinite before the first.
@@ -73,8 +65,25 @@ class GradientSearch:
             which is about what exact derivatives cost, and in all of them one to see which these are.
     """
 
-    def __init__(self, prepared: TrainingSet, seed: int) -> None:
-        """The optimiser of a problem; the same seed gives the same candidates.
+    def __init__(
+        self,
+        prepared: TrainingSet,
+        seed: int,
+        *,
+        scouts: int = 16,
+        abreast: int = 8,
+        first: float = 0.15,
+        largest: float = 0.5,
+        smallest: tuple[float, float] = (1e-4, 1e-3),
+        enough: tuple[float, float] = (1e-3, 1e-2),
+        penalty: float = 100.0,
+        kept: float = 5e-4,
+        bent: float = 0.75,
+        bent_at_most: float = 0.1,
+        rise: float = 0.2,
+        width: tuple[float, float] = (0.005, 0.15),
+    ) -> None:
+        """The optimiser of a problem.
 
         Raises:
             ConfigurationError: the space has no dimension with a derivative.
@@ -82,6 +91,9 @@ class GradientSearch:
         from scipy.stats import qmc
 
         problem = prepared.problem
+        many = problem.ensemble is not None
+        self._most_scouts, self._first, self._largest, self._usual_penalty = scouts, first, largest, penalty
+        self._kept, self._bent, self._bent_at_most, self._rise, self._width = kept, bent, bent_at_most, rise, width
         self._scouts = qmc.Sobol(len(problem.space.dimensions), rng=seed)
         self._prepared, self._space = prepared, problem.space
         self._smooth = [
@@ -92,19 +104,19 @@ class GradientSearch:
         if not self._smooth:
             raise ConfigurationError("--method gradient: --space must have a gain that is a continuous number")
         self.gradients, self.rollouts, self.minima = 0, 0, list[Evaluation]()
-        self._smallest, self._enough = EVEN if problem.ensemble is None else UNEVEN
-        self._abreast = SIDE_BY_SIDE if problem.ensemble else 1
+        self._smallest, self._enough, self._abreast = smallest[many], enough[many], abreast if many else 1
         self._centre: Evaluation | None = None
         self._scouting: list[Evaluation] | None = None
         self._curvature: Floats | None = None
         self.gain = np.inf
         self._begin(None)
 
-    def _begin(self, centre: Evaluation | None, size: float = FIRST, penalty: float = PENALTY) -> None:
+    def _begin(self, centre: Evaluation | None, size: float | None = None, penalty: float | None = None) -> None:
         """Go on from another point, or from the same once more."""
         if centre is not self._centre or centre is None:
             self._model: LocalModel | None = None
-        self._centre, self._size, self._penalty = centre, size, penalty
+        self._centre, self._size = centre, self._first if size is None else size
+        self._penalty = self._usual_penalty if penalty is None else penalty
         self._bend = np.zeros(len(self._prepared.constraints))
         self._attempt, self._asked = 0, list[Point]()
 
@@ -125,9 +137,11 @@ class GradientSearch:
     @property
     def sampling_covariance(self) -> Floats:
         """The covariance (d, d) of points around the centre, in shares of the ranges (`local_model.surroundings`)."""
-        covariance = np.eye(len(self._space.dimensions)) * WIDTH[1] ** 2
+        covariance = np.eye(len(self._space.dimensions)) * self._width[1] ** 2
         if self._curvature is not None:
-            covariance[np.ix_(self._smooth, self._smooth)] = sampling_covariance(self._curvature, RISE, WIDTH)
+            covariance[np.ix_(self._smooth, self._smooth)] = sampling_covariance(
+                self._curvature, self._rise, self._width
+            )
         return covariance
 
     def restart(self, centre: Evaluation) -> None:
@@ -139,7 +153,7 @@ class GradientSearch:
     def ask(self, count: int) -> list[Point]:
         """The start, or scouts, or steps from the best point."""
         if self._scouting is not None:
-            number = min(count, SCOUTS - len(self._scouting))
+            number = min(count, self._most_scouts - len(self._scouting))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about counts that are no powers of two
                 return [self._space.decoded(shares) for shares in self._scouts.random(number)]
@@ -159,7 +173,7 @@ class GradientSearch:
 
     def _stepped(self, point: Point, model: LocalModel, kind: str, share: float) -> Point:
         centre, size = self._space.encoded(point), self._size * share
-        model = model.closer(np.minimum(BENT * self._bend * size**2, BENT_AT_MOST) + KEPT)
+        model = model.closer(np.minimum(self._bent * self._bend * size**2, self._bent_at_most) + self._kept)
         centre[self._smooth] += STEPS[kind](model, centre[self._smooth], size)
         stepped = self._space.decoded(centre)
         fixed = [name for index, name in enumerate(self._space.names) if index not in self._smooth]
@@ -171,7 +185,7 @@ class GradientSearch:
             return
         if self._scouting is not None:
             self._scouting += evaluations
-            if len(self._scouting) >= SCOUTS:
+            if len(self._scouting) >= self._most_scouts:
                 self.restart(min(self._scouting, key=self._merit))
             return
         leader = min(evaluations, key=self._merit)
@@ -184,12 +198,12 @@ class GradientSearch:
             self.gain = gain
             moved = np.abs(self._encoded(leader) - self._encoded(self._centre)).max(initial=0.0)
             bend = self._bend
-            self._begin(leader, float(np.clip(2 * moved, 10 * self._smallest, LARGEST)), self._penalty)
+            self._begin(leader, float(np.clip(2 * moved, 10 * self._smallest, self._largest)), self._penalty)
             self._bend = bend
         else:
             self._attempt += sum(evaluation.point in self._asked for evaluation in evaluations)
-        if self.converged and not self._centre.feasible and self._penalty == PENALTY:
-            self._begin(self._centre, penalty=10 * PENALTY)
+        if self.converged and not self._centre.feasible and self._penalty == self._usual_penalty:
+            self._begin(self._centre, penalty=10 * self._usual_penalty)
         elif self.converged:
             self.minima.append(self._centre)
             self._scouting = []

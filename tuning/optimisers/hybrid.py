@@ -10,10 +10,7 @@ from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
 
 FIRST, AROUND = StagnationRule(6, 0.3), StagnationRule(8, 0.1)
-"""How long the search may take at first, and around what steps have led to: where it gains less, steps gain more."""
-
-WORTHWHILE = 0.25
-"""What a step has to lower the merit by in many scenarios, where it takes as long as two generations or more."""
+"""Defaults of `HybridSearch`."""
 
 
 class HybridSearch:
@@ -22,15 +19,29 @@ class HybridSearch:
     Then the search goes on around where the steps have led to, wide where the objective is flat: the curvature of the
     last gradient is its first covariance, which it would have to learn otherwise. Where it finds nothing better there,
     it starts elsewhere. In a single scenario gradient steps come first, down to a minimum: there they cost little.
-    CMA-ES learns from every evaluation, whoever asked for it; where no gain has a derivative it is alone.
+    CMA-ES learns from every evaluation, its own or not; where no gain has a derivative it is alone.
+
+    Args:
+        prepared: the problem with its training scenarios.
+        seed: the same seed gives the same candidates.
+        first, around: how long CMA-ES may take at first, and around the point that steps have led to: where it gains
+            less, steps gain more.
+        worthwhile: what a step has to lower the merit by in many scenarios, where it takes as long as two generations.
     """
 
-    def __init__(self, prepared: TrainingSet, seed: int) -> None:
-        """The optimiser of a problem; the same seed gives the same candidates."""
-        problem = prepared.problem
+    def __init__(
+        self,
+        prepared: TrainingSet,
+        seed: int,
+        *,
+        first: StagnationRule = FIRST,
+        around: StagnationRule = AROUND,
+        worthwhile: float = 0.25,
+    ) -> None:
+        problem, self._around = prepared.problem, around
         self._polish = GradientSearch(prepared, seed) if smooth(problem) else None
-        self._search = CmaSearch(prepared, seed, FIRST if self._polish else ALONE)
-        self._least = WORTHWHILE if problem.ensemble else 0.0
+        self._search = CmaSearch(prepared, seed, first if self._polish else ALONE)
+        self._least = worthwhile if problem.ensemble else 0.0
         self._searched, self._polishing = 0, problem.ensemble is None and self._polish is not None
         self._polished: Evaluation | None = None
 
@@ -53,7 +64,7 @@ class HybridSearch:
             centre = self._polish.centre
             if centre and (self._polish.converged or self._polish.gain < self._least):
                 self._polishing, self._polished = False, centre
-                self._search.near(centre.point, self._polish.sampling_covariance, AROUND)
+                self._search.near(centre.point, self._polish.sampling_covariance, self._around)
         elif self._polish and self._search.finished > self._searched:
             self._pass_on(self._polish)
         self._searched = self._search.finished

@@ -47,7 +47,7 @@ from dualwinch.tuning.storage.record import (
     finish,
     first_candidates,
 )
-from dualwinch.tuning.storage.store import Propose, SearchBudget, TrialClaim
+from dualwinch.tuning.storage.store import Propose, SearchBudget, StudyStorage, TrialClaim
 
 NOT_FIRST = False
 """Of `Propose`: the first candidates are queued when the study is made."""
@@ -60,7 +60,7 @@ PLACE, WORKER = "place", "worker"
 """User attributes of a trial: which of the trials that there shall be it is, and which process evaluates it."""
 
 
-class DatabaseStudy:
+class DatabaseStudy(StudyStorage):
     """The storage of a study in a database, as one worker sees it."""
 
     def __init__(self, url: str, study: str, storage: optuna.storages.RDBStorage, space: Space) -> None:
@@ -298,10 +298,6 @@ class DatabaseStudy:
     def count(self) -> int:
         """Number of finished trials."""
         return len(self._trials(*FINISHED))
-
-    def complete(self, budget: SearchBudget) -> bool:
-        """Whether as many trials are finished as there shall be."""
-        return budget.trials is not None and self.count() >= budget.trials
 
     def close(self) -> None:
         """End heartbeats and connections."""

@@ -20,7 +20,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.storage.record import DEFINITION, begun, check_resume, evaluation_of, finished_trial
-from dualwinch.tuning.storage.store import SearchBudget, SingleProcessStorage, TrialClaim
+from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
@@ -54,7 +54,7 @@ class BufferedJournalFile(JournalFileBackend):
             self._waiting = []
 
 
-class JournalStudy(SingleProcessStorage):
+class JournalStudy(StudyStorage):
     """The storage of a study in a file."""
 
     def __init__(

@@ -1,9 +1,8 @@
-"""What a study asks of the storage that keeps its trials; storages of one process, and one in memory alone."""
+"""The storage of a study: what a search asks of it, and one in memory."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 
@@ -40,91 +39,62 @@ class SearchBudget:
     rollouts: int | None = None
 
 
-class StudyStorage(Protocol):
-    """A study's storage, as one process sees it."""
-
-    def finished(self) -> list[Evaluation]:
-        """Every finished trial, in the order of their numbers."""
-        ...
-
-    def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
-        """Take candidates, none where the budget's trials are all finished or under way."""
-        ...
-
-    def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:
-        """Keep what candidates came to."""
-        ...
-
-    def release(self, claims: Sequence[TrialClaim]) -> None:
-        """Give candidates back that will not be evaluated here."""
-        ...
-
-    def news(self) -> list[Evaluation]:
-        """What other processes have finished since the last call."""
-        ...
-
-    def budget(self) -> SearchBudget:
-        """The study's budget as it stands."""
-        ...
-
-    def set_budget(self, budget: SearchBudget) -> None:
-        """Change the study's budget, for all processes."""
-        ...
-
-    def count(self) -> int:
-        """Number of finished trials."""
-        ...
-
-    def complete(self, budget: SearchBudget) -> bool:
-        """Whether as many trials are finished as there shall be."""
-        ...
-
-    def close(self) -> None:
-        """Let go of files and connections."""
-        ...
-
-
 NO_LIMIT = SearchBudget()
 
 
-class SingleProcessStorage(ABC):
-    """A storage that holds finished trials alone, so that what is under way needs no record."""
+class StudyStorage(ABC):
+    """A study's storage, as one process sees it.
+
+    What is no abstract method is that of a study on which no other process works: finished trials alone are kept, and
+    what is under way needs no record.
+    """
 
     def __init__(self, budget: SearchBudget = NO_LIMIT) -> None:
-        """A storage of a study that is over when `budget` says so."""
+        """The storage of a study that is over when `budget` says so."""
         self._budget = budget
+
+    @abstractmethod
+    def finished(self) -> list[Evaluation]:
+        """Every finished trial, in the order of their numbers."""
+
+    @abstractmethod
+    def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:
+        """Keep the evaluations of candidates."""
 
     @abstractmethod
     def count(self) -> int:
         """Number of finished trials."""
 
     def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
-        """Take candidates, as many as the budget has trials left."""
+        """Take candidates, none where the budget's trials are all finished or under way."""
         finished = self.count()
         left = count if budget.trials is None else min(count, budget.trials - finished)
         return [TrialClaim(candidate) for candidate in propose(left, not finished)] if left > 0 else []
 
-    def release(self, claims: Sequence[TrialClaim]) -> None:  # noqa: B027  # empty for every one of them
-        """Nothing to do: nothing was taken that anybody else could want."""
+    def release(self, claims: Sequence[TrialClaim]) -> None:  # noqa: B027  # empty where nothing is recorded
+        """Give candidates back that will not be evaluated here."""
 
     def news(self) -> list[Evaluation]:
-        """Nothing: nobody else works on this study."""
+        """Trials that other processes have finished since the last call."""
         return []
 
     def budget(self) -> SearchBudget:
-        """The study's budget."""
+        """The study's budget as it stands."""
         return self._budget
 
     def set_budget(self, budget: SearchBudget) -> None:
-        """Change the study's budget."""
+        """Change the study's budget, for all processes."""
         self._budget = budget
 
     def complete(self, budget: SearchBudget) -> bool:
         """Whether as many trials are finished as there shall be."""
         return budget.trials is not None and self.count() >= budget.trials
 
+    def close(self) -> None:  # noqa: B027  # empty in memory
+        """Close files and connections."""
 
-class MemoryStorage(SingleProcessStorage):
+
+class MemoryStorage(StudyStorage):
     """The storage of a study in this process alone."""
 
     def __init__(self, budget: SearchBudget = NO_LIMIT) -> None:
@@ -136,13 +106,10 @@ class MemoryStorage(SingleProcessStorage):
         return list(self._trials)
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
-        """Keep what candidates came to."""
+        """Keep the evaluations of candidates."""
         first = len(self._trials)
         self._trials += [replace(evaluation, number=first + index) for index, evaluation in enumerate(evaluations)]
 
     def count(self) -> int:
         """Number of finished trials."""
         return len(self._trials)
-
-    def close(self) -> None:
-        """Nothing to let go of."""
