@@ -1,4 +1,9 @@
-"""The lab as one HTML file: page, plots, catalogue and compiled loops, nothing to load from elsewhere."""
+"""The lab as one HTML file: page, plots, catalogue, compiled loops and a run of one's own; ES modules as one script.
+
+A page that is a single file has nowhere to import from. Each module becomes a function scope, in the order in which
+modules need each other, so that equal names in two modules stay apart. Two statements are understood:
+``import {a, b} from "./file.js"``, and ``export`` before ``function``, ``async function``, ``class`` and ``const``.
+"""
 
 import base64
 import json
@@ -7,7 +12,97 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dualwinch.lab.bundle import bundle
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.file_formats import plain
+from dualwinch.simulation.results.result import Result
+
+IMPORT = re.compile(r'^import\s*\{([^}]*)\}\s*from\s*"(\.[^"]+)";[ \t]*$', re.MULTILINE)
+EXPORT = re.compile(r"^export\s+((?:async\s+)?function\*?|class|const)\s+(\w+)", re.MULTILINE)
+
+
+def bundle(entry: Path, instead: Mapping[Path, Path] | None = None) -> str:
+    """One script of a module and all that it imports.
+
+    Args:
+        entry: the module to start from; what it exports is dropped.
+        instead: file → the file that is read in its stead.
+
+    Raises:
+        ValueError: modules import each other in a circle, or in a way that is not understood.
+    """
+    scopes: dict[Path, str] = {}
+    _add(entry.resolve(), scopes, {key.resolve(): path for key, path in (instead or {}).items()}, ())
+    return "\n".join(scopes.values())
+
+
+def _add(path: Path, scopes: dict[Path, str], instead: Mapping[Path, Path], above: tuple[Path, ...]) -> None:
+    """Add the scope of a module, behind those of the modules it needs."""
+    if path in above:
+        raise ValueError(f"{path.name}: imports itself, by way of {', '.join(file.name for file in above)}")
+    if path in scopes:
+        return
+    text = instead.get(path, path).read_text(encoding="utf-8")
+    needed = {match[2]: (path.parent / match[2]).resolve() for match in IMPORT.finditer(text)}
+    for module in needed.values():
+        _add(module, scopes, instead, (*above, path))
+    body = IMPORT.sub(lambda match: f"const {{{match[1].replace(' as ', ': ')}}} = {_scope(needed[match[2]])};", text)
+    names = [match[2] for match in EXPORT.finditer(body)]
+    body = EXPORT.sub(r"\1 \2", body)
+    left = re.search(r"^(import|export)\b.*", body, re.MULTILINE)
+    if left:
+        raise ValueError(f"{path.name}: cannot bundle {left[0]!r}")
+    scopes[path] = f"const {_scope(path)} = (() => {{\n{body.strip()}\nreturn {{{', '.join(names)}}};\n}})();"
+
+
+def _scope(path: Path) -> str:
+    """Name of the object that holds what a module exports."""
+    return "module_" + re.sub(r"\W", "_", f"{path.parent.name}_{path.stem}")
+
+
+MOST_ROWS = 100_000
+"""Rows that a page draws; of a longer run every so many."""
+
+
+def own_run(label: str, result: Result) -> dict[str, Any]:
+    """A run as the page takes it, every number of its columns in the eight bytes of a little-endian double.
+
+    Args:
+        label: what it is called.
+        result: the run, with its rows.
+
+    Returns:
+        ``label``, ``outcome``, ``until`` in s, ``metrics``, ``columns``: name → base64, ``units``, and ``settings``:
+        key → value of what is not as in the paper's Case 2, as in a file.
+    """
+    stride = max(1, -(-len(result.columns.get("t", ())) // MOST_ROWS))
+    return {
+        "label": label,
+        "outcome": result.outcome,
+        "until": result.end_time,
+        "metrics": plain(dict(result.metrics)),
+        "columns": {name: _encoded(column[::stride]) for name, column in result.columns.items()},
+        "units": result.units,
+        "settings": _differences(result.experiment),
+    }
+
+
+def _encoded(column: NDArray[np.float64]) -> str:
+    return base64.b64encode(np.ascontiguousarray(column, "<f8").tobytes()).decode()
+
+
+def _differences(experiment: Experiment) -> dict[str, Any]:
+    """Single values that are not as in the paper's Case 2."""
+    usual = leaves(Experiment())
+    return {
+        key: plain(value)
+        for key, value in leaves(experiment).items()
+        if isinstance(value, (str, bool, int, float)) and value != usual.get(key)
+    }
+
 
 HERE = Path(__file__).parent
 PAGE, VENDOR = HERE / "page", HERE / "vendor"

@@ -16,7 +16,7 @@ from dualwinch.codegen.cache import cache_folder
 from dualwinch.codegen.compiler import fingerprint
 from dualwinch.codegen.errors import CacheError
 from dualwinch.codegen.files import atomic
-from dualwinch.lab.catalogue.catalogue import catalogue
+from dualwinch.lab.catalogue import catalogue
 from dualwinch.lab.wasm.build import FLAGS, modules, wasm_compiler
 from dualwinch.lab.wasm.structures import LabStructure, structures
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -26,8 +26,8 @@ Progress = Callable[[float], None]
 PACKAGE = Path(__file__).parents[1]
 """The folder that holds the product's packages."""
 
-MADE_FROM = ("codegen", "model", "controllers", "simulation", "lab/wasm", "lab/catalogue")
-"""Folders whose files the content follows from."""
+MADE_FROM = ("codegen", "model", "controllers", "simulation", "lab/wasm", "lab/catalogue.py")
+"""Files and folders that the content follows from."""
 
 SUFFIXES = {".py", ".c", ".h", ".toml"}
 
@@ -95,8 +95,8 @@ def _built(offered: Sequence[LabStructure], rig: Ensemble, version: str, progres
 def _sources() -> str:
     """A digest of all files that the content follows from."""
     digest = hashlib.sha256()
-    for folder in MADE_FROM:
-        for file in sorted((PACKAGE / folder).rglob("*")):
+    for path in (PACKAGE / name for name in MADE_FROM):
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.suffix in SUFFIXES:
                 digest.update(file.read_bytes())
     return digest.hexdigest()

@@ -28,7 +28,7 @@ def show(
     browser: Annotated[bool, Parameter(help="Open the page in a browser.")] = False,
 ) -> None:
     """Write the lab's page with a run of your own in it, as run A to compare with."""
-    from dualwinch.lab.own_run import own_run
+    from dualwinch.lab.assemble import own_run
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.storage import load_result
 

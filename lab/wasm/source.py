@@ -1,18 +1,136 @@
-"""C source of a module: the closed loop, what it receives from outside, and the run of a page."""
+"""C source of a module: the closed loop, what it receives from outside, its motion, and the run of a page."""
 
+from dataclasses import replace
 from importlib.resources import files
 
-from dualwinch.codegen.drivers.signals.signals import FILL_PARTS
+import casadi as ca
+
+from dualwinch.codegen.drivers.signals.signals import FILL_PARTS, NORMAL, OUTAGES, UNIFORM
 from dualwinch.codegen.drivers.unit import hoisted_all, macros_of_lists, unit
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.operations import Style
-from dualwinch.lab.wasm.functions import KINDS, drawn_function, figures_function, parameters_function
-from dualwinch.lab.wasm.motion import duration_function, motion_function, motion_names
-from dualwinch.lab.wasm.settings import SAMPLE_TIME, Settings
-from dualwinch.simulation.exogenous.signals import stream_number
+from dualwinch.controllers.nominal import Nominal, nominal_plant
+from dualwinch.lab.wasm.settings import (
+    BELIEVED,
+    DURATION,
+    GIVEN,
+    KIND,
+    LAG,
+    MOTIONS,
+    SAMPLE_TIME,
+    SHORTEST_LAG,
+    Settings,
+)
+from dualwinch.model.motions import no_departures
+from dualwinch.model.plant import Plant
+from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
+from dualwinch.model.reference import PAPER_DURATION, PAPER_SPEED, Reference, departures, setpoint, steady_window
+from dualwinch.model.scalar import Scalar, both, exp, maximum, where
+from dualwinch.simulation.exogenous.signals import courses, stream_number
 from dualwinch.simulation.loop.closed_loop import start_function
 from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.loop.zero_order_hold import named_function
+from dualwinch.simulation.metrics.metrics import KEYS, finish
+
+TIMES = ("reference.accelerate_until", "reference.cruise_until", "reference.brake_until")
+
+SPEED, JERK = "reference.speed", "reference.jerk_limit"
+
+
+def duration_function(settings: Settings) -> ca.Function:
+    """``duration_of(parameters) -> duration``: length of the run in s."""
+    own: Scalar = 0.0
+    for number, kind in enumerate(MOTIONS):
+        own = where(settings.symbols[KIND] == number, PAPER_DURATION[kind], own)
+    return settings.function("duration_of", duration=[settings.given(DURATION, own)])
+
+
+def motion_names(settings: Settings) -> tuple[str, ...]:
+    """The exogenous signals that the reference gives."""
+    given = ("reference.", "steady", "ahead.")
+    return tuple(name for name in settings.loop.closed.exogenous if name.startswith(given))
+
+
+def motion_function(settings: Settings) -> ca.Function:
+    """``motion(t, parameters) -> given``: what the reference gives of a sample, in the order of `motion_names`."""
+    t, symbols = ca.SX.sym("t"), settings.symbols
+    found: dict[str, Scalar] = {}
+    for number, kind in enumerate(MOTIONS):
+        for limited in (False, True):
+            here = _given(t, settings, kind, symbols[JERK] if limited else None)
+            chosen = both(symbols[KIND] == number, symbols[GIVEN + JERK] == limited)
+            found = {name: where(chosen, value, found.get(name, 0.0)) for name, value in here.items()}
+    return settings.function("motion", {"t": t}, given=[found[name] for name in motion_names(settings)])
+
+
+def _given(t: ca.SX, settings: Settings, kind: str, jerk_limit: Scalar | None) -> dict[str, Scalar]:
+    """What a kind of reference gives of the sample at a time."""
+    numbers = {key: settings.symbols[key] for key in TIMES}
+    numbers |= {SPEED: settings.given(SPEED, PAPER_SPEED[kind]), JERK: jerk_limit}
+    reference = with_leaves(replace(Reference(), kind=kind), numbers, "reference.")
+    now, half = setpoint(t, reference), settings.symbols[SAMPLE_TIME] / 2
+    start, end = steady_window(reference, settings.given(DURATION, PAPER_DURATION[kind]))
+    found = {"reference.x": now.x, "reference.v": now.v, "reference.a": now.a}
+    found["steady"] = both(t >= start - half, t <= end + half)
+    times = settings.wide.controller.preview
+    ahead = (value for column in vars(departures(t, times, reference)).values() for value in column)
+    return found | dict(zip(leaves(no_departures(times), "ahead."), ahead, strict=True))
+
+
+KINDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_zero")
+"""What is said of a random signal, as in ``Signal`` of sources.h."""
+
+
+def parameters_function(settings: Settings) -> ca.Function:
+    """``parameters_of(parameters) -> values``: what the closed loop takes."""
+    symbols = settings.symbols | {LAG: maximum(settings.symbols[LAG], SHORTEST_LAG)}
+    believed = _believed_plant(settings)
+    known = numbers(settings.wide.plant, "nominal.")
+    symbols |= {key: value for key, value in leaves(believed, "nominal.").items() if key in known}
+    return settings.function("parameters_of", values=[symbols[name] for name in settings.loop.parameters])
+
+
+def _believed_plant(settings: Settings) -> Plant:
+    """The plant as the controller believes it to be."""
+    plant = with_leaves(
+        settings.wide.plant, {key: settings.symbols[BELIEVED + key] for key in settings.believed}, "plant."
+    )
+    vehicle, prefix = plant.vehicle, "controller.nominal."
+    nominal = Nominal(
+        mass=settings.given(f"{prefix}mass", vehicle.mass + vehicle.added_mass),
+        drag_coefficient=settings.given(f"{prefix}drag_coefficient", vehicle.drag_coefficient),
+        friction_coefficient=settings.given(f"{prefix}friction_coefficient", vehicle.friction_coefficient),
+    )
+    limits = with_leaves(settings.wide.controller.limits, settings.symbols, "controller.coordination.")
+    return nominal_plant(nominal, plant, limits.preload)
+
+
+def drawn_function(settings: Settings) -> ca.Function:
+    """``drawn(parameters) -> random``: `KINDS` of each exogenous signal, one after the other; periods in samples."""
+    symbols, step = settings.symbols, settings.symbols[SAMPLE_TIME]
+    sensors = with_leaves(settings.wide.sensors, symbols, "sensors.")
+    sea = with_leaves(settings.wide.disturbance, symbols, "disturbance.")
+    vehicle = with_leaves(settings.wide.plant.vehicle, symbols, "plant.vehicle.")
+    rows: dict[str, list[Scalar]] = {name: [0.0] * len(KINDS) for name in settings.loop.closed.exogenous}
+    for name, course in courses(sensors, sea, vehicle).items():
+        time = ca.SX(course.time)
+        decay = where(time > 0, exp(-step / maximum(time, 1e-300)), 0.0)
+        rows[name] = [NORMAL * (course.sigma > 0), course.sigma, decay, course.limit, 0.0, 0.0, course.from_zero]
+    rows["noise.lateness"][0] = UNIFORM * (symbols["simulation.jitter"] > 0)
+    length, period = symbols["sensors.outage_length"], symbols["sensors.outage_period"]
+    rows["noise.silent"] = [OUTAGES * (length > 0), 0.0, 0.0, 0.0, period / step, length / step, 0.0]
+    return settings.function("drawn", random=[value for row in rows.values() for value in row])
+
+
+def figures_function(settings: Settings) -> ca.Function:
+    """``figures(state) -> metrics``: the figures of merit, from the final state."""
+    states = settings.loop.closed.states
+    state = ca.SX.sym("state", len(states))
+    by_name = dict(zip(states, ca.vertsplit(state), strict=True))
+    metrics = finish({name: by_name[key] for name, key in KEYS.items()}, by_name["sample"])
+    return named_function("figures", {"state": state}, {"metrics": ca.vertcat(*vars(metrics).values())})
+
 
 INLINED = Style(compares=True, inlined=True)
 """How operations are written: without calls, which a module would have to hold."""

@@ -10,9 +10,9 @@ import pytest
 import dualwinch as dw
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.registry import POSITION_LAWS
-from dualwinch.lab.catalogue.catalogue import catalogue
+from dualwinch.lab.catalogue import catalogue
+from dualwinch.lab.wasm.settings import LAG
 from dualwinch.lab.wasm.structures import structures
-from dualwinch.lab.wasm.wide import LAG
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import CASES

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dualwinch as dw
-from dualwinch.lab.wasm.wide import wide, wide_loop
+from dualwinch.lab.wasm.settings import wide, wide_loop
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import initial_state_of

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dualwinch.lab.bundle import bundle
+from dualwinch.lab.assemble import bundle
 
 PAGE = Path(__file__).parents[3] / "lab" / "page"
 

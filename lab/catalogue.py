@@ -1,4 +1,8 @@
-"""What every number of the lab is: unit, meaning, bounds, default, range of a slider; all from the annotations."""
+"""The catalogue: what the page and its engine have to know of the closed loop, as one JSON object.
+
+Units, meanings, bounds, defaults and ranges of sliders come from the annotations; cases and figures of merit from the
+paper; machines from the rig's ensemble.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,15 +10,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from dualwinch.controllers.nominal import nominal_plant
-from dualwinch.lab.wasm.settings import DURATION, KIND, MOTIONS
+from dualwinch.lab.wasm.settings import DURATION, KIND, LAG, MOTIONS, Settings
 from dualwinch.lab.wasm.structures import REGISTRIES, LabStructure
-from dualwinch.lab.wasm.wide import LAG
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import cruise_speed
-from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.paper import CASES, CONTROLLERS, REDUCTIONS, case
+from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space import own_bounds
 
 WIDER = 3.0
@@ -51,7 +57,7 @@ def described(structure: LabStructure, rig: Ensemble) -> dict[str, dict[str, Any
         rig: an ensemble of real machines, which says how far imperfections reach that a perfect machine lacks.
     """
     known = structure.module.described
-    return {key: _entry(key, known[key], structure, rig) for key in structure.module.keys}
+    return {key: _key_entry(key, known[key], structure, rig) for key in structure.module.keys}
 
 
 def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
@@ -74,7 +80,7 @@ def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> dict[str, Any]:
+def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> dict[str, Any]:
     default = default_of(key, structure)
     low, high = leaf.bounds if key != LAG else (0.0, math.inf)
     if key == KIND:
@@ -168,3 +174,127 @@ def _of_rig(key: str, rig: Ensemble) -> tuple[float, float] | None:
 
 def _clipped(low: float, high: float, bounds: tuple[float, float]) -> Slider:
     return Slider(max(low, bounds[0]), min(high, bounds[1]))
+
+
+MACHINES = 20
+"""Machines that come with the page, those of ``dualwinch simulate --ensemble rig --scenarios 20``."""
+
+
+def drawn(rig: Ensemble, settings: Settings, seed: int = 0) -> dict[str, Any]:
+    """A rig as the page draws it, by the keys of a structure.
+
+    Args:
+        rig: the ensemble.
+        settings: of a structure that has its keys.
+        seed: of the machines that come with the page.
+
+    Returns:
+        ``values`` of every machine; ``distributions``: key → kind, ends and whether a draw is a factor on the nominal
+        value; ``machines``: key → numbers of the first machines; ``seeds`` of their random signals.
+    """
+    of_rig = leaves(rig.experiment)
+    values = {key: number_of(key, of_rig) for key in settings.keys if key in of_rig}
+    defaults = {key: number_of(key, leaves(settings.experiment)) for key in settings.keys}
+    machines = rig.chosen(range(MACHINES), seed)
+    return {
+        "name": rig.name,
+        "description": rig.description,
+        "seed": seed,
+        "values": {key: value for key, value in values.items() if value != defaults[key] and value is not None},
+        "distributions": {
+            key: {"kind": draw.distribution.kind, "relative": draw.relative, "together": draw.together}
+            | vars(draw.distribution)
+            for key, draw in rig.distributions.items()
+        },
+        "machines": {
+            key: [machine.draws[key] for machine in machines] for key in rig.distributions if key in settings.keys
+        },
+        "seeds": [machine.draws[SEED_KEY] for machine in machines],
+    }
+
+
+OBSERVED = {"case": "case-4", "without": "nftsm", "with": "fando-nftsm"}
+"""What the paper's reductions are of (its Figure 21)."""
+
+
+def cases(usual: LabStructure) -> list[dict[str, Any]]:
+    """Every case of the paper: its name, the structure to begin with, what it changes, its steady state."""
+    found = []
+    for number, label in CASES.items():
+        there = LabStructure(usual.settings, case(number))
+        values = {key: default_of(key, there) for key in usual.module.keys}
+        changed = {key: value for key, value in values.items() if value != default_of(key, usual)}
+        found.append(
+            {
+                "id": f"case-{number}",
+                "label": f"Case {number}: {label}",
+                "structure": usual.id,
+                "values": changed,
+                "steady": list(there.experiment.steady_window),
+            }
+        )
+    return found
+
+
+def reproduced() -> dict[str, dict[str, dict[str, float]]]:
+    """Figures of merit of the paper's cases and controllers: case → structure → metric → value."""
+    return {
+        f"case-{number}": {
+            controller: dict(simulate(case(number, controller), stride=0).metrics) for controller in CONTROLLERS
+        }
+        for number in CASES
+    }
+
+
+def claims() -> dict[str, Any]:
+    """What the paper says that its observer changes, as shares of the figures of merit in the steady state."""
+    return OBSERVED | {"change": {f"steady_{metric}": change for metric, change in REDUCTIONS.items()}}
+
+
+def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -> dict[str, Any]:
+    """The catalogue of some structures.
+
+    Args:
+        structures: the paper's first.
+        rig: the ensemble that machines are drawn from.
+        version: of the product.
+    """
+    keys: dict[str, dict[str, Any]] = {}
+    entries = []
+    for structure in structures:
+        own = described(structure, rig)
+        keys |= {key: entry for key, entry in own.items() if key not in keys}
+        differing = {key: entry["default"] for key, entry in own.items() if entry["default"] != keys[key]["default"]}
+        entries.append(_structure_entry(structure, differing))
+    return {
+        "version": version,
+        "structures": entries,
+        "keys": chosen(structures) | keys,
+        "metrics": [
+            {"name": name, "unit": quantity.unit, "meaning": quantity.meaning}
+            for name, quantity in metric_quantities().items()
+        ],
+        "cases": cases(structures[0]),
+        "paper": reproduced(),
+        "claims": claims(),
+        "rig": drawn(rig, structures[0].module),
+    }
+
+
+def _structure_entry(structure: LabStructure, defaults: dict[str, Any]) -> dict[str, Any]:
+    """What the catalogue says of a structure."""
+    module = structure.module
+    return {
+        "id": structure.id,
+        "label": structure.label,
+        "settings": structure.chosen,
+        "module": structure.id,
+        "parameters": list(module.keys),
+        "believed": list(module.believed),
+        "optional": list(module.optional),
+        "defaults": defaults,
+        "columns": [
+            {"name": name, "unit": quantity.unit, "label": quantity.meaning}
+            for name, quantity in module.loop.closed.quantities.items()
+        ],
+    }

@@ -1,1 +1,0 @@
-"""What a page has to know of the closed loop, as data."""
