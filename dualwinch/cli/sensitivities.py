@@ -24,7 +24,7 @@ from dualwinch.cli.output import (
     write_figure,
     wrote,
 )
-from dualwinch.cli.sweep import SUFFIXES, checked_metrics
+from dualwinch.cli.sweep import checked_metrics
 
 if TYPE_CHECKING:
     import numpy as np
@@ -77,13 +77,13 @@ def sensitivities(
     """
     from dualwinch.simulation.batch.sensitivities import sensitivities
     from dualwinch.simulation.prepare import check_memory
-    from dualwinch.simulation.results.file_formats import FORMATS
+    from dualwinch.simulation.results.file_formats import FORMATS, MIXED
 
     base = given.experiment()
     metrics, columns = checked_metrics(metric or ["mse"], base), column or ["e"]
     values = values_of(keys, base)
     check_memory(base.samples, 1, (len(columns) + 1) * (len(values) + 1))
-    check_file(out, *SUFFIXES)
+    check_file(out, *MIXED)
     check_file(plot, *FIGURE_SUFFIXES)
     with terminal(stderr=True).status("differentiating"):
         found = sensitivities(list(values), [list(values.values())], [base], columns=columns)

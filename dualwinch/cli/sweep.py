@@ -71,12 +71,12 @@ def sweep(
     Any key of `dualwinch config` can be varied, including those that choose parts or shape the compiled code. The
     figure is a line over one key, a heat map over two.
     """
-    from dualwinch.simulation.results.file_formats import FORMATS
+    from dualwinch.simulation.results.file_formats import FORMATS, MIXED
     from dualwinch.simulation.sweep import sweep
 
     base, axes = given.experiment(), axes_from(over)
     metrics = checked_metrics(metric or ["mse"], base)
-    check_file(out, *SUFFIXES)
+    check_file(out, *MIXED)
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress:
         found = sweep(base, axes, progress=progress)
@@ -90,10 +90,6 @@ def sweep(
     write_figure(plot, lambda: found.plot(metrics[0]))
     if found.interrupted:
         raise KeyboardInterrupt
-
-
-SUFFIXES = (".csv", ".parquet", ".npz")
-"""Formats that hold words beside numbers."""
 
 
 def checked_metrics(names: list[str], experiment: Experiment) -> list[str]:

@@ -1,7 +1,6 @@
 """What entries of a race came to in the test scenarios, as data, JSON and words."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
+from dualwinch.simulation.results.outcomes import RunOutcomes, outcomes_from
 from dualwinch.tuning.benchmark.comparison import (
     finite_or_none,
 )
@@ -41,26 +41,17 @@ STATISTICS = (
 """Statistics of every entry in the test scenarios."""
 
 
-@dataclass(frozen=True)
-class ScoredRuns:
-    """The unseen scenarios, as some gains ran them.
+@dataclass(frozen=True, eq=False)
+class ScoredRuns(RunOutcomes):
+    """The runs of some gains in the test scenarios; arrays of outcomes are (scenarios,).
 
     Attributes:
-        outcomes: (scenarios,) ``completed``, ``diverged`` or ``left_track``.
-        metrics: figure of merit → (scenarios,), as in `simulation.metrics.metrics.Metrics`.
         violations: constraint → how far it is exceeded there, as a share of its bound; <= 0: kept to.
         operations: arithmetic operations that the controller takes a sample.
     """
 
-    outcomes: NDArray[np.str_]
-    metrics: dict[str, Floats]
     violations: dict[str, float]
     operations: int
-
-    @property
-    def completed(self) -> NDArray[np.bool_]:
-        """(scenarios,) whether each ran to its end."""
-        return self.outcomes == "completed"
 
     @property
     def broken(self) -> tuple[str, ...]:
@@ -70,7 +61,7 @@ class ScoredRuns:
 
     def over(self, statistic: Statistic) -> float:
         """A statistic over the scenarios that ran to their end; NaN without any."""
-        return statistic.over(self.metrics[statistic.metric][self.completed])
+        return statistic.over(self.of_completed(statistic.metric))
 
     @property
     def kept(self) -> str:
@@ -82,13 +73,7 @@ class ScoredRuns:
 
     def to_record(self) -> dict[str, Any]:
         """As JSON holds it."""
-        return {
-            "outcomes": self.outcomes.tolist(),
-            "counts": dict(Counter(self.outcomes.tolist()).most_common()),
-            "metrics": {name: _numbers(values) for name, values in self.metrics.items()},
-            "violations": self.violations,
-            "operations": self.operations,
-        }
+        return super().to_record() | {"violations": self.violations, "operations": self.operations}
 
     def to_dict(self) -> dict[str, Any]:
         """What race.json says of them."""
@@ -103,14 +88,13 @@ class ScoredRuns:
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
         """What `to_record` took apart."""
-        metrics = {name: np.array(values, float) for name, values in record["metrics"].items()}
-        return cls(np.array(record["outcomes"]), metrics, record["violations"], record["operations"])
+        return cls(**vars(outcomes_from(record)), violations=record["violations"], operations=record["operations"])
 
 
 def scored_runs(result: BatchResult, violations: Mapping[str, float], operations: int) -> ScoredRuns:
     """A result of one row."""
-    metrics = {name: np.array(values[0], float) for name, values in result.metrics.items()}
-    return ScoredRuns(result.outcomes[0], metrics, dict(violations), operations)
+    runs = RunOutcomes(result.outcomes, result.end_times, result.metrics).take(0, axis=0)
+    return ScoredRuns(**vars(runs), violations=dict(violations), operations=operations)
 
 
 @dataclass(frozen=True)
@@ -224,10 +208,6 @@ class EntryResult:
             search=SearchRecord(**record["search"]),
             stress=None if stress is None else tuple(stress),
         )
-
-
-def _numbers(values: Floats) -> list[float | None]:
-    return [finite_or_none(value) for value in values.tolist()]
 
 
 POINTS = 8

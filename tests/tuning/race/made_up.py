@@ -21,7 +21,8 @@ def runs(error: float, *, broken: Mapping[str, float] | None = None, lost: int =
     shared = np.exp(np.random.default_rng(99).standard_normal(SCENARIOS))
     metrics = {name: np.full(SCENARIOS, 2.0) for name in METRICS} | {"mse": 1e-6 * error * shared * factors}
     outcomes = np.array(["completed"] * (SCENARIOS - lost) + ["diverged"] * lost)
-    return ScoredRuns(outcomes, metrics, {"mean.chatter <= 3 N": -0.1} | dict(broken or {}), 200)
+    ends = np.full(SCENARIOS, 25.0)
+    return ScoredRuns(outcomes, ends, metrics, {"mean.chatter <= 3 N": -0.1} | dict(broken or {}), 200)
 
 
 def scored(law: str, error: float, variant: str = "", **more: object) -> EntryResult:
