@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -41,7 +42,12 @@ def registered_for_this_test_only() -> Iterator[None]:
 
 
 PaperRun = Callable[[int, str], Result]
-OracleRun = Callable[[int, str], dict[str, NDArray[np.float64]]]
+
+
+class OracleRun(Protocol):
+    """``oracle_run(case, controller, samples)``: columns of as many samples of it, or of the whole case."""
+
+    def __call__(self, number: int, kind: str, samples: int | None = None) -> dict[str, NDArray[np.float64]]: ...
 
 
 @pytest.fixture(scope="session")
@@ -57,10 +63,10 @@ def paper_run() -> PaperRun:
 
 @pytest.fixture(scope="session")
 def oracle_run() -> OracleRun:
-    """``oracle_run(case, controller)``: columns of a paper case as the independent implementation runs it."""
+    """A paper case as the independent implementation runs it, each once."""
 
     @cache
-    def columns(number: int, kind: str) -> dict[str, NDArray[np.float64]]:
-        return run(Scenario(kind, number), 25_000 if number in {1, 3} else 50_000)
+    def columns(number: int, kind: str, samples: int | None = None) -> dict[str, NDArray[np.float64]]:
+        return run(Scenario(kind, number), samples or (25_000 if number in {1, 3} else 50_000))
 
     return columns

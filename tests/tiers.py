@@ -60,6 +60,12 @@ def choice_of_pairs(*factors: Iterable[Any]) -> list[Any]:
     return mostly_slow(covering_array(*factors), quick)
 
 
+def all_but(quick: Iterable[Any], values: Iterable[Any]) -> list[Any]:
+    """Parameters of a test of one argument; slow are all but the quick ones."""
+    chosen = list(quick)
+    return [value if value in chosen else pytest.param(value, marks=pytest.mark.slow) for value in values]
+
+
 def mostly_slow(rows: Iterable[tuple[Any, ...]], quick: Callable[[tuple[Any, ...]], bool]) -> list[Any]:
     """Parameters of a test, of which all but the quick ones are slow."""
     return [pytest.param(*row, marks=[] if quick(row) else pytest.mark.slow) for row in rows]

@@ -51,11 +51,13 @@ class GraphCache:
         limit: most bytes, as estimated, of all results and the arguments they were built of.
         per_instruction: bytes of one instruction of a CasADi function: its node and its place in the algorithm take 75,
             the rest is for sparsity patterns and what CasADi keeps of derivatives.
+        sample: most elements of a sequence whose bytes are counted; those of a longer one are as many times more.
     """
 
-    def __init__(self, limit: int = 512 << 20, per_instruction: int = 100) -> None:
+    def __init__(self, limit: int = 512 << 20, per_instruction: int = 100, sample: int = 100) -> None:
         self.limit = limit
         self.per_instruction = per_instruction
+        self.sample = sample
         self.size = 0
         """Estimated bytes of what is kept now."""
         self._kept: OrderedDict[_Call, tuple[Any, set[ca.Function], int]] = OrderedDict()
@@ -85,7 +87,7 @@ class GraphCache:
                     return self._kept[call][0]
             result = build(*args, **kwargs)
             functions = set[ca.Function]()
-            rest = _bytes_beside_functions((call.arguments, result), functions)
+            rest = self._bytes_beside_functions((call.arguments, result), functions)
             with self._lock:
                 if call not in self._kept:
                     self._kept[call] = result, functions, rest
@@ -96,6 +98,23 @@ class GraphCache:
             return result
 
         return found
+
+    def _bytes_beside_functions(self, value: object, functions: set[ca.Function]) -> int:
+        """Estimated bytes of a value without CasADi functions, which are added to those given."""
+        if isinstance(value, ca.Function):
+            functions.add(value)
+            return 0
+        if isinstance(value, Mapping):
+            parts = list(value.values())
+        elif isinstance(value, tuple | list | frozenset):
+            parts = list(value)
+        elif is_dataclass(value) and not isinstance(value, type):
+            parts = [getattr(value, field.name) for field in fields(value)]
+        else:
+            return sys.getsizeof(value)
+        counted = parts[:: -(-len(parts) // self.sample) or 1]
+        size = sum(self._bytes_beside_functions(part, functions) for part in counted)
+        return sys.getsizeof(value) + (size * len(parts) // len(counted) if counted else 0)
 
     def _count(self, functions: Iterable[ca.Function], rest: int, sign: int) -> None:
         """Add the bytes of an entry, or take them away; a function that several entries have counts once."""
@@ -114,22 +133,6 @@ def _instructions(function: ca.Function) -> int:
     if function.is_a("SXFunction") or function.is_a("MXFunction"):
         return function.n_instructions()
     return function.sz_w() + function.sz_iw()
-
-
-def _bytes_beside_functions(value: object, functions: set[ca.Function]) -> int:
-    """Estimated bytes of a value without CasADi functions, which are added to those given."""
-    if isinstance(value, ca.Function):
-        functions.add(value)
-        return 0
-    if isinstance(value, Mapping):
-        parts = value.values()
-    elif isinstance(value, tuple | list | frozenset):
-        parts = value
-    elif is_dataclass(value) and not isinstance(value, type):
-        parts = (getattr(value, field.name) for field in fields(value))
-    else:
-        parts = ()
-    return sys.getsizeof(value) + sum(_bytes_beside_functions(part, functions) for part in parts)
 
 
 GRAPHS = GraphCache()

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeAlias
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from dualwinch.codegen.drivers.signals.draws import Words, philox
 from dualwinch.codegen.drivers.signals.signals import (
@@ -317,6 +316,8 @@ def signal_slope(experiment: Experiment, name: str, key: str) -> Floats:
 
 def _slope_by_decay(free: Floats, drawn: RandomSignal) -> Floats:
     """Derivative of a Gauss–Markov signal of standard deviation 1 by its decay, of the same white noise."""
+    from scipy.signal import lfilter  # costs a second, and only derivatives need it
+
     decay, before = drawn.decay, np.append(0.0, free[:-1])
     fed = before - decay / (1 - decay**2) * (free - decay * before)
     if not drawn.from_zero:

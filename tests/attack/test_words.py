@@ -10,7 +10,7 @@ from dualwinch.codegen.errors import DualwinchError
 from tests.attack.call import SLOW, call
 from tests.attack.words import commands, options
 
-EXAMPLES = 10
+EXAMPLES = 5
 """Calls of each command in every run."""
 
 SHORT = ("--set", "simulation.duration=0.05")

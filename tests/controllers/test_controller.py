@@ -44,6 +44,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar
 from tests.oracle.laws import LAWS, Measured, WinchPid, tension_commands
 from tests.oracle.values import DEFAULTS
+from tests.tiers import each_choice
 
 SAMPLE_TIME = 1e-3
 AUXILIARY = AuxiliaryGains(gamma=2e-5, gamma_force=0.05, k_a=3.0)
@@ -173,8 +174,7 @@ def test_the_function_is_named_after_its_law_and_has_jacobians(kind: str) -> Non
     assert (slopes[:, 4:] == 0).all(), "drum speeds would close an algebraic loop (E9)"
 
 
-@pytest.mark.parametrize("coordination", COORDINATIONS)
-@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize(("estimator", "coordination"), each_choice(ESTIMATORS, COORDINATIONS))
 def test_every_estimator_goes_with_every_coordination(estimator: str, coordination: str) -> None:
     """Symbols and floats, over a run; the laws come in turn."""
     law = list(POSITION_LAWS.values())[list(ESTIMATORS).index(estimator)]

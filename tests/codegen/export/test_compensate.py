@@ -68,7 +68,9 @@ def test_a_distance_is_not_lost_between_two_numbers(tmp_path: Path) -> None:
     assert host.state[1] == pytest.approx(40 + expected, abs=8e-6)
 
 
-@pytest.mark.parametrize(("kind", "estimator"), [("fando-nftsm", "kalman"), ("adrc", "lowpass")])
+@pytest.mark.parametrize(
+    ("kind", "estimator"), [pytest.param("fando-nftsm", "kalman", marks=pytest.mark.slow), ("adrc", "lowpass")]
+)
 def test_observers_in_single_precision_hold_the_vehicle_where_those_in_double_do(kind: str, estimator: str) -> None:
     experiment = with_leaves(case(4, kind), {"controller.estimator": estimator})
     apart = np.abs(float_controller(experiment)[:, 0] - simulate(experiment).columns["x"])

@@ -127,7 +127,7 @@ def run(experiment: Experiment, controller: Host) -> NDArray[np.float64]:
     return found
 
 
-@pytest.mark.parametrize(("index", "silence"), [(0, "held"), (1, "missing")])
+@pytest.mark.parametrize(("index", "silence"), [pytest.param(0, "held", marks=pytest.mark.slow), (1, "missing")])
 def test_the_machine_goes_where_simulate_says(controller: Callable[[], Host], index: int, silence: str) -> None:
     experiment = machine(index, silence)
     assert experiment.plant.winch_1.radius_error

@@ -58,7 +58,7 @@ def hosts(tmp_path_factory):
     return new
 
 
-@pytest.mark.parametrize("number", [1, 2, 3, 4])
+@pytest.mark.parametrize("number", [1, *(pytest.param(number, marks=pytest.mark.slow) for number in (2, 3, 4))])
 def test_whole_runs_are_those_of_simulate_and_every_step_is_the_interpreters(hosts, number: int) -> None:
     experiment = case(number)
     plant, controller = hosts("plant"), hosts("controller")
@@ -192,12 +192,12 @@ def test_instances_are_independent_in_threads(hosts) -> None:
     np.testing.assert_array_equal(together, alone)
 
 
-def compilers() -> list[str]:
-    return [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
-
-
-@pytest.mark.parametrize("name", compilers())
+@pytest.mark.parametrize(
+    "name", ["gcc", *(pytest.param(name, marks=pytest.mark.external) for name in ("clang", "zig"))]
+)
 def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path, name: str) -> None:
+    if name != "zig" and shutil.which(name) is None:
+        pytest.skip(f"no {name}")
     compiler: Compiler = find_compiler("zig" if name == "zig" else shutil.which(name))
     made, lister = of("controller"), shutil.which("nm")
     for precision, freeze in (("float", True), ("double", False)):
@@ -228,7 +228,7 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
     subprocess.run([*compiler.command, *STRICT, *PRECISE, "-O0", "-c", "closed_loop.c"], cwd=tmp_path, check=True)
 
 
-@pytest.mark.parametrize("estimator", ["lowpass", "kalman"])
+@pytest.mark.parametrize("estimator", ["lowpass", pytest.param("kalman", marks=pytest.mark.slow)])
 def test_fuzzing_finds_no_trap_no_infinity_and_no_torque_beyond_its_limits(estimator: str, tmp_path: Path) -> None:
     made = block("controller", with_leaves(case(4), {"controller.estimator": estimator}))
     for file, text in c_package(made, "controller", ABOUT).items():
@@ -257,6 +257,7 @@ def test_the_closed_loop_runs_clean_under_sanitizers(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.external
 @pytest.mark.parametrize("what", ["controller", "plant"])
 def test_valgrind_finds_nothing(what: str, tmp_path: Path) -> None:
     valgrind, gcc = shutil.which("valgrind"), shutil.which("gcc")
@@ -272,6 +273,7 @@ def test_valgrind_finds_nothing(what: str, tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.external
 def test_cmake_builds_the_package(tmp_path: Path) -> None:
     if shutil.which("cmake") is None:
         pytest.skip("no cmake")
@@ -290,14 +292,14 @@ CHOICES = [
 ]
 
 
+@pytest.mark.parametrize("precision", ["float", pytest.param("double", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("key", "choice"), CHOICES)
-def test_every_law_becomes_a_package(key: str, choice: str) -> None:
+def test_every_law_becomes_a_package(key: str, choice: str, precision: Precision) -> None:
     made = block("controller", with_leaves(Experiment(), {key: choice}))
-    for precision in PRECISIONS:
-        source = c_package(made, "controller", ABOUT, precision)["controller.c"]
-        assert not re.search(r"casadi|arg\[|res\[|\binf\b|\bnan\b", source)
-        if precision == "float":
-            assert not re.search(r"\d\.\d*(e[+-]?\d+)?(?![\dfe.])", source.split("static void evaluate")[1])
+    source = c_package(made, "controller", ABOUT, precision)["controller.c"]
+    assert not re.search(r"casadi|arg\[|res\[|\binf\b|\bnan\b", source)
+    if precision == "float":
+        assert not re.search(r"\d\.\d*(e[+-]?\d+)?(?![\dfe.])", source.split("static void evaluate")[1])
 
 
 def test_what_others_say_of_a_number_does_not_end_its_comment() -> None:

@@ -1,6 +1,7 @@
 """The Kalman filter: its gain against SciPy's Riccati solver, its steps by hand, its worth in the noisy closed loop."""
 
 from dataclasses import replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -99,7 +100,12 @@ def test_within_its_bounds_the_ramp_keeps_the_filter_stable(
 
 
 @pytest.mark.parametrize(("ramp", "late"), [(0.0, True), (0.3, False)])
-def test_a_disturbance_that_ramps_is_followed_without_delay(ramp: float, late: bool) -> None:
+def test_a_disturbance_that_ramps_is_followed_without_delay(
+    ramp: float, late: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "dualwinch.controllers.estimators.kalman.kalman_gain", cache(kalman_gain)
+    )  # the same throughout
     vehicle = replace(Plant().vehicle, friction_coefficient=0.0, drag_coefficient=0.0)
     plant, growth = replace(Plant(), vehicle=vehicle), 0.01  # m/s³
     kalman = Kalman(KalmanGains(ramp=ramp, compensation=0.5))

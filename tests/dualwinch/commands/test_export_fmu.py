@@ -26,6 +26,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 from tests.conftest import PaperRun
 from tests.fmus import Exported, Instance
+from tests.tiers import each_choice
 
 SENSED = ("x", "v", "F1", "F2")
 WANTED = ("x_ref", "v_ref", "a_ref")
@@ -33,8 +34,7 @@ TORQUES = ("tau_1", "tau_2")
 STATE = ("x", "v", "theta_1", "omega_1", "theta_2", "omega_2")
 
 
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("what", ["controller", "plant", "closed-loop"])
+@pytest.mark.parametrize(("what", "version"), each_choice(["controller", "plant", "closed-loop"], [2, 3]))
 def test_fmpy_validates_without_a_message(what: str, version: int, exported: Exported) -> None:
     path = exported(what, version)
     assert validate_fmu(str(path)) == []

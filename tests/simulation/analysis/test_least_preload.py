@@ -17,6 +17,9 @@ from dualwinch.simulation.simulate import simulate
 
 RADIUS, GEAR, INERTIA, LEAST, MOST = 0.8, 36.0, 1.8, 200.0, 6000.0
 LEVER = RADIUS / GEAR
+COARSE = 200
+"""Samples in a step that divides all phases of the motion, where the default is five times as fine and as dear."""
+
 SMOOTH = override(case(2), {"reference.jerk_limit": 0.05, "plant.vehicle.friction_coefficient": 0.0})
 
 
@@ -29,7 +32,7 @@ def motion(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.floa
 @pytest.mark.parametrize("least", ["load", "peak", "energy"])
 def test_without_further_limits_the_rope_behind_is_at_its_least(least: Any) -> None:
     """So the least load is the least peak and the least energy, too. The drum that pays out asks for a little more."""
-    found = least_preload(case(2), least, elastic=False)
+    found = least_preload(case(2), least, elastic=False, every=COARSE)
     v, a = motion(found.t)
     force = 1e4 * a + 490 * np.tanh(v / 0.01) + 900 * v * abs(v)
     turning = INERTIA * a / RADIUS**2
@@ -41,7 +44,7 @@ def test_without_further_limits_the_rope_behind_is_at_its_least(least: Any) -> N
     speed = v[inner] / LEVER
     assert found.continuous_load == pytest.approx(load, rel=1e-6 if least == "load" else 1e-4)
     assert found.peak_tension == pytest.approx(F1.max(), rel=1e-6)
-    work = 0.04 * np.sum((torques[0] + torques[1])[inner] * speed)
+    work = 0.2 * np.sum((torques[0] + torques[1])[inner] * speed)
     assert found.energy == pytest.approx(work, rel=1e-6 if least != "peak" else 1e-4)
     if least == "load":
         assert found.F1[inner] == pytest.approx(F1[inner], rel=1e-4)
@@ -111,7 +114,7 @@ def test_no_controller_needs_less(least: Any, name: str) -> None:
 
 
 def test_an_error_that_is_allowed_is_used() -> None:
-    exact, loose = (least_preload(case(4), "peak", error=error) for error in (0.0, 0.02))
+    exact, loose = (least_preload(case(4), "peak", error=error, every=COARSE) for error in (0.0, 0.02))
     assert abs(loose.e).max() == pytest.approx(0.02, rel=1e-6)
     assert loose.peak_tension < exact.peak_tension - 10
 
@@ -133,5 +136,5 @@ def test_wrong_input_is_named(settings: dict[str, Any], message: str) -> None:
 def test_a_motion_beyond_the_limits_is_said() -> None:
     weak = override(case(4), {"controller.coordination.tension_max": 4000.0})
     with pytest.raises(DualwinchError, match="no tensions within 200 to 4000 N give the motion to within 0 m"):
-        least_preload(weak)
-    assert isinstance(least_preload(weak, error=2.0), LeastPreload)
+        least_preload(weak, every=COARSE)
+    assert isinstance(least_preload(weak, error=2.0, every=COARSE), LeastPreload)

@@ -11,6 +11,7 @@ from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.simulation.inserted import run
+from tests.tiers import mostly_slow
 
 PAPER = case(2)
 SMOOTH = override(PAPER, {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})
@@ -32,6 +33,8 @@ LAWS = (
     {"controller.nominal.mass": 9e3, "controller.nominal.drag_coefficient": 0.25},
 )
 
+QUICK = (LAWS[0], LAWS[2], LAWS[6], LAWS[-1], LAWS[-2], LAWS[-3])
+
 
 @pytest.mark.parametrize("v", [0.0, 0.5, 1.8])
 def test_response_to_a_millimetre_per_second_is_that_of_the_nonlinear_loop(v: float) -> None:
@@ -50,7 +53,7 @@ def test_response_to_a_millimetre_per_second_is_that_of_the_nonlinear_loop(v: fl
         assert np.abs(linear - nonlinear).max() < 0.01 * np.abs(nonlinear).max(), name
 
 
-@pytest.mark.parametrize("changes", LAWS, ids=str)
+@pytest.mark.parametrize("changes", mostly_slow(((law,) for law in LAWS), lambda row: row[0] in QUICK), ids=str)
 def test_matrices_are_the_steps_own_for_every_law(changes: dict[str, object]) -> None:
     """Against central differences of the step that is simulated, ropes that may go slack included."""
     experiment = override(PAPER, changes)

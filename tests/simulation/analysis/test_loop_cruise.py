@@ -1,5 +1,7 @@
 """Steady motion of the closed loop: with every law, estimator and coordination, and held by runs from there."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.operating_points import RESIDUAL, STEP, LoopOperatingPoint, loop_operating_point
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
-from tests.tiers import each_choice
+from tests.tiers import each_choice, mostly_slow
 
 X = 25.0
 
@@ -28,7 +30,18 @@ def error_after(cruise: LoopOperatingPoint, v: float, samples: int) -> float:
     return row[cruise.loop.columns.index("e")]
 
 
-@pytest.mark.parametrize(("law", "estimator", "v"), each_choice(POSITION_LAWS, ESTIMATORS, (0.0, 0.5, -1.2)))
+SPEEDS = (0.0, 0.5, -1.2)
+LEARNING = [name for name in ESTIMATORS if "calibrating" in name]
+"""Costly estimators, which a quick test below has for one law."""
+
+
+@pytest.mark.parametrize(
+    ("law", "estimator", "v"),
+    [
+        *each_choice(POSITION_LAWS, [name for name in ESTIMATORS if name not in LEARNING], SPEEDS),
+        *mostly_slow(product(POSITION_LAWS, LEARNING, SPEEDS), lambda _: False),
+    ],
+)
 def test_there_is_no_error_where_the_nominal_model_is_right(law: str, estimator: str, v: float) -> None:
     """The cascade's speed is that of its position error: it stays behind by v/kp1 until its integral has filled."""
     experiment = override(case(4), {"controller.kind": law, "controller.estimator": estimator})

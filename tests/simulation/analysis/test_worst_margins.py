@@ -20,7 +20,7 @@ from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
-from tests.tiers import mostly_slow
+from tests.tiers import all_but, mostly_slow
 
 PAPER = case(4)
 LAWS: tuple[dict[str, Any], ...] = (
@@ -61,7 +61,10 @@ def at(monkeypatch: pytest.MonkeyPatch, points: list[tuple[float, float]]) -> No
 
 @pytest.mark.parametrize(
     ("changes", "all_points"),
-    mostly_slow(((changes, all_points) for changes in LAWS for all_points in (False, True)), lambda row: not row[1]),
+    mostly_slow(
+        ((changes, all_points) for changes in LAWS for all_points in (False, True)),
+        lambda row: row[0] in LAWS[::3] and not row[1],
+    ),
     ids=str,
 )
 def test_margins_are_those_of_one_loop_after_the_other(
@@ -123,7 +126,7 @@ def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> Non
             assert alone.value == pytest.approx(of.value, rel=1e-9)
 
 
-@pytest.mark.parametrize("kp", [0.0005, 0.002])
+@pytest.mark.parametrize("kp", all_but([0.002], [0.0005, 0.002]))
 def test_both_torques_may_be_late_by_the_delay_margin_and_no_more(kp: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sample more of delay at both motors is exact: the closed loop says where it becomes unstable."""
     gains = {"controller.coordination.preload": 6000.0, "controller.winch_1.kp": kp, "controller.winch_2.kp": kp}
@@ -139,13 +142,14 @@ def test_both_torques_may_be_late_by_the_delay_margin_and_no_more(kp: float, mon
         assert radii[0] < 1 < radii[1]
 
 
-def test_an_unstable_loop_has_no_margin_and_the_place_is_named() -> None:
+def test_an_unstable_loop_has_no_margin_and_the_place_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    at(monkeypatch, [(2.5, -1.8), (25.0, 0.0)])
     wild = override(PAPER, {"simulation.delay_samples": 40})
     worst = MarginSurvey([wild]).worst([[]])[0]
     assert {of.value for of in worst.values()} == {0.0}
     assert {of.reason for of in worst.values()} == {UNSTABLE}
     x, v = worst["delay"].x, worst["delay"].v
-    assert not margins(linear_broken_loop(wild, x, v, "u")).stable
+    assert np.abs(linear_closed_loop(wild, x, v).poles()).max() > 1
 
 
 @pytest.mark.slow

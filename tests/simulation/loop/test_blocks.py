@@ -17,6 +17,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
+from tests.tiers import each_choice
 
 
 def names(variables) -> list[str]:
@@ -95,8 +96,7 @@ def test_variables_know_unit_range_and_source() -> None:
     assert (vortex.start, vortex.lower, vortex.upper, vortex.source) == (1.0, 0.0, 1.0, "configuration")
 
 
-@pytest.mark.parametrize("coordination", COORDINATIONS)
-@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize(("estimator", "coordination"), each_choice(ESTIMATORS, COORDINATIONS))
 def test_every_estimator_and_coordination_becomes_a_block(estimator: str, coordination: str) -> None:
     """Its step is that of the controller, state by state; what the estimator knows is among the outputs."""
     controller = Controller(ESTIMATORS[estimator](), coordination=COORDINATIONS[coordination]())

@@ -43,8 +43,7 @@ def vectors(experiment: Experiment) -> tuple[ClosedLoop, Array, Array, Array]:
     return closed_loop(structure_of(experiment)), parameters, exogenous_signals(experiment), state
 
 
-@pytest.mark.parametrize("kind", POSITION_LAWS)
-@pytest.mark.parametrize("number", [3, 4])
+@pytest.mark.parametrize(("kind", "number"), each_choice(POSITION_LAWS, [3, 4]))
 def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
     """From states all along a run, the first samples with their slack rope among them.
 
@@ -92,7 +91,7 @@ def test_one_step_updates_are_close_to_careful_moves_and_never_over_a_loose_rope
 
 @pytest.mark.parametrize("kind", POSITION_LAWS)
 def test_trajectories_agree(kind: str) -> None:
-    experiment = replace(case(3, kind), simulation=Simulation(duration=10.0))
+    experiment = replace(case(3, kind), simulation=Simulation(duration=4.0))
     ours, theirs = simulate(experiment), simulate(experiment, engine="interpreter")
     assert np.abs(ours["x"] - theirs["x"]).max() <= 1e-9
     assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-9)
@@ -242,8 +241,7 @@ def test_a_divergence_is_seen_in_the_final_state_only() -> None:
     assert not np.isfinite(list(result.final_state.values())).all()
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("kind", POSITION_LAWS)
+@pytest.mark.parametrize(("kind", "integrator"), each_choice(POSITION_LAWS, INTEGRATORS))
 def test_the_step_has_jacobians_all_along_a_run(kind: str, integrator: Any) -> None:
     experiment = replace(case(3, kind), simulation=Simulation(integrator=integrator))
     loop, parameters, exogenous, start = vectors(experiment)

@@ -19,7 +19,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.rows import COLUMNS
 from dualwinch.simulation.simulate import simulate
 from tests.own_parts import Belief, StateFeedback, Watched
-from tests.tiers import pairwise
+from tests.tiers import each_choice
 
 OWN_OF_LAWS = {
     "fando-nftsm": {"Z_a": "N s", "s": "m", "d_hat": "m/s^2", "L1": "1/s"},
@@ -51,7 +51,7 @@ OWN_OF_COORDINATIONS = {
 }
 
 
-@pytest.mark.parametrize(("law", "estimator", "coordination"), pairwise(POSITION_LAWS, ESTIMATORS, COORDINATIONS))
+@pytest.mark.parametrize(("law", "estimator", "coordination"), each_choice(POSITION_LAWS, ESTIMATORS, COORDINATIONS))
 def test_a_row_has_what_every_run_has_and_then_what_the_parts_give(law: str, estimator: str, coordination: str) -> None:
     controller = Controller(ESTIMATORS[estimator](), POSITION_LAWS[law](), coordination=COORDINATIONS[coordination]())
     loop = closed_loop(structure_of(Experiment(controller=controller)))
