@@ -110,7 +110,7 @@ def kernel(scenarios: list[Scenario], threads: int) -> Callable[[], object]:
         chosen = np.resize(pairs.indices[first : first + LANES], (LANES, 2))
         vectors = pairs.vectors(chosen)
         ready = vectors, pairs.sources(chosen[:, 1].tolist()), pairs.starts(vectors)
-        jobs.append(partial(_block, run, ready, pairs.samples))
+        jobs.append(partial(_block, run, ready, pairs.shared.samples))
     return partial(run_all, jobs, threads)
 
 

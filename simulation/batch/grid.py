@@ -9,7 +9,7 @@ from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.scenarios import Scenarios, check_batch, experiment_of
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
-from dualwinch.simulation.experiment import EngineName, Experiment
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, starts
 from dualwinch.simulation.loop.structure import structure_of, zeros_of
 from dualwinch.simulation.metrics.metric import Metric
@@ -23,6 +23,7 @@ class ParameterScenarioGrid:
     Attributes:
         names: keys of the parameters that vary.
         values: (n, names).
+        shared: an experiment of their length, sample time, engine and metrics.
         structure, loop: the closed loop of them all.
         zeros: parameters and signals that are zero in all scenarios and do not vary; the loop leaves them out.
         indices: (set, scenario) of all pairs, a scenario's together; (pairs, 2).
@@ -38,12 +39,12 @@ class ParameterScenarioGrid:
         self.names, self.values = tuple(names), np.asarray(parameters, float)
         self._scenarios = scenarios
         self._groups = groups = check_batch(self.names, self.values, scenarios)
-        shared = [group.experiment for group in groups]
+        self.shared = groups[0].experiment
         drawn = frozenset[str]().union(*(group.drawn for group in groups))
         there = {key for group in groups for key, column in group.columns.items() if column.any()}
-        self.structure = structure_of(shared[0])
+        self.structure = structure_of(self.shared)
         self.zeros = zeros_of(self.structure, *(group.numbers for group in groups), varying=[*names, *drawn])
-        self.zeros |= absent_signals(*shared, varying=there)
+        self.zeros |= absent_signals(*(group.experiment for group in groups), varying=there)
         self.loop = closed_loop(self.structure, self.zeros)
         self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
@@ -60,21 +61,6 @@ class ParameterScenarioGrid:
         return len(self.values), len(self._scenarios)
 
     @property
-    def samples(self) -> int:
-        """Samples of every run."""
-        return self._shared.samples
-
-    @property
-    def engine(self) -> EngineName:
-        """What runs all of them."""
-        return self._shared.simulation.engine
-
-    @property
-    def sample_time(self) -> float:
-        """Sampling period in s."""
-        return self._shared.simulation.sample_time
-
-    @property
     def metrics(self) -> tuple[Metric, ...]:
         """The scenarios' own metrics; numbers of theirs that are not the same in all pairs broadcast to (n, m)."""
         numbers: dict[str, float | Floats] = {}
@@ -85,7 +71,7 @@ class ParameterScenarioGrid:
             numbers[name] = float(given[0]) if (given == given[0]).all() else given[np.newaxis]
             if name in self.names:
                 numbers[name] = self.values[:, [self.names.index(name)]]
-        return tuple(with_leaves(metric, numbers, "metrics.") for metric in self._shared.metrics)
+        return tuple(with_leaves(metric, numbers, "metrics.") for metric in self.shared.metrics)
 
     def vectors(self, indices: NDArray[np.int64]) -> Floats:
         """All parameters of some pairs as the loop takes them, (pairs, parameters)."""
@@ -117,7 +103,3 @@ class ParameterScenarioGrid:
     def signals(self, j: int) -> Floats:
         """What runs of a scenario receive, drawn ahead, (samples, exogenous)."""
         return exogenous_signals(self.experiment(j))
-
-    @property
-    def _shared(self) -> Experiment:
-        return self._groups[0].experiment

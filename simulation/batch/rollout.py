@@ -186,7 +186,7 @@ def _batch(
         for places, together, report in by_structure(scenarios, progress, alike=alike)
     ]
     first = parts[0][0]
-    shape, kept = (first.shape[0], len(scenarios)), kept_rows(first.samples, stride)
+    shape, kept = (first.shape[0], len(scenarios)), kept_rows(first.shared.samples, stride)
     none = not_run(shape, metric_quantities(first.structure.metrics))
     columns = {name: np.full((*shape, kept), np.nan) for name in first.loop.columns} if stride else {}
     found = BatchResult(none.outcomes, none.end_times, none.metrics, columns)
@@ -204,11 +204,11 @@ def _rollout(
     progress: Progress,
 ) -> bool:
     """Run the pairs of a structure into their places of a result; whether there was no interrupt."""
-    loop, samples, engine = pairs.loop, pairs.samples, pairs.engine
+    loop, samples, simulation = pairs.loop, pairs.shared.samples, pairs.shared.simulation
     slack = loop.states.index("metrics.slack")
     most = np.inf if most_slack is None else most_slack * samples
-    compiled = engine == "compiled"
-    run: Callable[..., Any] = compile_batch(loop) if compiled else partial(_alone, engine_of(loop, engine))
+    compiled = simulation.engine == "compiled"
+    run: Callable[..., Any] = compile_batch(loop) if compiled else partial(_alone, engine_of(loop, simulation.engine))
     kept_states = final_states(pairs.structure.metrics)
     final = np.full((len(kept_states), *pairs.shape), np.nan)
     summed = [loop.states.index(name) for name in kept_states]
@@ -226,7 +226,7 @@ def _rollout(
         at = sets, places[scenes]
         for index, name in enumerate(found.columns):
             found.columns[name][at] = rows[busy, :, index]
-        found.end_times[at] = done[busy] * pairs.sample_time
+        found.end_times[at] = done[busy] * simulation.sample_time
         found.outcomes[at] = words_of(outcome[busy])
 
     blocks = [pairs.indices[first : first + lanes] for first in range(0, len(pairs.indices), lanes)]

@@ -7,7 +7,7 @@ wrong. What one compiled loop can run is of one structure (`by_structure`).
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -29,6 +29,7 @@ from dualwinch.simulation.loop.structure import (
     parameters_of,
     solver_of,
     structure_of,
+    symbolic_parts,
 )
 from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
 from dualwinch.simulation.scenario import Scenario
@@ -75,14 +76,6 @@ class ScenarioGroup:
             if key in self.columns:
                 vectors[:, number] = self.columns[key]
         return vectors
-
-    @property
-    def with_columns(self) -> dict[str, Any]:
-        """Field of an experiment → its value, with columns for its numbers."""
-        held = {field.name: getattr(self.experiment, field.name) for field in fields(Experiment)}
-        return {
-            name: with_leaves(value, self.columns, f"{name}.") for name, value in held.items() if is_dataclass(value)
-        }
 
 
 def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
@@ -189,13 +182,13 @@ def doubtful(group: ScenarioGroup) -> Flags:
 
 def _doubts(group: ScenarioGroup) -> Iterator[Any]:
     """What cannot be told from one column alone: rules, sub-steps, states to start from."""
-    with_columns = group.with_columns
-    for name, value in with_columns.items():
-        for _, owner, rule in rules(value, f"{name}."):
+    parts = symbolic_parts(group.experiment, group.columns)
+    for name in ("plant", "sensors", "actuator", "disturbance"):
+        for _, owner, rule in rules(getattr(parts, name), f"{name}."):
             yield breaks(rule, owner)
     simulation = group.experiment.simulation
     if not is_automatic(group.experiment):
-        yield ~(substeps_for(fastest_swing(with_columns["plant"]), simulation) <= simulation.substeps)
+        yield ~(substeps_for(fastest_swing(parts.plant), simulation) <= simulation.substeps)
     first = starts(structure_of(group.experiment), group.vectors)
     yield ~np.isfinite(first).all(axis=1)
 

@@ -155,7 +155,7 @@ class TangentSeeds:
 
     def moved(self, i: int, j: int, chosen: range, width: int) -> Floats:
         """Slopes of the signals by some of the names, (samples, signals, width)."""
-        moved = np.zeros((self.pairs.samples, len(self.signals), width))
+        moved = np.zeros((self.pairs.shared.samples, len(self.signals), width))
         for column, number in enumerate(chosen):
             for signal in self._shaped.get(self.names[number], ()):
                 slope = signal_slope(self._receiving(i, j), signal, self.names[number])
@@ -298,7 +298,7 @@ def _not_begun(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], st
     for column in columns:
         if column not in pairs.loop.columns:
             raise ConfigurationError(f"columns: {unknown('column', column, pairs.loop.columns)}")
-    kept = kept_rows(pairs.samples, stride)
+    kept = kept_rows(pairs.shared.samples, stride)
     none = not_run(shape, metric_quantities(pairs.structure.metrics))
     return Sensitivities(
         names=seeds.names,
